@@ -1,0 +1,50 @@
+# make demo        a simulated arm and the node as two ROS 2 processes, estimate against truth
+# make test        the tests
+# make test-slow   the tests that take long, which make test leaves out
+# make lint        ruff and mypy
+# make bench       the benchmarks
+# Each builds .venv first if it is not there. PYTHON=/path/to/python3.12 chooses the interpreter.
+
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+ROBOT ?=
+
+# The matrices are small: more threads of BLAS would only wait for each other.
+export OMP_NUM_THREADS ?= 1
+export MPLBACKEND ?= Agg
+export PYTHON
+
+# A sourced ROS installation brings libraries and packages of its own, which do not fit the wheels in .venv.
+unexport AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH RMW_IMPLEMENTATION VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
+
+.DEFAULT_GOAL := help
+.PHONY: help venv demo test test-slow lint bench clean
+
+help:
+	@sed -n '1,6s/^# //p' Makefile
+
+venv: $(READY)
+
+$(READY): pyproject.toml setup.py setup.cfg .ci/environment
+	@.ci/environment $(VENV)
+	@touch $@
+
+demo: $(READY)
+	@$(BIN)/python -m sysid_ros.cli.demo $(if $(ROBOT),--robot $(ROBOT))
+
+test: $(READY)
+	@$(BIN)/python -m pytest
+
+# pytest's exit code 5 says that no test carries the mark.
+test-slow: $(READY)
+	@$(BIN)/python -m pytest -m slow || [ $$? -eq 5 ]
+
+lint: $(READY)
+	@failed=0; for tool in "ruff check ." "ruff format --check ." mypy; do echo "-- $$tool"; $(BIN)/$$tool || failed=1; done; exit $$failed
+
+bench: $(READY)
+	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+
+clean:
+	rm -rf $(VENV) build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache

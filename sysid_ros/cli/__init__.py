@@ -1,0 +1,1 @@
+"""The command ``sysid``: parses, calls the library, shows. It holds no mathematics."""

@@ -1,0 +1,105 @@
+"""The command ``sysid``: a group that imports a sub-command only when it is called, so that ``--help`` is immediate."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Sequence
+
+import click
+
+from sysid_ros import __version__
+from sysid_ros.exceptions import SysidError
+
+COMMANDS = {
+    "replay": ("sysid_ros.cli.replay", "Estimate the payload from a bag, as the node does live."),
+    "identify": ("sysid_ros.cli.identify", "Identify the arm's own dynamics from bags without a payload."),
+    "simulate": ("sysid_ros.cli.simulate", "Record a bag of a simulated robot, with the truth beside it."),
+}
+"""Name of each sub-command: the module that exposes it as ``command``, and the sentence of the overview."""
+
+DONE = 0
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+
+class LazyGroup(click.Group):
+    """A click group over a table of names, modules and sentences; nothing is imported to show the overview.
+
+    Args:
+        commands: name of each sub-command to (module that exposes ``command``, one sentence).
+    """
+
+    def __init__(self, *, table: dict[str, tuple[str, str]], **attributes: object) -> None:
+        super().__init__(**attributes)  # type: ignore[arg-type]
+        self._table = table
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names in the order of the table."""
+        return list(self._table)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command:
+        """The sub-command, imported now.
+
+        Raises:
+            click.UsageError: there is no such sub-command.
+        """
+        if cmd_name not in self._table:
+            ctx.fail(f"There is no command {cmd_name!r}. The commands are {', '.join(self._table)}.")
+        command: click.Command = importlib.import_module(self._table[cmd_name][0]).command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Writes the overview from the table."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, sentence) for name, (_, sentence) in self._table.items()])
+
+
+@click.command(
+    cls=LazyGroup,
+    table=COMMANDS,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Exit codes: 0 done; 1 done, and the answer is no where the command asks a question; 2 bad input or usage.",
+)
+@click.version_option(__version__, package_name="sysid_ros", prog_name="sysid")
+def sysid() -> None:
+    """Payload and dynamics of a robot from what it measures.
+
+    \b
+    Example:
+      sysid replay pick_and_drop.mcap --json estimate.json --plot estimate.png
+    """
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Runs ``sysid`` with ``arguments``, or those of the process, and returns the exit code.
+
+    A sub-command returns nothing, or an integer that becomes the exit code. A mistake of the user is one message on stderr,
+    without a traceback.
+    """
+    try:
+        result = sysid.main(args=None if arguments is None else list(arguments), prog_name="sysid", standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        return BAD_INPUT
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("Interrupted.", err=True)
+        return INTERRUPTED
+    except SysidError as error:
+        click.echo(f"Error: {error}", err=True)
+        return BAD_INPUT
+    except OSError as error:
+        if error.filename is None:
+            raise
+        click.echo(f"Error: {error.filename}: {error.strerror}.", err=True)
+        return BAD_INPUT
+    return result if isinstance(result, int) else DONE
+
+
+def main() -> None:
+    """Entry point of the console script ``sysid``."""
+    sys.exit(run())
+
+
+if __name__ == "__main__":
+    main()

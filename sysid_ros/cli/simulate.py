@@ -1,0 +1,195 @@
+"""``sysid simulate``: record a bag of a simulated robot, with the truth beside it."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from sysid_ros.exceptions import BagError, SettingsError, SysidError
+from sysid_ros.sources import BagRecorder
+
+try:
+    from sysid_ros.simulation import ArmRecord, ArmScenario, simulate_arm
+    from sysid_ros.simulation.recording import START_TIME, truth_path, write_recording, write_truth
+except ModuleNotFoundError as missing:
+    if not (missing.name or "").startswith("pybullet"):
+        raise
+    raise SysidError(
+        "PyBullet is not installed; the simulation needs it. Install it with: pip install 'sysid_ros[sim]'"
+    ) from missing
+
+_OPTION_OF = {"pick_time": "--pick", "drop_time": "--drop"}
+
+
+def _joint_values(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(x) for x in value.split(","))
+    except ValueError:
+        raise click.BadParameter(
+            f"{value!r} is not one number or numbers with commas between them, such as 0.5 or 1,1,0.8,0.8,0.4,0.4,0.2."
+        ) from None
+
+
+@click.group()
+def command() -> None:
+    """Record a bag of a simulated robot, with the truth beside it.
+
+    \b
+    Example:
+      sysid simulate arm --bag pick_and_drop --payload-mass 1.5 --pick 4 --drop 10
+    """
+
+
+@command.command()
+@click.option("--bag", required=True, type=click.Path(path_type=Path), help="Folder to create; the truth goes to BAG.truth.json.")
+@click.option("--duration", type=float, default=15.0, show_default=True, help="[s]")
+@click.option("--rate", type=int, default=1000, show_default=True, help="Messages a second, a divisor of 1000. [Hz]")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the motion and of the noise.")
+@click.option("--storage", type=click.Choice(["mcap", "sqlite3"]), default="mcap", show_default=True)
+@click.option("--velocity/--no-velocity", default=True, show_default=True, help="The messages hold velocities.")
+@click.option("--payload-mass", type=float, metavar="KG", help="Without it the arm is empty.")
+@click.option(
+    "--payload-com", type=float, nargs=3, metavar="X Y Z", default=(0.03, -0.02, 0.08), show_default=True,
+    help="Centre of mass in the tip link's frame. [m]",
+)  # fmt: skip
+@click.option("--payload-size", type=float, nargs=3, metavar="X Y Z", help="Edges of the box whose inertia it has. [m]")
+@click.option(
+    "--payload-rpy", type=float, nargs=3, metavar="R P Y", default=(0.0, 0.0, 0.0), show_default=True,
+    help="How the box is turned in the tip link's frame. [rad]",
+)  # fmt: skip
+@click.option("--pick", "pick_time", type=float, metavar="T", help="Picked up after T s; without it carried from the start.")
+@click.option("--drop", "drop_time", type=float, metavar="T", help="Dropped after T s; without it never.")
+@click.option("--controller-knows-payload", is_flag=True, help="The controller's model has the payload while it is carried.")
+@click.option(
+    "--base-frequency", type=float, default=0.2, show_default=True, help="Of the exciting motion, which has 5 harmonics. [Hz]"
+)
+@click.option("--encoder-noise", type=float, default=1e-5, show_default=True, help="Standard deviation of the positions. [rad]")
+@click.option("--torque-noise", type=float, default=0.1, show_default=True, help="Standard deviation of the efforts. [N m]")
+@click.option(
+    "--velocity-noise", type=float, default=1e-3, show_default=True, help="Standard deviation of the velocities. [rad/s]"
+)
+@click.option(
+    "--viscous-friction",
+    callback=_joint_values,
+    metavar="X[,X...]",
+    default="0",
+    help="For all joints, or one a joint. [N m s/rad]",
+)
+@click.option(
+    "--coulomb-friction", callback=_joint_values, metavar="X[,X...]", default="0", help="For all joints, or one a joint. [N m]"
+)
+@click.option(
+    "--rotor-inertia",
+    callback=_joint_values,
+    metavar="X[,X...]",
+    default="0",
+    help="Seen at the joint, for all joints, or one a joint. [kg m^2]",
+)
+@click.option(
+    "--torque-offset",
+    callback=_joint_values,
+    metavar="X[,X...]",
+    default="0",
+    help="What the sensors show too much, for all joints, or one a joint. [N m]",
+)
+@click.option("--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), help="Write the summary for machines.")
+def arm(bag: Path, storage: str, json_file: Path | None, **options: Any) -> None:
+    """Record a 7-joint arm (KUKA LBR iiwa in PyBullet) in an exciting motion, with a payload that it picks up and drops.
+
+    The bag holds /joint_states and /robot_description; BAG.truth.json tells the payload, the times and all that was added.
+
+    \b
+    Examples:
+      sysid simulate arm --bag pick_and_drop --payload-mass 1.5 --payload-com 0.03 -0.02 0.08 --pick 4 --drop 10
+      sysid simulate arm --bag empty --duration 60 --viscous-friction 0.5 --coulomb-friction 0.6,0.6,0.4,0.4,0.2,0.2,0.1
+
+    Exit codes: 0 done; 2 bad input or usage.
+    """
+    truth_file = truth_path(bag)
+    if truth_file.exists():
+        raise BagError(f"'{truth_file}' exists already and is not overwritten. Choose another --bag, or remove it first.")
+    if json_file is not None and not json_file.parent.is_dir():
+        raise BagError(f"--json is '{json_file}', but the folder '{json_file.parent}' does not exist. Create it first.")
+    recorder = BagRecorder(bag, storage)
+    began = time.perf_counter()
+    record = _simulate(options)
+    with recorder:
+        write_recording(record, recorder)
+    write_truth(record.truth, truth_file)
+    elapsed = time.perf_counter() - began
+    summary = {
+        "bag": str(bag),
+        "truth_file": str(truth_file),
+        "messages": len(record.t),
+        "realtime_factor": record.truth["duration"] / elapsed,
+        "truth": record.truth,
+    }
+    if json_file is not None:
+        json_file.write_text(json.dumps(summary, indent=2) + "\n")
+    _show(summary)
+
+
+class _Bar:
+    """A progress bar on stderr, and none where stderr is not a terminal."""
+
+    def __init__(self, count: int) -> None:
+        self._progress = Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty())
+        self._task = self._progress.add_task("Simulating", total=count)
+
+    def __enter__(self) -> Callable[[int], None]:
+        self._progress.start()
+        return lambda new: self._progress.advance(self._task, new)
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+
+def _simulate(options: dict[str, Any]) -> ArmRecord:
+    """The recording that the options ask for; messages about a setting name its option."""
+    try:
+        scenario = ArmScenario(**options)
+        if math.isinf(scenario.duration):
+            raise SettingsError("duration is inf; a bag must end. Give a number of seconds.")
+        with _Bar(round(scenario.duration * scenario.rate)) as advance:
+            return simulate_arm(scenario, advance, START_TIME)
+    except SettingsError as error:
+        text = str(error)
+        for field in sorted(options, key=len, reverse=True):
+            text = text.replace(field, _OPTION_OF.get(field, "--" + field.replace("_", "-"))) if "_" in field else text
+        field = text.partition(" ")[0]
+        raise SettingsError(f"--{text}" if field in options else text) from None
+
+
+def _show(summary: dict[str, Any]) -> None:
+    truth = summary["truth"]
+    table = Table(title=f"Simulated {truth['robot']}", show_header=False)
+    table.add_column(style="bold")
+    table.add_column()
+    table.add_row("bag", summary["bag"])
+    table.add_row("truth", summary["truth_file"])
+    table.add_row("messages", f"{summary['messages']} at {truth['rate']} Hz, {truth['duration']:g} s")
+    table.add_row("speed", f"{summary['realtime_factor']:.1f} times real time")
+    payload = truth["payload"]
+    if payload is None:
+        table.add_row("payload", "none")
+    else:
+        com = ", ".join(f"{x:g}" for x in payload["com"])
+        table.add_row("payload", f"{payload['mass']:g} kg at [{com}] m in {truth['frame']}")
+        for event in truth["events"]:
+            table.add_row(event["kind"], f"at {event['t'] - truth['start_time']:.3f} s (stamp {event['t']:.3f})")
+    noise = truth["noise"]
+    table.add_row("noise", f"effort {noise['torque']:g} N m, position {noise['encoder']:g} rad")
+    for name, values in truth["effects"].items():
+        if any(values):
+            table.add_row(name.replace("_", " "), ", ".join(f"{x:g}" for x in values))
+    Console().print(table)

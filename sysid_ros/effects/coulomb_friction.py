@@ -1,0 +1,39 @@
+"""Dry friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sysid_ros.effects.effect import JointEffect
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+class CoulombFriction(JointEffect):
+    """``tau_j = Fc_j tanh(v_j / width)``, Fc >= 0 [N m] (Armstrong-Hélouvry, Dupont, Canudas de Wit 1994, section 2).
+
+    Args:
+        robot: the model.
+        joints: joints that rub; empty for all.
+        width: speed at which the sign function has turned, well above the noise of the velocity [rad/s].
+    """
+
+    id: ClassVar[str] = "coulomb_friction"
+    label: ClassVar[str] = "Coulomb friction"
+    symbol: ClassVar[str] = "Fc"
+    unit: ClassVar[str] = "N m"
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = 0.02) -> None:
+        super().__init__(robot, joints)
+        self.width = width
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {"width": self.width}
+
+    def curve(self, sample: Sample) -> FloatArray:
+        curve: FloatArray = np.tanh(sample.v / self.width)
+        return curve

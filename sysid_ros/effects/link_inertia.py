@@ -1,0 +1,38 @@
+"""The inertials of the arm's own links."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from sysid_ros import inertial_parameters
+from sysid_ros.effects.effect import Effect
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+class LinkInertia(Effect):
+    """Torque of the moving links, ``tau = Y(q, v, a) pi`` with ten standard parameters a link about its joint frame.
+
+    Only the base parameters among them are determined by motion (Gautier, Khalil 1990).
+    """
+
+    id: ClassVar[str] = "link_inertia"
+    label: ClassVar[str] = "link inertials"
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
+        super().__init__(robot, joints)
+        bodies = [robot.body_names[j] for j in self.joints]
+        self.parameter_names = tuple(f"{name}[{body}]" for body in bodies for name in inertial_parameters.NAMES)
+        self.units = inertial_parameters.UNITS * len(bodies)
+        self._columns = [10 * int(j) + k for j in self.joints for k in range(10)]
+        self._every_joint = len(self.joints) == robot.n
+
+    @property
+    def nominal(self) -> FloatArray:
+        """The URDF's values of the parameters, shape (p,)."""
+        return self.robot.pi[self._columns]
+
+    def fill(self, sample: Sample, out: FloatArray) -> None:
+        regressor = self.robot.regressor(sample.q, sample.v, sample.a)
+        out[:] = regressor if self._every_joint else regressor[:, self._columns]

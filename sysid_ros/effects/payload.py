@@ -1,0 +1,44 @@
+"""A body that the robot carries, fixed to a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+from sysid_ros import inertial_parameters
+from sysid_ros.effects.effect import Effect
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+class Payload(Effect):
+    """Torque of a rigid body fixed to ``frame``: ``tau = J_frame' Y_body theta``, ten parameters about the frame's origin.
+
+    Args:
+        robot: the model.
+        joints: unused, every joint up to the frame carries the payload.
+        frame: name of the frame; empty for the robot's default.
+
+    Attributes:
+        frame_index: the frame in :meth:`RobotModel.payload_regressor`.
+
+    Raises:
+        RobotModelError: the URDF has no such frame.
+    """
+
+    id: ClassVar[str] = "payload"
+    label: ClassVar[str] = "payload"
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), frame: str = "") -> None:
+        super().__init__(robot, joints)
+        self.frame = frame or robot.default_frame
+        self.frame_index = robot.frame_id(self.frame)
+        self.parameter_names = tuple(f"{name}[payload]" for name in inertial_parameters.NAMES)
+        self.units = inertial_parameters.UNITS
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {"frame": self.frame}
+
+    def fill(self, sample: Sample, out: FloatArray) -> None:
+        out[:] = self.robot.payload_regressor_after_rnea(sample.q, self.frame_index)

@@ -1,0 +1,20 @@
+"""Inertia of the motors, seen through the gears."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from sysid_ros.effects.effect import JointEffect
+from sysid_ros.sample import FloatArray, Sample
+
+
+class RotorInertia(JointEffect):
+    """``tau_j = J_j a_j``, J >= 0 [kg m^2] (Siciliano et al. 2009, section 7.2, without gyroscopic coupling)."""
+
+    id: ClassVar[str] = "rotor_inertia"
+    label: ClassVar[str] = "rotor inertia"
+    symbol: ClassVar[str] = "J"
+    unit: ClassVar[str] = "kg m^2"
+
+    def curve(self, sample: Sample) -> FloatArray:
+        return sample.a

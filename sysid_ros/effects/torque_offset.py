@@ -1,0 +1,27 @@
+"""A constant error of the torque measurement."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from sysid_ros.effects.effect import JointEffect
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+class TorqueOffset(JointEffect):
+    """``tau_j = offset_j`` [N m]."""
+
+    id: ClassVar[str] = "torque_offset"
+    label: ClassVar[str] = "torque offset"
+    symbol: ClassVar[str] = "offset"
+    unit: ClassVar[str] = "N m"
+
+    def __init__(self, robot: RobotModel, joints: tuple[str, ...] = ()) -> None:
+        super().__init__(robot, joints)
+        self._ones = np.ones(robot.n)
+
+    def curve(self, sample: Sample) -> FloatArray:
+        return self._ones

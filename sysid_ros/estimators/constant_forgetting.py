@@ -1,0 +1,57 @@
+"""Recursive least squares with a constant forgetting factor: the textbook's estimator, kept to compare with."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid_ros.estimators import kernels
+from sysid_ros.estimators.estimator import Estimate, Estimator
+from sysid_ros.sample import FloatArray
+
+
+class ConstantForgetting(Estimator):
+    """``P <- P / lambda`` before each Joseph-form update (Ljung 1999, section 11.2); lambda = 1 is least squares with a prior.
+
+    Its covariance grows without bound in directions that nothing excites.
+
+    Args:
+        prior_std: standard deviation of each parameter at the start, shape (p,).
+        variance: noise of each row, shape (m,).
+        forgetting_factor: lambda an update, 0 < lambda <= 1.
+        prior_mean: shape (p,), 0 if not given.
+    """
+
+    def __init__(
+        self, prior_std: FloatArray, variance: FloatArray, forgetting_factor: float = 1.0, prior_mean: FloatArray | None = None
+    ) -> None:
+        self.p, self.m = len(prior_std), len(variance)
+        self.forgetting_factor = forgetting_factor
+        self._prior_std = np.asarray(prior_std, dtype=float)
+        self._prior_mean = np.zeros(self.p) if prior_mean is None else np.asarray(prior_mean, dtype=float)
+        self.variance = np.asarray(variance, dtype=float)
+        self.reset()
+
+    def reset(self) -> None:
+        self._theta = self._prior_mean.copy()
+        self._P = np.diag(self._prior_std**2)
+
+    @property
+    def theta(self) -> FloatArray:
+        return self._theta.copy()
+
+    def covariance(self) -> FloatArray:
+        return self._P.copy()
+
+    def update(self, Y: FloatArray, tau: FloatArray, hold: bool = False, extra_variance: FloatArray | None = None) -> Estimate:
+        innovation = tau - Y @ self._theta
+        if not (np.isfinite(Y).all() and np.isfinite(tau).all()):
+            return self._estimate(innovation, "not_finite", "the rows hold values that are not finite; they were left out")
+        if hold:
+            return self._estimate(innovation, "not_excited", "nothing excites the parameters; the estimate is held")
+        if self.forgetting_factor < 1.0:
+            self._P /= self.forgetting_factor
+        kernels.joseph_update(self._theta, self._P, Y, tau, self.variance if extra_variance is None else self.variance + extra_variance)
+        return self._estimate(innovation, "ok", "")
+
+    def _estimate(self, innovation: FloatArray, status: str, reason: str) -> Estimate:
+        return Estimate(self._theta.copy(), self._P.copy(), innovation, status, reason)

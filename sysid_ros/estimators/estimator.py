@@ -1,0 +1,63 @@
+"""Estimator: recursive estimation of the parameters of ``tau = Y theta + noise``; Estimate: what it knows, as a value."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+from sysid_ros.sample import FloatArray
+
+STATUSES = ("warming_up", "ok", "not_excited", "outlier", "not_finite")
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Result of one update.
+
+    Attributes:
+        theta: parameters, shape (p,).
+        covariance: of theta, shape (p, p).
+        innovation: tau - Y theta before the update, shape (m,).
+        status: one of :data:`STATUSES`: may this be believed.
+        reason: the same in a sentence.
+    """
+
+    theta: FloatArray
+    covariance: FloatArray
+    innovation: FloatArray
+    status: str
+    reason: str
+
+
+class Estimator(ABC):
+    """A recursive estimator of ``tau = Y theta + e``; it knows nothing of robots.
+
+    Attributes:
+        p: number of parameters. m: number of rows of an update.
+    """
+
+    p: int
+    m: int
+
+    @property
+    @abstractmethod
+    def theta(self) -> FloatArray:
+        """Parameters as they are now, shape (p,)."""
+
+    @abstractmethod
+    def covariance(self) -> FloatArray:
+        """Covariance of theta as it is now, shape (p, p)."""
+
+    @abstractmethod
+    def update(self, Y: FloatArray, tau: FloatArray, hold: bool = False, extra_variance: FloatArray | None = None) -> Estimate:
+        """Take in one set of rows.
+
+        Args:
+            Y: shape (m, p). tau: shape (m,).
+            hold: True where nothing excites the parameters: the covariance neither shrinks nor grows.
+            extra_variance: added to the noise of each row, shape (m,).
+        """
+
+    @abstractmethod
+    def reset(self) -> None:
+        """Forget everything but the prior."""

@@ -1,0 +1,76 @@
+"""Noise of the torques, learned from residuals that are not white."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid_ros.estimators import kernels
+from sysid_ros.sample import FloatArray
+
+
+class LongRunVariance:
+    """Variance of the mean of a coloured residual, a row: its spectral density at zero frequency over the update period.
+
+    Filtered residuals are not white, so their plain variance makes a covariance that is far too small. Batch means (Flegal, Jones 2010) over
+    blocks of growing length see the colour: the block is lengthened as long as that raises the variance significantly.
+
+    Until enough blocks are full the variance is a cautious multiple of the floor.
+
+    Args:
+        m: number of rows.
+        period: time between updates [s].
+        floor: variance below which the estimate never falls, shape (m,), as the variance of one update's row.
+        memory: time constant of fading [s].
+    """
+
+    BLOCKS = (0.25, 0.5, 1.0, 2.0, 4.0)
+    FEWEST = 8
+    CAUTION = 100.0
+
+    def __init__(self, m: int, period: float, floor: FloatArray, memory: float = 120.0) -> None:
+        self.period = period
+        self.floor = floor
+        self._lengths = np.array([max(round(b / period), 1) for b in self.BLOCKS], dtype=float)
+        self._keep = float(np.exp(-period / memory))
+        self._sums = np.zeros((len(self.BLOCKS), m))
+        self._filled = np.zeros(len(self.BLOCKS))
+        self._power = np.zeros((len(self.BLOCKS), m))
+        self._count = np.zeros(len(self.BLOCKS))
+        self.variance = self.CAUTION * floor
+
+    @property
+    def fewest_updates(self) -> int:
+        """Residuals that it takes to know the noise."""
+        return int(self.FEWEST * self._lengths[0])
+
+    @property
+    def known(self) -> bool:
+        """True once enough blocks were seen for the estimate to rest on data."""
+        return bool(self._count[0] >= self.FEWEST)
+
+    def add(self, residual: FloatArray) -> None:
+        """Take in the residual after an update, shape (m,)."""
+        before = self._count[0]
+        kernels.accumulate_blocks(residual, self._sums, self._filled, self._lengths, self._power, self._count, self._keep)
+        if self._count[0] != before and self.known:
+            self._estimate()
+
+    def _estimate(self) -> None:
+        chosen = self._power[0] / self._count[0] * _small_sample(self._count[0])
+        for level in range(1, len(self.BLOCKS)):
+            count = self._count[level]
+            if count < self.FEWEST:
+                break
+            longer = self._power[level] / count
+            chosen = np.where(longer > chosen * (1.0 + np.sqrt(2.0 / count)), longer * _small_sample(count), chosen)
+        self.variance = np.maximum(chosen, self.floor)
+
+    def interrupt(self) -> None:
+        """Drop the blocks in progress: the residuals to come do not follow the ones before."""
+        self._sums[:] = 0.0
+        self._filled[:] = 0.0
+
+
+def _small_sample(count: float) -> float:
+    """Widens the variance as Student's t does the interval."""
+    return 1.0 + 2.5 / count

@@ -1,0 +1,253 @@
+"""Recursive least squares whose forgetting follows the innovations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid_ros.estimators import kernels
+from sysid_ros.estimators.estimator import Estimate, Estimator
+from sysid_ros.estimators.noise import LongRunVariance
+from sysid_ros.sample import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class JumpRule:
+    """Which parameters may jump, and what counts as a jump.
+
+    Attributes:
+        block: the parameters that may jump.
+        least: change of the block's parameters of which one must be exceeded, shape (size of block,); infinite where it does not count.
+        memory: time after a jump during which old data are still in the rows [s].
+    """
+
+    block: slice
+    least: FloatArray
+    memory: float
+
+
+class VariableForgetting(Estimator):
+    """Joseph-form recursive least squares that remembers while the innovations fit and forgets when they do not.
+
+    - Time update: exponential resetting towards the prior (Salgado, Goodwin, Middleton 1988), which bounds P by P0 in every direction, only
+      while something excites the parameters.
+    - Measurement update: Joseph form, row by row, with the long-run variance of the residuals as noise (:class:`LongRunVariance`).
+    - Change: a run of innovations too large for ``Y P Y' + Rd`` is fitted with a jump of the block that may jump (Willsky, Jones 1976); if
+      the jump explains it, that block's covariance goes back to the prior, and once more when the old data have left the filters.
+    - Outlier: an innovation too large that no jump explains gets less weight.
+
+    Args:
+        prior_std: standard deviation of each parameter before any data, shape (p,).
+        floor: least variance of a row, shape (m,).
+        period: time between updates [s].
+        forgetting_time: time constant of the resetting [s].
+        jump: which parameters may jump.
+    """
+
+    THRESHOLD = 4.0
+    HITS = 5
+    EXPLAINED = 0.8
+    SIGNIFICANT = 25.0
+    FORGET_EVERY = 10
+    INDEPENDENT = 0.1
+    """Time after which a coloured residual counts as a new one, in the first rows [s]."""
+
+    def __init__(self, prior_std: FloatArray, floor: FloatArray, period: float, forgetting_time: float, jump: JumpRule) -> None:
+        self.p, self.m = len(prior_std), len(floor)
+        self._prior_variance = np.asarray(prior_std, dtype=float) ** 2
+        self._floor = np.asarray(floor, dtype=float)
+        self._period = period
+        self._epsilon = min(self.FORGET_EVERY * period / forgetting_time, 0.5)
+        self._jump = jump
+        self._work = np.zeros((self.p, self.p))
+        self.reset()
+
+    def reset(self) -> None:
+        self._theta = np.zeros(self.p)
+        self._P = np.diag(self._prior_variance)
+        self.noise = LongRunVariance(self.m, self._period, self._floor)
+        self._spread = self._floor * self.noise.CAUTION
+        self._spread_count = 0
+        self._updates = 0
+        self._information_used = np.zeros(self.m)
+        self._settling = 0
+        self._burst = 0
+        self._early: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+        self._early_jump = False
+        self.jumps = 0
+        self.last_jump = np.zeros(len(range(*self._jump.block.indices(self.p))))
+        self.z = 0.0
+        self._clear_hits()
+
+    @property
+    def prior_variance(self) -> FloatArray:
+        """Diagonal of the covariance before any data, which bounds it at all times, shape (p,)."""
+        return self._prior_variance
+
+    @property
+    def theta(self) -> FloatArray:
+        return self._theta.copy()
+
+    @property
+    def settling(self) -> bool:
+        """True while data from before a jump are still in the rows."""
+        return self._settling > 0
+
+    def update(self, Y: FloatArray, tau: FloatArray, hold: bool = False, extra_variance: FloatArray | None = None) -> Estimate:
+        innovation = tau - Y @ self._theta
+        if not np.isfinite(innovation).all():
+            return Estimate(self._theta.copy(), self.covariance(), innovation, "not_finite", "the rows hold values that are not finite")
+        extra = np.zeros(self.m) if extra_variance is None else extra_variance
+        spread = self._spread + extra
+        self.z = z = kernels.normalised_innovation(Y, self._P, spread, innovation)
+        jumped = self._watch(Y, innovation, spread, extra, z)
+        if jumped and hold:
+            self._burst = round(0.5 / self._period)
+        if hold and self._burst == 0:
+            self.noise.interrupt()
+            return self._held(innovation)
+        self._burst = max(self._burst - 1, 0)
+        known = self.noise.known
+        variance = (self.noise.variance if known else self._floor) + extra
+        outlier = z > self.THRESHOLD and not self.settling
+        if outlier:
+            variance = variance * z
+        self._forget()
+        kernels.joseph_update(self._theta, self._P, Y, tau, variance)
+        self._information_used += 1.0 / variance
+        self._updates += 1
+        self._settle()
+        if known:
+            self._learn_noise(tau - Y @ self._theta, extra, outlier)
+        elif not self.settling:
+            self._early.append((Y, tau, extra))
+            self._learn_early()
+        if not np.isfinite(self._theta).all():
+            self.reset()
+            return Estimate(self._theta.copy(), self.covariance(), innovation, "not_finite", "the recursion broke down and started again")
+        if outlier:
+            return self._estimate(innovation, "outlier", "the torques do not fit the estimate; they were given less weight")
+        if not self.noise.known:
+            return self._estimate(innovation, "warming_up", "the noise of the torques is not known yet")
+        if self.settling:
+            return self._estimate(innovation, "warming_up", "the parameters have just jumped")
+        return self._estimate(innovation, "ok", "")
+
+    def covariance(self) -> FloatArray:
+        """Covariance of theta, shape (p, p), for the noise as it is known now.
+
+        Rows were weighted with the noise known when they came; the information they brought is rescaled to the noise known since.
+        """
+        scale = self._rescale()
+        if abs(scale - 1.0) < 0.01:
+            return self._P.copy()
+        prior = np.diag(1.0 / self._prior_variance)
+        information = (np.linalg.inv(self._P) - prior) / scale + prior
+        covariance = np.linalg.inv(information)
+        return 0.5 * (covariance + covariance.T)
+
+    def _learn_early(self) -> None:
+        """The first residuals say nothing while the fit still follows every row: the noise is read from one fit to all first rows.
+
+        They were weighted with the least noise; once it is known they are taken in again with what it is.
+        """
+        count, fewest = len(self._early), self.noise.fewest_updates
+        if count not in (fewest // 2, fewest):
+            return
+        self._spread_count = 0
+        freedom = max(1.0 - self.p / (self.m * count * self._period / self.INDEPENDENT), 0.25)
+        for Y, tau, extra in self._early:
+            self._learn_noise((tau - Y @ self._theta) / np.sqrt(freedom), extra, False, learn_colour=count == fewest)
+        if count == fewest:
+            self._theta = np.zeros(self.p)
+            self._P = np.diag(self._prior_variance)
+            self._information_used = np.zeros(self.m)
+            for Y, tau, extra in self._early:
+                kernels.joseph_update(self._theta, self._P, Y, tau, self.noise.variance + extra)
+                self._information_used += 1.0 / (self.noise.variance + extra)
+            self._updates = count
+            self._early = []
+
+    def _rescale(self) -> float:
+        if self._updates == 0:
+            return 1.0
+        return float(np.mean(self.noise.variance * self._information_used / self._updates))
+
+    def _held(self, innovation: FloatArray) -> Estimate:
+        return self._estimate(innovation, "not_excited", "nothing excites the parameters; the estimate is held")
+
+    def _estimate(self, innovation: FloatArray, status: str, reason: str) -> Estimate:
+        return Estimate(self._theta.copy(), self._P.copy(), innovation, status, reason)
+
+    def _forget(self) -> None:
+        if self._updates % self.FORGET_EVERY == 0 and not self.settling:
+            kernels.forget_towards_prior(self._P, self._prior_variance, self._epsilon, self._work)
+
+    def _watch(self, Y: FloatArray, innovation: FloatArray, spread: FloatArray, extra: FloatArray, z: float) -> bool:
+        """Collect innovations that are too large; True where a jump explains them."""
+        if self.settling or self._spread_count == 0 or (self._early_jump and not self.noise.known):
+            return False
+        if not z > self.THRESHOLD:
+            self._hits -= 1
+            if self._hits <= 0:
+                self._clear_hits()
+            return False
+        self._hits += 1
+        block = Y[:, self._jump.block]
+        weighted = block / spread[:, None]
+        self._information += weighted.T @ block
+        self._coloured_information += (block / (self.noise.variance + extra)[:, None]).T @ block
+        self._score += weighted.T @ innovation
+        self._statistic += float(innovation @ (innovation / spread))
+        if self._hits < self.HITS:
+            return False
+        prior = np.diag(1.0 / self._prior_variance[self._jump.block])
+        change = np.linalg.solve(self._information + prior, self._score)
+        explained = float(change @ self._score) / self._statistic
+        significance = float(change @ self._coloured_information @ change)
+        self._clear_hits()
+        if explained < self.EXPLAINED or significance < self.SIGNIFICANT or not np.any(np.abs(change) > self._jump.least):
+            return False
+        self.jumps += 1
+        self.last_jump = change
+        self._settling = max(round(self._jump.memory / self._period), 1)
+        self._reset_block()
+        self._early = []
+        self._early_jump = True
+        self.noise.interrupt()
+        return True
+
+    def _clear_hits(self) -> None:
+        size = len(range(*self._jump.block.indices(self.p)))
+        self._hits = 0
+        self._information = np.zeros((size, size))
+        self._coloured_information = np.zeros((size, size))
+        self._score = np.zeros(size)
+        self._statistic = 0.0
+
+    def _reset_block(self) -> None:
+        block = self._jump.block
+        self._P[block, :] = 0.0
+        self._P[:, block] = 0.0
+        self._P[block, block] = np.diag(self._prior_variance[block])
+
+    def _settle(self) -> None:
+        if self._settling > 0:
+            self._settling -= 1
+            if self._settling == 0:
+                self._reset_block()
+
+    def _learn_noise(self, residual: FloatArray, extra: FloatArray, outlier: bool, learn_colour: bool = True) -> None:
+        if self.settling:
+            self.noise.interrupt()
+            return
+        residual = residual * np.sqrt(self._spread / (self._spread + extra))
+        squared = residual * residual
+        if self._spread_count * self._period > 0.5:
+            squared = np.minimum(squared, 9.0 * self._spread)
+        self._spread_count += 1
+        rate = max(1.0 / self._spread_count, self._period / 10.0)
+        self._spread = np.maximum((1.0 - rate) * self._spread + rate * squared, self._floor)
+        if learn_colour and not outlier:
+            self.noise.add(residual)

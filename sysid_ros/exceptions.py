@@ -1,0 +1,28 @@
+"""Errors of the package: one root, one child for each kind of mistake a user can make."""
+
+
+class SysidError(Exception):
+    """Root of every error the package raises on purpose.
+
+    The message says what is wrong, the value found, what is allowed, and the cure. Commands print it and exit with 2.
+    """
+
+
+class RobotModelError(SysidError):
+    """The URDF, its joints or a frame can't be used."""
+
+
+class BagError(SysidError):
+    """A recorded bag can't be read or lacks what is needed."""
+
+
+class ModelFileError(SysidError):
+    """A ``model.yaml`` can't be read or does not belong to the robot."""
+
+
+class SettingsError(SysidError):
+    """A setting is unknown, of the wrong type or out of its range."""
+
+
+class DataError(SysidError):
+    """The data can't answer the question asked of them."""

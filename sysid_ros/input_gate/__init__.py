@@ -1,0 +1,7 @@
+"""What stands between a stream of joint states and the estimation: maps, checks, rejects, counts, and reports its health."""
+
+from sysid_ros.input_gate.gate import InputGate
+from sysid_ros.input_gate.health import GateHealth, Level
+from sysid_ros.input_gate.rejections import Rejection
+
+__all__ = ["GateHealth", "InputGate", "Level", "Rejection"]

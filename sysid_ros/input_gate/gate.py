@@ -1,0 +1,262 @@
+"""InputGate: from received joint states to measurements that can be believed."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+
+import numpy as np
+
+from sysid_ros.input_gate import gravity_check, health, kernel, rejections
+from sysid_ros.input_gate.gravity_check import GravityCheck
+from sysid_ros.input_gate.health import GateHealth
+from sysid_ros.input_gate.limits import largest_gravity_torque, plausible_limits
+from sysid_ros.input_gate.mapping import Mapping, effort_factor
+from sysid_ros.input_gate.rejections import Rejection
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, JointStateRecord, Measurement
+from sysid_ros.settings import OnlineSettings
+
+_BACK_IN_TIME = 1.0  # s; more is a restart of the clock, less a message that was overtaken
+_LATEST_STAMP = 1e12
+_KINDS_OF_MESSAGES = 64
+_REMEMBERED_EVENTS = 8192
+_WINDOWS_TO_DECIDE = 4
+
+
+class InputGate:
+    """Maps joints by name, applies ``effort_scale`` and ``effort_sign``, unwraps angles, rejects what can't be true, and counts.
+
+    Never raises on a message and repairs nothing: what it does not believe it rejects with a reason. Where the stamps jump back
+    by more than a second, as when a bag is played again, the message is accepted and ``restarts`` goes up by one. A gap longer
+    than ``max_gap`` is accepted too and counted in ``gaps``. In both cases differences must not be taken across it: who uses the
+    measurements sees the same from their times.
+
+    Velocities are passed on while they agree with the positions; else ``Measurement.v`` is None and a warning says so.
+
+    Args:
+        robot: whose ``joint_names`` are the order of every measurement.
+        settings: ``effort_scale``, ``effort_sign``, ``effort_type``, ``velocity_source``, ``allow_unstamped``, ``max_gap``,
+            ``sensor_timeout``, ``standstill_velocity`` are read.
+
+    Attributes:
+        received, accepted: number of messages.
+        counts: rejected messages by reason.
+        gaps, restarts: see above.
+        last_texts: the last sentence for each reason.
+
+    Raises:
+        SettingsError: ``effort_scale`` or ``effort_sign`` does not fit the robot.
+    """
+
+    def __init__(self, robot: RobotModel, settings: OnlineSettings) -> None:
+        self.robot = robot
+        self.settings = settings
+        self.received = self.accepted = self.gaps = self.restarts = 0
+        self.counts: Counter[str] = Counter()
+        self.last_texts: dict[str, str] = {}
+        self._needs_velocity = settings.velocity_source == "message"
+        self._total_effort = settings.effort_type == "total"
+        self._allow_unstamped = settings.allow_unstamped
+        self._max_gap = settings.max_gap
+        self._standstill = settings.standstill_velocity
+        self._mappings: dict[tuple[str, ...], Mapping | Rejection] = {}
+        self._names: tuple[str, ...] | None = None
+        self._mapping: Mapping | Rejection = Rejection("", "")
+        self._limits = self._limit_table()
+        self._state = np.zeros((8, robot.n))
+        self._clock = np.zeros(5)
+        self._state[kernel.LAST_EFFORT] = np.nan
+        self._clock[kernel.FRESH] = 1.0
+        self._last_t = -np.inf
+        self._weightless_level = 0.02 * float(largest_gravity_torque(robot).max())
+        self._gravity = GravityCheck(robot)
+        self._next_gravity = -np.inf
+        self._may_be_zero = not self._total_effort
+        self._disagreements = 0
+        self._trust_velocity = True
+        self._velocity_warning = ""
+        self._past_warnings: dict[str, str] = {}
+        self._events: deque[tuple[float, str]] = deque(maxlen=_REMEMBERED_EVENTS)
+        self._last_received: float | None = None
+        self._last_accepted: tuple[float, float] | None = None  # receive time, stamp
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was found doubtful since the start without being rejected, the last sentence of each kind."""
+        return tuple(self._past_warnings.values())
+
+    def accept(self, record: JointStateRecord) -> Measurement | Rejection:
+        """The measurement that a message holds, or why it is not used."""
+        self.received += 1
+        self._last_received = record.receive_time
+        try:
+            result = self._measurement(record)
+        except (TypeError, ValueError, OverflowError) as error:
+            result = Rejection("malformed", f"The message holds something else than numbers: {error}. Check the publisher.")
+        if isinstance(result, Rejection):
+            reason = result.reason
+            self.counts[reason] += 1
+            self.last_texts[reason] = result.text
+        else:
+            reason = health.ACCEPTED
+            self.accepted += 1
+            self._last_accepted = (record.receive_time, self._last_t)
+        self._events.append((record.receive_time, reason))
+        return result
+
+    def health(self, now: float) -> GateHealth:
+        """The state of the input at ``now`` [s], a time of the clock that ``receive_time`` is from."""
+        recent = [(t, reason) for t, reason in self._events if abs(now - t) <= 1.0]
+        events = Counter(reason for _, reason in recent)
+        span = max((t for t, reason in recent if not reason), default=0.0) - min(
+            (t for t, reason in recent if not reason), default=0.0
+        )
+        rate = (events[health.ACCEPTED] - 1) / span if span > 0.0 else 0.0
+        age = now - self._last_accepted[0] if self._last_accepted else np.inf
+        offset = self._last_accepted[0] - self._last_accepted[1] if self._last_accepted else 0.0
+        level, text, warnings = health.judge(
+            None if self._last_received is None else now - self._last_received,
+            age,
+            self.settings.sensor_timeout,
+            events,
+            self.last_texts,
+            rate,
+            offset,
+            errors=(self._gravity.error,),
+            warnings=(self._gravity.warning, self._velocity_warning),
+        )
+        return GateHealth(
+            level=level,
+            text=text,
+            counts=dict(self.counts),
+            recent={reason: n for reason, n in events.items() if reason not in (health.GAP, health.RESTART, health.ACCEPTED)},
+            received=self.received,
+            accepted=self.accepted,
+            rate=rate,
+            last_stamp=self._last_accepted[1] if self._last_accepted else None,
+            age=age,
+            gaps=self.gaps,
+            restarts=self.restarts,
+            clock_offset=offset,
+            warnings=warnings,
+        )
+
+    def _measurement(self, record: JointStateRecord) -> Measurement | Rejection:
+        mapping = self._mapping if record.names is self._names else self._mapping_of(record.names)
+        if isinstance(mapping, Rejection):
+            return mapping
+        position, velocity, effort = record.position, record.velocity, record.effort
+        has_velocity = len(velocity) > 0
+        if len(position) != mapping.size or len(effort) != mapping.size or (has_velocity and len(velocity) != mapping.size):
+            return rejections.of_length(record, mapping.size)
+        if self._needs_velocity and not has_velocity:
+            return rejections.no_velocity()
+        t = record.stamp
+        if t == 0.0 and self._allow_unstamped:
+            t = record.receive_time
+        dt = t - self._last_t
+        if not (dt > 0.0 and 0.0 < t < _LATEST_STAMP):
+            if dt >= -_BACK_IN_TIME or not 0.0 < t < _LATEST_STAMP:
+                return rejections.of_stamp(t, self._last_t)
+            self._restart(record.receive_time)
+        elif dt > self._max_gap:
+            self._start_afresh()
+
+        mapping.position[:] = position
+        mapping.effort[:] = effort
+        if has_velocity:
+            mapping.velocity[:] = velocity
+        out = np.empty((3, self.robot.n))
+        code = self._check(mapping, has_velocity, t, out)
+        if code > kernel.WINDOW_AGREES:
+            if code == kernel.EFFORT_ZERO and self._is_weightless(mapping.position[mapping.index]):
+                self._may_be_zero = True
+                code = self._check(mapping, has_velocity, t, out)
+            if code % kernel.CODES > kernel.WINDOW_DISAGREES:
+                return rejections.of_check(code, self.robot.joint_names, mapping.raw[:, mapping.index], self._limits, dt)
+        if dt > self._max_gap and self._last_t > 0.0:
+            self.gaps += 1
+            self._events.append((record.receive_time, health.GAP))
+        self._last_t = t
+        if code != kernel.OK:
+            self._compare_velocity(code)
+        q, v, tau = out
+        if t >= self._next_gravity and self._total_effort:
+            self._look_at_gravity(t, q, tau)
+        return Measurement(t, q, v if self._trust_velocity and v[0] == v[0] else None, tau)
+
+    def _check(self, mapping: Mapping, has_velocity: bool, t: float, out: FloatArray) -> int:
+        return kernel.check(  # type: ignore[no-any-return]
+            mapping.raw,
+            has_velocity,
+            self._needs_velocity,
+            mapping.index,
+            t,
+            self._may_be_zero,
+            self._standstill,
+            self._limits,
+            self._state,
+            self._clock,
+            out,
+        )
+
+    def _mapping_of(self, names: tuple[str, ...]) -> Mapping | Rejection:
+        key = tuple(names)
+        mapping = self._mappings.get(key)
+        if mapping is None:
+            mapping = rejections.of_names(key, self.robot.joint_names) or Mapping.of(key, self.robot.joint_names)
+            if len(self._mappings) < _KINDS_OF_MESSAGES:
+                self._mappings[key] = mapping
+        if key is names:
+            self._names, self._mapping = key, mapping
+        return mapping
+
+    def _start_afresh(self) -> None:
+        self._clock[kernel.FRESH] = 1.0
+        self._gravity.restart()
+
+    def _restart(self, receive_time: float) -> None:
+        self.restarts += 1
+        self._events.append((receive_time, health.RESTART))
+        self._last_t = self._next_gravity = -np.inf
+        self._state[:] = 0.0
+        self._state[kernel.LAST_EFFORT] = np.nan
+        self._start_afresh()
+
+    def _compare_velocity(self, code: int) -> None:
+        if code == kernel.WINDOW_AGREES:
+            self._disagreements = max(self._disagreements - 1, 0)
+            if self._disagreements == 0:
+                self._trust_velocity, self._velocity_warning = True, ""
+            return
+        self._disagreements = min(self._disagreements + 1, _WINDOWS_TO_DECIDE)
+        if self._disagreements == _WINDOWS_TO_DECIDE:
+            self._trust_velocity = False
+            self._velocity_warning = (
+                f"The velocity of {self.robot.joint_names[code // kernel.CODES]} does not agree with how its position changes. "
+                "The velocity from positions is used instead; set velocity_source to 'position', or correct the driver."
+            )
+            self._past_warnings["velocity"] = self._velocity_warning
+
+    def _look_at_gravity(self, t: float, q: FloatArray, tau: FloatArray) -> None:
+        self._next_gravity = t + gravity_check.PERIOD
+        if self._may_be_zero:
+            self._may_be_zero = self._is_weightless(q)
+        self._gravity.add(t, q, tau)
+        for kind, sentence in (("gravity_sign", self._gravity.error), ("gravity_ratio", self._gravity.warning)):
+            if sentence:
+                self._past_warnings[kind] = sentence
+
+    def _is_weightless(self, q: FloatArray) -> bool:
+        return float(np.abs(self.robot.gravity_torque(q)).max()) <= self._weightless_level
+
+    def _limit_table(self) -> FloatArray:
+        robot = self.robot
+        limits = np.empty((8, robot.n))
+        limits[kernel.MAX_POSITION], limits[kernel.MAX_VELOCITY], limits[kernel.MAX_EFFORT] = plausible_limits(robot)
+        limits[kernel.MAX_JUMP_RATE] = limits[kernel.MAX_VELOCITY]
+        limits[kernel.JUMP_FLOOR] = np.where(robot.is_prismatic, 0.05, 0.1)
+        limits[kernel.PERIODIC] = ~robot.is_prismatic
+        limits[kernel.MOVED] = 0.01
+        limits[kernel.SCALE] = effort_factor(robot, self.settings)
+        return limits

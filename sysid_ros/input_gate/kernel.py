@@ -1,0 +1,152 @@
+"""The checks that every sample goes through, as one compiled pass over the joints."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from sysid_ros.sample import FloatArray
+
+OK: Final = 0
+WINDOW_AGREES: Final = 1
+WINDOW_DISAGREES: Final = 2
+POSITION_NAN: Final = 3
+POSITION_RANGE: Final = 4
+POSITION_JUMP: Final = 5
+VELOCITY_RANGE: Final = 6
+EFFORT_NAN: Final = 7
+EFFORT_RANGE: Final = 8
+EFFORT_ZERO: Final = 9
+EFFORT_STUCK: Final = 10
+VELOCITY_NAN: Final = 11
+CODES: Final = 16  # what check() returns is code + CODES * joint
+
+# rows of `limits`, shape (8, n)
+MAX_POSITION, MAX_VELOCITY, MAX_EFFORT, MAX_JUMP_RATE, JUMP_FLOOR, PERIODIC, SCALE, MOVED = range(8)
+# rows of `state`, shape (8, n)
+LAST_Q, LAST_V, LAST_EFFORT, TURNS, STILL_Q, WINDOW_Q, INTEGRAL, TRAVEL = range(8)
+# entries of `clock`, shape (5,)
+LAST_T, FRESH, REPEATS, REPEATS_SINCE, WINDOW_SINCE = range(5)
+
+SMALLEST: Final = 2.2250738585072014e-308  # below it a number is denormal, what misread bytes often are
+STUCK_SAMPLES: Final = 20
+STUCK_TIME: Final = 0.25
+VELOCITY_WINDOW: Final = 0.5
+VELOCITY_TOLERANCE: Final = 0.25  # of the way travelled
+VELOCITY_FLOOR: Final = 0.02  # rad or m in a window
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def check(
+    raw: FloatArray,
+    has_velocity: bool,
+    needs_velocity: bool,
+    index: NDArray[np.intp],
+    t: float,
+    may_be_zero: bool,
+    standstill: float,
+    limits: FloatArray,
+    state: FloatArray,
+    clock: FloatArray,
+    out: FloatArray,
+) -> int:
+    """Puts a message in the model's order, unwraps it and checks it. ``state`` and ``clock`` change only if it is accepted, but
+    for what is remembered of repeated efforts.
+
+    Args:
+        raw: position, velocity, effort as received, shape (3, m).
+        has_velocity: whether raw[1] holds anything; NaN in it is as good as nothing.
+        needs_velocity: whether a sample without velocities is rejected.
+        index: where in the message each joint of the model stands, shape (n,).
+        t: stamp [s], after that of the last accepted sample.
+        may_be_zero: whether an effort of exactly zero on all joints can be true.
+        standstill: speed below which a joint stands [rad/s or m/s].
+        limits: shape (8, n), rows as named above.
+        state: shape (8, n), rows as named above.
+        clock: shape (5,), entries as named above.
+        out: q, v, tau in the model's order, shape (3, n), written; v is NaN where there is none.
+
+    Returns:
+        One of the codes above plus ``CODES`` times the joint it is about.
+    """
+    n = index.size
+    fresh = clock[FRESH] != 0.0
+    dt = t - clock[LAST_T]
+    all_zero, all_same, moving = True, True, False
+    for j in range(n):
+        if has_velocity and math.isnan(raw[1, index[j]]):
+            if needs_velocity:
+                return VELOCITY_NAN + CODES * j
+            has_velocity = False
+    for j in range(n):
+        q, v, effort = raw[0, index[j]], raw[1, index[j]], raw[2, index[j]]
+        tau = effort * limits[SCALE, j]
+        if math.isnan(q):
+            return POSITION_NAN + CODES * j
+        if math.isnan(effort):
+            return EFFORT_NAN + CODES * j
+        if not math.isfinite(q) or abs(q) > limits[MAX_POSITION, j] or 0.0 < abs(q) < SMALLEST:
+            return POSITION_RANGE + CODES * j
+        if not math.isfinite(tau) or abs(tau) > limits[MAX_EFFORT, j] or 0.0 < abs(effort) < SMALLEST:
+            return EFFORT_RANGE + CODES * j
+        if has_velocity and (not math.isfinite(v) or abs(v) > limits[MAX_VELOCITY, j]):
+            return VELOCITY_RANGE + CODES * j
+        turns = state[TURNS, j]
+        if not fresh:
+            step = q + turns - state[LAST_Q, j]
+            if limits[PERIODIC, j] != 0.0 and abs(step) > math.pi:
+                turns -= 2.0 * math.pi * np.rint(step / (2.0 * math.pi))
+                step = q + turns - state[LAST_Q, j]
+            if abs(step) > limits[MAX_JUMP_RATE, j] * dt + limits[JUMP_FLOOR, j]:
+                return POSITION_JUMP + CODES * j
+        out[0, j], out[1, j], out[2, j] = q + turns, v if has_velocity else math.nan, tau
+        all_zero = all_zero and effort == 0.0
+        all_same = all_same and effort == state[LAST_EFFORT, j]
+        moving = moving or (has_velocity and abs(v) > standstill)
+
+    if all_zero and not may_be_zero:
+        return EFFORT_ZERO
+    if all_same:
+        clock[REPEATS] += 1.0
+        for j in range(n):
+            moving = moving or abs(out[0, j] - state[STILL_Q, j]) > limits[MOVED, j]
+        if moving and clock[REPEATS] >= STUCK_SAMPLES and t - clock[REPEATS_SINCE] >= STUCK_TIME:
+            return EFFORT_STUCK
+    else:
+        clock[REPEATS], clock[REPEATS_SINCE] = 0.0, t
+        for j in range(n):
+            state[LAST_EFFORT, j] = raw[2, index[j]]
+            state[STILL_Q, j] = out[0, j]
+
+    begin = fresh or math.isnan(state[LAST_V, 0])
+    for j in range(n):
+        if begin:
+            state[WINDOW_Q, j] = out[0, j]
+            state[INTEGRAL, j] = state[TRAVEL, j] = 0.0
+        elif has_velocity:
+            state[INTEGRAL, j] += 0.5 * (out[1, j] + state[LAST_V, j]) * dt
+            state[TRAVEL, j] += 0.5 * (abs(out[1, j]) + abs(state[LAST_V, j])) * dt
+        state[TURNS, j] = out[0, j] - raw[0, index[j]]
+        state[LAST_Q, j], state[LAST_V, j] = out[0, j], out[1, j]
+    clock[LAST_T], clock[FRESH] = t, 0.0
+    if begin:
+        clock[WINDOW_SINCE] = t
+    if not has_velocity or t - clock[WINDOW_SINCE] < VELOCITY_WINDOW:
+        return OK
+
+    verdict = OK
+    for j in range(n):
+        way = out[0, j] - state[WINDOW_Q, j]
+        travel = max(abs(way), state[TRAVEL, j])
+        if abs(way - state[INTEGRAL, j]) > VELOCITY_TOLERANCE * travel + VELOCITY_FLOOR:
+            verdict = WINDOW_DISAGREES + CODES * j
+        elif travel > 2.0 * VELOCITY_FLOOR and verdict == OK:
+            verdict = WINDOW_AGREES
+        state[WINDOW_Q, j] = out[0, j]
+        state[INTEGRAL, j] = state[TRAVEL, j] = 0.0
+    clock[WINDOW_SINCE] = t
+    return verdict

@@ -1,0 +1,237 @@
+"""Node ``simulated_robot``: the simulated arm in real time, as a robot's drivers would show it."""
+
+from __future__ import annotations
+
+import array
+import math
+import signal
+import time
+from typing import Any
+
+import rclpy
+from geometry_msgs.msg import InertiaStamped
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.duration import Duration
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from sysid_ros.exceptions import SettingsError, SysidError
+from sysid_ros.sample import Measurement
+from sysid_ros.simulation import ArmScenario, ArmSimulation
+
+_LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_SERVE_EVERY = 0.01
+_LATE = 0.1
+_QUIET = 5.0
+_NEVER = -1.0
+
+PARAMETERS: tuple[tuple[str, Any, str], ...] = (
+    ("seed", 0, "seed of the motion and of the noise"),
+    ("rate", 1000, "messages a second, a divisor of 1000 [Hz]"),
+    ("duration", 0.0, "the motion ends at rest after this time [s]; 0: it never ends"),
+    ("payload_mass", 1.5, "[kg]; 0: there is no payload"),
+    ("payload_com", [0.03, -0.02, 0.08], "centre of mass in the tip link's frame [m]"),
+    ("pick_time", 5.0, "the payload is picked up so long after the start [s]; -1: only by ~/pick"),
+    ("drop_time", _NEVER, "and dropped [s]; -1: only by ~/drop"),
+    ("encoder_noise", 1e-5, "standard deviation of the positions [rad]"),
+    ("torque_noise", 0.1, "standard deviation of the efforts [N m]"),
+    ("velocity", True, "the messages hold velocities"),
+    ("velocity_noise", 1e-3, "standard deviation of the velocities [rad/s]"),
+    ("viscous_friction", [0.0], "one value for all joints or one a joint [N m s/rad]"),
+    ("coulomb_friction", [0.0], "one value for all joints or one a joint [N m]"),
+    ("rotor_inertia", [0.0], "one value for all joints or one a joint [kg m^2]"),
+    ("torque_offset", [0.0], "what the torque sensors show too much: one value for all joints or one a joint [N m]"),
+    ("controller_knows_payload", False, "the controller's model has the payload while it is carried"),
+)
+
+
+class SimulatedRobot(Node):
+    """Publishes ``joint_states`` of an arm in PyBullet as fast as it moves, and picks up and drops a payload.
+
+    Topics: ``joint_states`` (reliable, depth 10, as joint_state_broadcaster), ``robot_description`` and ``~/truth`` (latched: the
+    payload carried now, com in the tip link's frame and inertia about it; mass 0 while there is none). Services ``~/pick`` and
+    ``~/drop``.
+
+    Raises:
+        SettingsError: a parameter is not allowed.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("simulated_robot")
+        self.simulation = ArmSimulation(self._scenario())
+        self._joint_states = self.create_publisher(JointState, "joint_states", 10)
+        self._description = self.create_publisher(String, "robot_description", _LATCHED)
+        self._truth = self.create_publisher(InertiaStamped, "~/truth", _LATCHED)
+        self._pick_service = self.create_service(Trigger, "~/pick", self._on_pick)
+        self._drop_service = self.create_service(Trigger, "~/drop", self._on_drop)
+        self._message = JointState(name=list(self.simulation.robot.joint_names))
+        self._told_events = 0
+        self._start_stamp = self.get_clock().now()
+        self._description.publish(String(data=self.simulation.urdf))
+        self._publish_truth(0.0)
+        self.get_logger().info(
+            f"{self.simulation.robot.name} with {self.simulation.robot.n} joints at {self.simulation.scenario.rate} Hz, "
+            f"payload frame {self.simulation.frame}"
+        )
+
+    def run(self, executor: SingleThreadedExecutor) -> None:
+        """Simulate in real time until ROS shuts down.
+
+        Steps that are overdue are made up for at once, without a gap in the stamps; the robot's time falls behind the clock only
+        when the machine can't simulate in real time, and then the node says so.
+        """
+        period = 1.0 / self.simulation.scenario.rate
+        self._start_stamp = self.get_clock().now()
+        start = time.monotonic()
+        served = start
+        quiet_until = start
+        done = 0
+        while rclpy.ok():
+            now = time.monotonic()
+            if done * period <= now - start:
+                self._publish(self.simulation.noisy(self.simulation.step()))
+                done += 1
+                late = now - start - done * period
+                # rclpy's own throttle looks up its caller at every step, which costs as much as the step that is late
+                if late > _LATE and now > quiet_until:
+                    quiet_until = now + _QUIET
+                    self.get_logger().warning(
+                        f"The simulation is {late:.1f} s behind the clock and catches up as fast as it can. If this goes on, "
+                        f"this machine can't keep {1.0 / period:.0f} Hz: free the processor, or lower the parameter 'rate'."
+                    )
+            else:
+                time.sleep(max(0.0, start + done * period - time.monotonic()))
+            if now - served > _SERVE_EVERY:
+                # each look for requests costs as much as a step, so it does not happen at every step
+                executor.spin_once(timeout_sec=0.0)
+                served = now
+
+    def _scenario(self) -> ArmScenario:
+        for name, default, description in PARAMETERS:
+            # a whole number in a YAML file is an integer to ROS, so the type is left open and brought back below
+            self.declare_parameter(
+                name, default, ParameterDescriptor(description=description, dynamic_typing=True, read_only=False)
+            )
+        unknown = sorted(set(self._parameter_overrides) - {name for name, _, _ in PARAMETERS} - {"use_sim_time"})
+        for name in (n for n in unknown if not n.startswith("qos_overrides.")):
+            self.get_logger().warning(
+                f"There is no parameter '{name}'. The parameters are {', '.join(n for n, _, _ in PARAMETERS)}."
+            )
+        v = {name: _typed(name, self.get_parameter(name), default) for name, default, _ in PARAMETERS}
+        mass = v.pop("payload_mass")
+        pick, drop, duration = v.pop("pick_time"), v.pop("drop_time"), v.pop("duration")
+        if mass:
+            v |= {
+                "payload_mass": mass,
+                "pick_time": pick if pick >= 0.0 else math.inf,
+                "drop_time": drop if drop >= 0.0 else None,
+            }
+        return ArmScenario(**v, duration=duration or math.inf)
+
+    def _publish(self, m: Measurement) -> None:
+        message = self._message
+        message.header.stamp = self._stamp(m.t)
+        message.position = array.array("d", m.q.tobytes())
+        message.velocity = array.array("d", b"" if m.v is None else m.v.tobytes())
+        message.effort = array.array("d", m.tau.tobytes())
+        self._joint_states.publish(message)
+        for t, kind in self.simulation.events[self._told_events :]:
+            self._told_events += 1
+            self._publish_truth(t)
+            self.get_logger().info(f"{kind} at {t:.3f} s")
+
+    def _publish_truth(self, t: float) -> None:
+        message = InertiaStamped()
+        message.header.stamp = self._stamp(t)
+        message.header.frame_id = self.simulation.frame
+        payload = self.simulation.payload
+        if payload is not None and self.simulation.carries:
+            inertia = message.inertia
+            inertia.m = payload.mass
+            inertia.com.x, inertia.com.y, inertia.com.z = payload.com.tolist()
+            (inertia.ixx, inertia.ixy, inertia.ixz), (_, inertia.iyy, inertia.iyz), (_, _, inertia.izz) = (
+                payload.inertia_com.tolist()
+            )
+        self._truth.publish(message)
+
+    def _stamp(self, t: float) -> Any:
+        stamp: Time = self._start_stamp + Duration(nanoseconds=round(t * 1e9))
+        return stamp.to_msg()
+
+    def _on_pick(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self.simulation.pick()
+        if response.success:
+            response.message = f"picked up at {self.simulation.t:.3f} s"
+        else:
+            response.message = (
+                "the payload is carried already" if self.simulation.carries else "payload_mass is 0: there is nothing to pick up"
+            )
+        return response
+
+    def _on_drop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self.simulation.drop()
+        response.message = f"dropped at {self.simulation.t:.3f} s" if response.success else "nothing is carried"
+        return response
+
+
+def _typed(name: str, parameter: Parameter, default: Any) -> Any:
+    """The parameter's value in the type of its default.
+
+    Raises:
+        SettingsError: it has another one.
+    """
+    value = parameter.value
+    if isinstance(default, list):
+        items = list(value) if not isinstance(value, int | float | str) and value is not None else [value]
+        return tuple(_number(name, x) for x in items)
+    if isinstance(default, bool):
+        if not isinstance(value, bool):
+            raise SettingsError(f"{name} is {value!r}; it must be true or false.")
+        return value
+    number = _number(name, value)
+    if isinstance(default, int):
+        if number != int(number):
+            raise SettingsError(f"{name} is {value!r}; it must be a whole number.")
+        return int(number)
+    return number
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise SettingsError(f"{name} is {value!r}; it must be a number.")
+    return float(value)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node until it is told to stop; 2 where a parameter is not allowed."""
+    rclpy.init(args=args)
+    node: SimulatedRobot | None = None
+    code = 0
+    try:
+        node = SimulatedRobot()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        node.run(executor)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except SysidError as error:
+        rclpy.logging.get_logger("simulated_robot").fatal(str(error))
+        code = 2
+    finally:
+        # Ctrl-C reaches a launched node twice; the second one must not break the clean-up
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if node is not None:
+            node.simulation.close()
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return code
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

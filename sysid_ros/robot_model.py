@@ -1,0 +1,193 @@
+"""RobotModel: the one file that calls pinocchio's algorithms."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from sysid_ros.exceptions import RobotModelError
+from sysid_ros.sample import FloatArray
+
+_MOVABLE = ("revolute", "continuous", "prismatic")
+
+
+class RobotModel:
+    """A fixed-base tree of revolute and prismatic joints, from a URDF.
+
+    The equation it computes is ``tau = M(q) a + C(q, v) v + g(q)``, linear in the stacked link inertials ``pi``:
+    ``tau = Y(q, v, a) pi`` (Atkeson, An, Hollerbach 1986). Joints that are not used are locked at 0.
+
+    Attributes:
+        name: the robot's name in the URDF.
+        joint_names: the n joints in the model's order, base to tip: the joint order of the whole package.
+        notes: one sentence each for what was locked, left out or is suspicious.
+        position_lower, position_upper, velocity_limit, effort_limit: shape (n,), infinite where the URDF states none.
+        is_prismatic, is_continuous: shape (n,), bool.
+        body_names: the links that the joints move, one a joint, in the order of ``pi``.
+        frame_names: every frame that a payload can be expressed in.
+        default_frame: the link that the last joint moves (the last link that all end joints share, for a gripper).
+        damping, friction: shape (n,), the URDF's ``<dynamics>`` [N m s/rad], [N m].
+
+    Raises:
+        RobotModelError: the URDF can't be parsed, has no movable joint, or a joint name is not in it.
+    """
+
+    def __init__(self, model: Any, urdf: str, notes: Sequence[str], joint_types: dict[str, str]) -> None:
+        self.model = model
+        self.data = model.createData()
+        self.urdf = urdf
+        self.name: str = model.name
+        self.joint_names: tuple[str, ...] = tuple(model.names[1:])
+        self.n: int = model.nv
+        self.gravity: FloatArray = np.array(model.gravity.linear)
+        self.is_prismatic = np.array([joint_types[j] == "prismatic" for j in self.joint_names])
+        self.is_continuous = np.array([joint_types[j] == "continuous" for j in self.joint_names])
+        self.position_lower = np.where(self.is_continuous, -np.inf, model.lowerPositionLimit)
+        self.position_upper = np.where(self.is_continuous, np.inf, model.upperPositionLimit)
+        self.velocity_limit = _stated(model.upperVelocityLimit)
+        self.effort_limit = _stated(model.upperEffortLimit)
+        self.damping: FloatArray = np.array(model.damping)
+        self.friction: FloatArray = np.array(model.upperDryFrictionLimit)
+        bodies = {f.name: f for f in model.frames if f.type == pin.FrameType.BODY}
+        self.frame_names: tuple[str, ...] = tuple(bodies)
+        self.body_names: tuple[str, ...] = tuple(
+            next(name for name, f in bodies.items() if f.parentJoint == j and f.placement.isIdentity()) for j in range(1, model.njoints)
+        )
+        self.default_frame = self._default_frame()
+        self.notes: tuple[str, ...] = (*notes, *self._massless())
+        self._pi: FloatArray = np.concatenate([model.inertias[j].toDynamicParameters() for j in range(1, model.njoints)])
+
+    @classmethod
+    def from_urdf(cls, urdf: str, joint_names: Sequence[str] = (), gravity: Sequence[float] = (0.0, 0.0, -9.81)) -> RobotModel:
+        """The model of the URDF's text in which only ``joint_names`` move (empty: every movable joint).
+
+        Args:
+            urdf: the URDF itself, not its path.
+            joint_names: the joints that stay movable, in any order; the others are locked at 0.
+            gravity: shape (3,) [m/s^2], in the base frame.
+        """
+        types, mimic, prepared = _read_urdf(urdf)
+        try:
+            full = pin.buildModelFromXML(prepared)
+        except Exception as error:
+            raise RobotModelError(f"the URDF can't be turned into a model: {error}. Check it with check_urdf.") from error
+        movable = [name for name in full.names[1:] if name in types]
+        wanted = list(joint_names) or [name for name in movable if name not in mimic]
+        missing = sorted(set(wanted) - set(movable))
+        if missing:
+            raise RobotModelError(
+                f"the URDF '{full.name}' has no movable joint named {', '.join(missing)}. "
+                f"It has {', '.join(movable) or 'none at all'}. Check the URDF or the names in the messages."
+            )
+        if not wanted:
+            raise RobotModelError(f"the URDF '{full.name}' has no movable joint. Give the URDF of the arm that moves.")
+        if len(set(wanted)) < len(wanted):
+            raise RobotModelError(f"joint names are repeated in {', '.join(wanted)}. Name each joint once.")
+        locked = [name for name in movable if name not in wanted]
+        reduced = pin.buildReducedModel(full, [full.getJointId(name) for name in locked], pin.neutral(full)) if locked else full
+        reduced.gravity.linear = np.asarray(gravity, dtype=float)
+        notes = []
+        if plain := [name for name in locked if name not in mimic]:
+            notes.append(f"Joints of the URDF that are not used are locked at 0: {', '.join(plain)}.")
+        if mimics := [name for name in locked if name in mimic]:
+            notes.append(f"Mimic joints are locked at 0: {', '.join(mimics)}.")
+        return cls(reduced, urdf, notes, types)
+
+    def _default_frame(self) -> str:
+        model = self.model
+        ends = [j for j in range(1, model.njoints) if len(model.children[j]) == 0]
+        chains = [list(model.supports[j]) for j in ends]
+        shared = [j for j in chains[0] if all(j in chain for chain in chains)]
+        return self.body_names[shared[-1] - 1] if shared and shared[-1] > 0 else self.body_names[ends[-1] - 1]
+
+    def _massless(self) -> list[str]:
+        empty = [self.body_names[j - 1] for j in range(1, self.model.njoints) if self.model.inertias[j].mass < 1e-9]
+        return [f"Links without mass in the URDF: {', '.join(empty)}. What they weigh ends up in the payload."] if empty else []
+
+    @property
+    def pi(self) -> FloatArray:
+        """The URDF's link inertials, shape (10 n,), a body of ``body_names`` after the other, about its joint frame."""
+        return self._pi
+
+    def frame_id(self, frame: str) -> int:
+        """Pinocchio's index of a frame.
+
+        Raises:
+            RobotModelError: there is no such frame.
+        """
+        if frame not in self.frame_names:
+            raise RobotModelError(f"the URDF '{self.name}' has no link named '{frame}'. It has {', '.join(self.frame_names)}.")
+        return int(self.model.getFrameId(frame, pin.FrameType.BODY))
+
+    def rnea(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Joint torques of the URDF's links, shape (n,) [N m]."""
+        return np.array(pin.rnea(self.model, self.data, q, v, a))
+
+    def gravity_torque(self, q: FloatArray) -> FloatArray:
+        """Joint torques that hold the arm still, shape (n,) [N m]."""
+        return np.array(pin.computeGeneralizedGravity(self.model, self.data, q))
+
+    def regressor(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Y of all links, shape (n, 10 n): ``tau = Y pi``."""
+        return np.array(pin.computeJointTorqueRegressor(self.model, self.data, q, v, a))
+
+    def payload_regressor(self, q: FloatArray, v: FloatArray, a: FloatArray, frame: int) -> FloatArray:
+        """Y of a body fixed to a frame (index from :meth:`frame_id`), shape (n, 10): ``J_frame' Y_body``, parameters in that frame."""
+        pin.rnea(self.model, self.data, q, v, a)
+        return self.payload_regressor_after_rnea(q, frame)
+
+    def payload_regressor_after_rnea(self, q: FloatArray, frame: int) -> FloatArray:
+        """As :meth:`payload_regressor`, where :meth:`rnea` has just run on the same q, v, a (its body accelerations are used)."""
+        body = pin.frameBodyRegressor(self.model, self.data, frame)
+        jacobian = pin.computeFrameJacobian(self.model, self.data, q, frame, pin.LOCAL)
+        return np.ascontiguousarray(jacobian.T @ body)
+
+    def frame_placement(self, q: FloatArray, frame: str) -> tuple[FloatArray, FloatArray]:
+        """Rotation (3, 3) and origin (3,) [m] of a frame in the base."""
+        pin.framesForwardKinematics(self.model, self.data, q)
+        placement = self.data.oMf[self.frame_id(frame)]
+        return np.array(placement.rotation), np.array(placement.translation)
+
+
+def _stated(limit: Any) -> FloatArray:
+    array = np.array(limit, dtype=float)
+    return np.where((array <= 0.0) | (array > 1e12), np.inf, array)
+
+
+def _read_urdf(urdf: str) -> tuple[dict[str, str], set[str], str]:
+    """Movable joint types, mimic joints, and the URDF with continuous joints as revolute ones.
+
+    pinocchio gives a continuous joint two coordinates; an angle that grows without limit is the same joint with one.
+    """
+    try:
+        root = ElementTree.fromstring(urdf)
+    except ElementTree.ParseError as error:
+        raise RobotModelError(f"the URDF is not well-formed XML: {error}. Give a URDF (run xacro first if it is a .xacro).") from error
+    if root.tag != "robot":
+        raise RobotModelError(f"the URDF's root element is <{root.tag}>; it must be <robot>.")
+    types: dict[str, str] = {}
+    mimic: set[str] = set()
+    for joint in root.iter("joint"):
+        kind, name = joint.get("type"), joint.get("name")
+        if kind not in _MOVABLE or name is None:
+            continue
+        types[name] = kind
+        if joint.find("mimic") is not None:
+            mimic.add(name)
+        if kind == "continuous":
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            limit = ElementTree.SubElement(joint, "limit") if limit is None else limit
+            limit.set("lower", "-1e6")
+            limit.set("upper", "1e6")
+            limit.set("effort", limit.get("effort", "0"))
+            limit.set("velocity", limit.get("velocity", "0"))
+    for tag in ("visual", "collision"):
+        for link in root.iter("link"):
+            for element in link.findall(tag):
+                link.remove(element)
+    return types, mimic, ElementTree.tostring(root, encoding="unicode")

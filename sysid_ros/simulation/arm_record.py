@@ -1,0 +1,98 @@
+"""simulate_arm: a whole scenario as arrays in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sysid_ros.exceptions import SettingsError
+from sysid_ros.sample import FloatArray, Measurement
+from sysid_ros.simulation.arm_simulation import ArmSimulation
+from sysid_ros.simulation.scenario import ArmScenario
+
+_LOST = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class ArmRecord:
+    """A simulated recording in memory.
+
+    Attributes:
+        t: shape (N,) [s].
+        q, v, tau: as the sensors tell them, shape (N, n); v is None where the messages hold none.
+        exact_q, exact_v, exact_tau: without noise, shape (N, n).
+        truth: as in the truth file.
+        urdf: the arm's description.
+    """
+
+    t: FloatArray
+    q: FloatArray
+    v: FloatArray | None
+    tau: FloatArray
+    exact_q: FloatArray
+    exact_v: FloatArray
+    exact_tau: FloatArray
+    truth: dict[str, Any]
+    urdf: str
+
+    def measurements(self) -> list[Measurement]:
+        """The recording as the estimation takes it."""
+        return [
+            Measurement(float(self.t[k]), self.q[k].copy(), None if self.v is None else self.v[k].copy(), self.tau[k].copy())
+            for k in range(len(self.t))
+        ]
+
+
+def simulate_arm(scenario: ArmScenario, progress: Callable[[int], None] | None = None, start_time: float = 0.0) -> ArmRecord:
+    """Run a scenario to its end.
+
+    Args:
+        scenario: what is simulated; of finite duration.
+        progress: called with the number of new messages now and then.
+        start_time: t of the first message [s].
+
+    Raises:
+        SettingsError: a setting does not fit the arm, or the arm does not follow the motion with what it has to carry or
+            overcome.
+    """
+    simulation = ArmSimulation(scenario)
+    try:
+        count = round(scenario.duration * scenario.rate)
+        exact, told = [], []
+        for k in range(count):
+            exact.append(simulation.step())
+            told.append(simulation.noisy(exact[-1]))
+            if progress is not None and k % 100 == 99:
+                progress(100)
+        truth = simulation.truth(start_time)
+        _check_followed(simulation, exact)
+    finally:
+        simulation.close()
+    velocity = np.array([m.v for m in told]) if scenario.velocity else None
+    return ArmRecord(
+        start_time + np.array([m.t for m in exact]),
+        np.array([m.q for m in told]),
+        velocity,
+        np.array([m.tau for m in told]),
+        np.array([m.q for m in exact]),
+        np.array([m.v for m in exact]),
+        np.array([m.tau for m in exact]),
+        truth,
+        simulation.urdf,
+    )
+
+
+def _check_followed(simulation: ArmSimulation, exact: list[Measurement]) -> None:
+    wanted, _, _ = simulation.trajectory.sample(np.array([m.t for m in exact]))
+    error = np.abs(np.array([m.q for m in exact]) - wanted).max(axis=0)
+    # not <=, so that NaN does not pass
+    if not np.all(error <= _LOST):
+        worst = int(np.argmax(error))
+        raise SettingsError(
+            f"payload_mass is {simulation.scenario.payload_mass}, and joint {simulation.robot.joint_names[worst]} is up to "
+            f"{error[worst]:.2f} rad away from the motion; {_LOST} rad is allowed. Take a lighter payload nearer to the flange "
+            "or less friction, or let the controller know the payload."
+        )

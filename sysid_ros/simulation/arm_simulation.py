@@ -1,0 +1,190 @@
+"""ArmSimulation: a scenario step by step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Measurement
+from sysid_ros.simulation.arm import STEP, ArmWorld
+from sysid_ros.simulation.controller import ComputedTorque
+from sysid_ros.simulation.description import HOME, TIP_LINK, arm_description
+from sysid_ros.simulation.drive import Drive
+from sysid_ros.simulation.payload import Payload, urdf_with_payload
+from sysid_ros.simulation.scenario import CONTROL_RATE, ArmScenario
+from sysid_ros.simulation.trajectory import ExcitingTrajectory
+
+_BLOCK = 1000
+
+
+class ArmSimulation:
+    """The arm of a scenario, one message at a time.
+
+    A message at t holds q at t, the torque that acts from t on (for one physics step), and as velocity the mean of the steps
+    before and after t: the three belong to the same instant, see :class:`ArmWorld`. Noise is added to what is told, not to what
+    the controller sees, so the motion does not depend on it.
+
+    Args:
+        scenario: what is simulated.
+
+    Attributes:
+        robot: model of the empty arm.
+        urdf: its description, the one that belongs to the messages.
+        frame: the tip link.
+        payload: the body, or None.
+        events: (t [s], "pick" | "drop") of all that happened, t of the first message that shows it.
+    """
+
+    def __init__(self, scenario: ArmScenario) -> None:
+        self.scenario = scenario
+        self.urdf = arm_description()
+        self.frame = TIP_LINK
+        self.robot = RobotModel.from_urdf(self.urdf)
+        self.payload: Payload | None = scenario.payload
+        self.events: list[tuple[float, str]] = []
+        n = self.robot.n
+        rotor = scenario.per_joint("rotor_inertia", n)
+        self._offset = scenario.per_joint("torque_offset", n)
+        self._drive = Drive(scenario.per_joint("viscous_friction", n), scenario.per_joint("coulomb_friction", n), rotor, STEP)
+        loaded = self.robot
+        if self.payload is not None:
+            loaded = RobotModel.from_urdf(urdf_with_payload(self.urdf, self.frame, self.payload))
+        self._models = {False: self.robot, True: loaded}
+        self._controllers = {
+            False: ComputedTorque(self.robot, rotor),
+            True: ComputedTorque(loaded if scenario.controller_knows_payload else self.robot, rotor),
+        }
+        motion_seed, noise_seed = np.random.SeedSequence(scenario.seed).spawn(2)
+        self._noise = np.random.default_rng(noise_seed)
+        self.trajectory = _motion(scenario, np.random.default_rng(motion_seed), self.robot, loaded)
+        self._schedule = _schedule(scenario)
+        self._k = 0
+        self.world = ArmWorld(self.urdf, self.frame)
+        self.world.reset(self.trajectory.centre, np.zeros(n))
+
+    @property
+    def t(self) -> float:
+        """Time of the next physics step since the start [s]."""
+        return self._k / CONTROL_RATE
+
+    @property
+    def carries(self) -> bool:
+        """True while the payload is tied to the tip."""
+        return self.world.carries
+
+    def pick(self) -> bool:
+        """Tie the payload on now; False where there is none, or it is on already."""
+        if self.payload is None or self.carries:
+            return False
+        self.world.pick(self.payload)
+        self.events.append((self.t, "pick"))
+        return True
+
+    def drop(self) -> bool:
+        """Let the payload go now; False where none is carried."""
+        if not self.carries:
+            return False
+        self.world.drop()
+        self.events.append((self.t, "drop"))
+        return True
+
+    def step(self) -> Measurement:
+        """Simulate until the next message and return this one, without noise; see :meth:`noisy`."""
+        t = self.t
+        q, v, tau = self._physics_step()
+        for _ in range(CONTROL_RATE // self.scenario.rate - 1):
+            self._physics_step()
+        return Measurement(t, q, v, tau + self._offset)
+
+    def noisy(self, exact: Measurement) -> Measurement:
+        """The message as the robot's sensors would tell it."""
+        s, n = self.scenario, self.robot.n
+        noise = self._noise.standard_normal((3, n))
+        v = None if exact.v is None or not s.velocity else exact.v + s.velocity_noise * noise[2]
+        return Measurement(exact.t, exact.q + s.encoder_noise * noise[0], v, exact.tau + s.torque_noise * noise[1])
+
+    def close(self) -> None:
+        """Free the PyBullet world."""
+        self.world.close()
+
+    def truth(self, start_time: float = 0.0) -> dict[str, Any]:
+        """All that the recording hides, in plain types; times are stamps, ``start_time`` [s] is the first one."""
+        s, body = self.scenario, self.payload
+        first = {kind: start_time + t for t, kind in reversed(self.events)}
+        return {
+            "format": 1,
+            "robot": self.robot.name,
+            "joint_names": list(self.robot.joint_names),
+            "frame": self.frame,
+            "start_time": start_time,
+            "duration": s.duration if math.isfinite(s.duration) else None,
+            "rate": s.rate,
+            "seed": s.seed,
+            "payload": None
+            if body is None
+            else {
+                "mass": body.mass,
+                "com": body.com.tolist(),
+                "inertia_com": body.inertia_com.tolist(),
+                "theta": body.theta.tolist(),
+            },
+            "pick_time": first.get("pick"),
+            "drop_time": first.get("drop"),
+            "events": [{"t": start_time + t, "kind": kind} for t, kind in self.events],
+            "noise": {
+                "encoder": s.encoder_noise,
+                "torque": s.torque_noise,
+                "velocity": s.velocity_noise if s.velocity else None,
+            },
+            "effects": {
+                name: s.per_joint(name, self.robot.n).tolist()
+                for name in ("viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset")
+            },
+            "controller_knows_payload": s.controller_knows_payload,
+            "timing": "q, velocity and effort belong to the header stamp; the effort is the torque of the 1 ms that begins there",
+        }
+
+    def _physics_step(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        for action in self._schedule.get(self._k, ()):
+            action(self)
+        if self._k % _BLOCK == 0:
+            self._reference = self.trajectory.sample(np.arange(self._k, self._k + _BLOCK) / CONTROL_RATE)
+        world, i = self.world, self._k % _BLOCK
+        q, v = world.q, world.v
+        q_d, v_d, a_d = self._reference
+        tau = self._controllers[world.carries].torque(q, v, q_d[i], v_d[i], a_d[i])
+        world.step(self._drive.link_torque(self._models[world.carries], q, v, tau))
+        self._k += 1
+        return q, 0.5 * (v + world.v), tau
+
+
+def _motion(scenario: ArmScenario, rng: np.random.Generator, empty: RobotModel, loaded: RobotModel) -> ExcitingTrajectory:
+    centre = np.array(HOME) + rng.uniform(-0.2, 0.2, empty.n)
+    motion = ExcitingTrajectory(
+        centre,
+        empty.position_lower,
+        empty.position_upper,
+        rng,
+        velocity_limit=np.minimum(1.5, empty.velocity_limit),
+        base_frequency=scenario.base_frequency,
+        duration=scenario.duration,
+    )
+    motion.limit_effort(loaded.rnea, loaded.effort_limit)
+    return motion
+
+
+def _schedule(scenario: ArmScenario) -> dict[int, list[Callable[[ArmSimulation], bool]]]:
+    """What happens by itself before which physics step."""
+    schedule: dict[int, list[Callable[[ArmSimulation], bool]]] = {}
+    if scenario.payload_mass is None:
+        return schedule
+    for t, action in ((scenario.pick_time or 0.0, ArmSimulation.pick), (scenario.drop_time, ArmSimulation.drop)):
+        if t is not None and math.isfinite(t):
+            # at a message's stamp: the next one shows it
+            step = math.ceil(t * scenario.rate - 1e-9) * (CONTROL_RATE // scenario.rate)
+            schedule.setdefault(step, []).append(action)
+    return schedule

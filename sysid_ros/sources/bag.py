@@ -1,0 +1,176 @@
+"""BagSource: joint states from a rosbag2 recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from sysid_ros.exceptions import BagError
+from sysid_ros.sample import JointStateRecord
+from sysid_ros.sources.bag_files import BagFiles
+from sysid_ros.sources.joint_state_cdr import JOINT_STATE, JointStateDecoder, typestore
+
+DEFAULT_TOPIC = "/joint_states"
+_STRING = "std_msgs/msg/String"
+_BATCH = 512  # messages decoded at once
+_LOOK_AHEAD = 200  # messages whose joint names are known before the bag is read
+
+
+class BagSource:
+    """The ``sensor_msgs/JointState`` messages of one topic of a bag, in the order of recording. It can be iterated again.
+
+    Args:
+        path: a rosbag2 folder, an .mcap file or a .db3 file, with or without metadata.yaml.
+        topic: where the joint states are. When the default is not in the bag and there is exactly one other topic of joint
+            states, that one is used, and a note says so.
+
+    Attributes:
+        topic: the topic that is read.
+        topics: (type, number of messages) of every topic in the bag.
+        message_count: messages on the topic.
+        duration: of the bag [s].
+        notes: what the user should know of how the bag is read, one sentence each; reading may add to it.
+
+    Raises:
+        BagError: the bag can't be read, is empty, or has no joint states on the topic; also while iterating, where it is damaged.
+    """
+
+    def __init__(self, path: str | Path, topic: str = DEFAULT_TOPIC) -> None:
+        self.path = Path(path)
+        self._files = BagFiles(self.path)
+        self.notes: list[str] = self._files.notes
+        self._names: dict[tuple[str, ...], None] = {}
+        self._robot_description: str | None = None
+        self._looked_for_description = False
+        self._read_index()
+        self.topic = self._choose(topic if topic.startswith("/") else f"/{topic}")
+        self.message_count = self.topics[self.topic][1]
+        first = list(islice(self, _LOOK_AHEAD))
+        if not first and self._files.use_files_of_folder():
+            # The metadata.yaml and the file disagree on the topic's settings, so rosbags finds no message of it.
+            self._read_index()
+            first = list(islice(self, _LOOK_AHEAD))
+        if not first:
+            raise BagError(f"bag '{self.path}': topic {self.topic} has no message that can be read. Record it again.")
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The joints that messages have named so far, in the order in which they came up."""
+        return tuple(dict.fromkeys(name for names in self._names for name in names))
+
+    @property
+    def robot_description(self) -> str | None:
+        """The URDF on /robot_description (or the only topic of that name in a namespace), None where there is none."""
+        if not self._looked_for_description:
+            self._robot_description = self._read_robot_description()
+            self._looked_for_description = True
+        return self._robot_description
+
+    def __iter__(self) -> Iterator[JointStateRecord]:
+        with self._files.opened() as readers:
+            for reader in readers:
+                connections = [c for c in reader.connections if c.topic == self.topic and c.msgtype == JOINT_STATE]
+                if connections:
+                    yield from self._records(reader, connections)
+
+    def _records(self, reader: Any, connections: list[Any]) -> Iterator[JointStateRecord]:
+        messages = self._files.messages(reader, connections)
+        decoder = JointStateDecoder()
+        read, damage = 0, None
+        while damage is None:
+            raw: list[bytes] = []
+            times: list[float] = []
+            try:
+                for _, nanoseconds, data in islice(messages, _BATCH):
+                    raw.append(data)
+                    times.append(nanoseconds * 1e-9)
+            except BagError as error:
+                damage = error
+            if not raw:
+                break
+            read += len(raw)
+            names: tuple[str, ...] | None = None
+            for record in decoder.decode(raw, times):
+                if record.names is not names:
+                    names = record.names
+                    self._names.setdefault(names)
+                yield record
+            if decoder.failures == read:
+                raise BagError(
+                    f"bag '{self.path}', topic {self.topic}: no message can be decoded: {decoder.last_failure}. "
+                    "The bag is damaged, or its messages are compressed and the metadata.yaml that says so is missing."
+                )
+        if damage is not None:
+            if read == 0:
+                raise damage
+            self._note(f"Only the first {read} messages of '{reader.path}' are read: {damage}")
+        if decoder.failures:
+            self._note(f"{decoder.failures} of {read} messages can't be decoded and are left out: {decoder.last_failure}.")
+
+    def _note(self, sentence: str) -> None:
+        if sentence not in self.notes:
+            self.notes.append(sentence)
+
+    def _read_index(self) -> None:
+        self.topics: dict[str, tuple[str, int]] = {}
+        starts, ends = [], []
+        with self._files.opened() as readers:
+            for reader in readers:
+                for c in reader.connections:
+                    self.topics[c.topic] = (c.msgtype, c.msgcount + self.topics.get(c.topic, ("", 0))[1])
+                if reader.message_count:
+                    starts.append(reader.start_time)
+                    ends.append(reader.end_time - 1)
+        if not starts:
+            raise BagError(
+                f"bag '{self.path}' holds no message. Record it again: ros2 bag record {DEFAULT_TOPIC} /robot_description"
+            )
+        self.duration: float = (max(ends) - min(starts)) * 1e-9
+
+    def _choose(self, topic: str) -> str:
+        candidates = {name: count for name, (kind, count) in self.topics.items() if kind == JOINT_STATE}
+        listed = ", ".join(f"{name} ({count} messages)" for name, count in candidates.items())
+        cure = (
+            f"Choose one with --topic: {listed}."
+            if candidates
+            else f"No topic of it carries {JOINT_STATE}; it has {self._listed_topics()}."
+        )
+        if topic not in self.topics:
+            if topic == DEFAULT_TOPIC and len(candidates) == 1:
+                only = next(iter(candidates))
+                self.notes.append(f"Bag '{self.path}' has no topic {topic}; its only topic of joint states, {only}, is used.")
+                topic = only
+            else:
+                raise BagError(f"bag '{self.path}' has no topic {topic}. {cure}")
+        kind, count = self.topics[topic]
+        if kind != JOINT_STATE:
+            raise BagError(f"bag '{self.path}': topic {topic} carries {kind}; it must be {JOINT_STATE}. {cure}")
+        if count == 0:
+            raise BagError(
+                f"bag '{self.path}': topic {topic} has no message. The robot's driver was silent while it was recorded. {cure}"
+            )
+        return topic
+
+    def _listed_topics(self) -> str:
+        return ", ".join(f"{name} ({kind})" for name, (kind, _) in sorted(self.topics.items())) or "no topic"
+
+    def _read_robot_description(self) -> str | None:
+        named = [name for name, (kind, _) in self.topics.items() if kind == _STRING and name.endswith("/robot_description")]
+        if not named or (len(named) > 1 and "/robot_description" not in named):
+            return None
+        topic = "/robot_description" if "/robot_description" in named else named[0]
+        with self._files.opened() as readers:
+            for reader in readers:
+                connections = [c for c in reader.connections if c.topic == topic and c.msgtype == _STRING]
+                for _, _, data in self._files.messages(reader, connections) if connections else ():
+                    try:
+                        text = str(typestore().deserialize_cdr(data, _STRING).data)
+                    except Exception as error:
+                        raise BagError(
+                            f"bag '{self.path}': {topic} can't be decoded: {error}. Give the URDF with --urdf."
+                        ) from error
+                    if text.strip():
+                        return text
+        return None

@@ -1,0 +1,112 @@
+"""TorqueModel: the sum of effects that explains the measured torque, split into what is known and what is free."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid_ros.effects import Effect, LinkInertia
+from sysid_ros.exceptions import SysidError
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+@dataclass(frozen=True, slots=True)
+class KnownEffect:
+    """An effect with its parameters.
+
+    Attributes:
+        effect: the cause.
+        theta: its parameters, shape (p,).
+        covariance: how well they are known, shape (p, p), or None where they are taken as exact.
+    """
+
+    effect: Effect
+    theta: FloatArray
+    covariance: FloatArray | None = None
+
+
+class TorqueModel:
+    """``tau_measured = sum_known Y_k theta_k + sum_free Y_f theta_f + noise``.
+
+    Args:
+        robot: the model whose joint order the rows have.
+        free: effects whose parameters are to be found; their columns stand side by side in this order.
+        known: effects whose parameters are given. Without a ``link_inertia`` among them or among the free ones, and unless
+            ``links`` is False, the URDF's links and its ``<dynamics>`` (damping, friction) are known.
+        links: False where the measured torque is already free of the robot's own torque.
+
+    Raises:
+        SysidError: an effect is both known and free, or parameters have the wrong length.
+    """
+
+    def __init__(
+        self, robot: RobotModel, free: Sequence[Effect], known: Sequence[KnownEffect] = (), links: bool = True
+    ) -> None:
+        self.robot = robot
+        self.free = tuple(free)
+        self.known = tuple(known)
+        for k in self.known:
+            if k.theta.shape != (k.effect.p,):
+                raise SysidError(f"effect '{k.effect.id}' has {k.effect.p} parameters, {k.theta.size} were given.")
+        ends = np.cumsum([0] + [e.p for e in self.free])
+        self.slices = tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
+        self.p = int(ends[-1])
+        self.parameter_names = tuple(name for e in self.free for name in e.parameter_names)
+        self.units = tuple(unit for e in self.free for unit in e.units)
+        inertia_known = [k for k in self.known if isinstance(k.effect, LinkInertia)]
+        inertia_free = any(isinstance(e, LinkInertia) for e in self.free)
+        if inertia_known and inertia_free:
+            raise SysidError("effect 'link_inertia' is both known and free; it can be one of them.")
+        self._urdf_links = links and not inertia_free
+        self._dynamics = self._urdf_links and not inertia_known and bool(np.any(robot.damping) or np.any(robot.friction))
+        self._link_correction = self._correction(inertia_known) if self._urdf_links else None
+        self._others = tuple(k for k in self.known if not isinstance(k.effect, LinkInertia))
+
+    @staticmethod
+    def _correction(inertia_known: list[KnownEffect]) -> FloatArray | None:
+        if not inertia_known:
+            return None
+        effect = inertia_known[0].effect
+        assert isinstance(effect, LinkInertia)
+        correction = np.zeros_like(effect.robot.pi).reshape(-1, 10)
+        correction[effect.joints] = (inertia_known[0].theta - effect.nominal).reshape(-1, 10)
+        return correction.ravel() if np.any(correction) else None
+
+    def known_theta(self, effect: str) -> FloatArray:
+        """Known parameters of an effect with one parameter a joint, shape (n,); 0 where it is not known."""
+        theta = np.zeros(self.robot.n)
+        for k in self.known:
+            if k.effect.id == effect:
+                theta[k.effect.joints] = k.theta
+        return theta
+
+    def known_torque(self, sample: Sample) -> FloatArray:
+        """Torque of what is known, shape (n,) [N m]."""
+        robot = self.robot
+        tau = robot.rnea(sample.q, sample.v, sample.a)
+        if not self._urdf_links:
+            tau[:] = 0.0
+        elif self._link_correction is not None:
+            tau += robot.regressor(sample.q, sample.v, sample.a) @ self._link_correction
+            robot.rnea(sample.q, sample.v, sample.a)
+        if self._dynamics:
+            tau += robot.damping * sample.v + robot.friction * np.tanh(sample.v / 0.02)
+        for k in self._others:
+            tau += k.effect.torque(sample, k.theta)
+        return tau
+
+    def split(self, sample: Sample) -> tuple[FloatArray, FloatArray]:
+        """Y of the free effects, shape (n, p), and the torque left for them, shape (n,) [N m]."""
+        columns = np.zeros((self.robot.n, self.p))
+        rest = np.empty(self.robot.n)
+        self.split_into(sample, columns, rest)
+        return columns, rest
+
+    def split_into(self, sample: Sample, columns: FloatArray, rest: FloatArray) -> None:
+        """As :meth:`split`, into arrays of the caller's that were zero at first: for the loop that runs at the robot's rate."""
+        np.subtract(sample.tau, self.known_torque(sample), out=rest)
+        for effect, where in zip(self.free, self.slices, strict=True):
+            effect.fill(sample, columns[:, where])
