@@ -229,8 +229,9 @@ def row_11_clock_jumps_back() -> None:
     assert all(isinstance(m, Measurement) for m in results)
     assert gate.restarts == 1
     assert gate.gaps == 0
-    assert "jumped back" in gate.health(again[100].receive_time).text
     assert "jumped back" not in gate.health(again[-1].receive_time).text
+    run(gate, first[:100])
+    assert "jumped back" in gate.health(first[99].receive_time).text
 
 
 def row_11_bad_message_at_the_jump_counts_once() -> None:
@@ -244,10 +245,10 @@ def row_11_bad_message_at_the_jump_counts_once() -> None:
 def row_12_gap() -> None:
     gate = gate_of()
     records = motion(3.0)
-    results = run(gate, records[:300] + records[400:])
+    results = run(gate, records[:300] + records[400:450])
     assert all(isinstance(m, Measurement) for m in results)
     assert gate.gaps == 1
-    assert "gap" in gate.health(records[450].receive_time).text
+    assert "gap" in gate.health(records[449].receive_time).text
 
 
 def row_13_stamp_of_another_clock() -> None:

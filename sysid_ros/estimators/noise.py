@@ -46,7 +46,7 @@ class LongRunVariance:
     @property
     def known(self) -> bool:
         """True once enough blocks were seen for the estimate to rest on data."""
-        return bool(self._count[0] >= self.FEWEST)
+        return bool(self._count[0] > self.FEWEST - 0.5)
 
     def add(self, residual: FloatArray) -> None:
         """Take in the residual after an update, shape (m,)."""
@@ -59,7 +59,7 @@ class LongRunVariance:
         chosen = self._power[0] / self._count[0] * _small_sample(self._count[0])
         for level in range(1, len(self.BLOCKS)):
             count = self._count[level]
-            if count < self.FEWEST:
+            if count < self.FEWEST - 0.5:
                 break
             longer = self._power[level] / count
             chosen = np.where(longer > chosen * (1.0 + np.sqrt(2.0 / count)), longer * _small_sample(count), chosen)

@@ -79,6 +79,8 @@ class InputGate:
         self._events: deque[tuple[float, str]] = deque(maxlen=_REMEMBERED_EVENTS)
         self._last_received: float | None = None
         self._last_accepted: tuple[float, float] | None = None  # receive time, stamp
+        # Compiles now and not at the first message; NaN is rejected and changes nothing.
+        self._check(Mapping.of(robot.joint_names, robot.joint_names), False, 0.0, np.empty((3, robot.n)))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -106,12 +108,15 @@ class InputGate:
 
     def health(self, now: float) -> GateHealth:
         """The state of the input at ``now`` [s], a time of the clock that ``receive_time`` is from."""
-        recent = [(t, reason) for t, reason in self._events if abs(now - t) <= 1.0]
-        events = Counter(reason for _, reason in recent)
-        span = max((t for t, reason in recent if not reason), default=0.0) - min(
-            (t for t, reason in recent if not reason), default=0.0
-        )
-        rate = (events[health.ACCEPTED] - 1) / span if span > 0.0 else 0.0
+        events: Counter[str] = Counter()
+        first = last = now
+        for t, reason in reversed(self._events):
+            if abs(now - t) > 1.0:
+                break
+            if reason == health.ACCEPTED:
+                first, last = t, (t if events[reason] == 0 else last)
+            events[reason] += 1
+        rate = (events[health.ACCEPTED] - 1) / (last - first) if last > first else 0.0
         age = now - self._last_accepted[0] if self._last_accepted else np.inf
         offset = self._last_accepted[0] - self._last_accepted[1] if self._last_accepted else 0.0
         level, text, warnings = health.judge(
@@ -151,9 +156,9 @@ class InputGate:
             return rejections.of_length(record, mapping.size)
         if self._needs_velocity and not has_velocity:
             return rejections.no_velocity()
-        t = record.stamp
+        t = float(record.stamp)  # another type would be compiled for anew
         if t == 0.0 and self._allow_unstamped:
-            t = record.receive_time
+            t = float(record.receive_time)
         dt = t - self._last_t
         if not (dt > 0.0 and 0.0 < t < _LATEST_STAMP):
             if dt >= -_BACK_IN_TIME or not 0.0 < t < _LATEST_STAMP:

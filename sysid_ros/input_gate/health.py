@@ -26,7 +26,7 @@ class GateHealth:
         counts: rejected since the start, by reason.
         recent: rejected within the last second, by reason.
         received, accepted: messages since the start.
-        rate: accepted samples a second over the last second [Hz], by their stamps.
+        rate: accepted samples a second over the last second [Hz], by the times they were received.
         last_stamp: stamp of the last accepted sample [s], None before the first.
         age: time since the last accepted sample was received [s], infinite before the first.
         gaps: gaps longer than ``max_gap`` since the start.

@@ -18,6 +18,8 @@ BELIEVED = ("ok", "no_payload")
 _AXES = ("x", "y", "z")
 _ABOVE_NOISE = 3.0
 _LEAST_MASS = 0.01
+_FOUND_WITHIN = 0.3
+"""Time in which an event is found: until then the estimate still tells what was before, or a mixture [s]."""
 
 BoolArray = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
@@ -42,7 +44,7 @@ class Curve:
         if index is None or not np.isfinite(self.value[index]) or not 0.0 < self.band[index] < np.inf:
             return self.label
         decimals = max(0, 1 - math.floor(math.log10(self.band[index])))
-        return f"{self.label} {self.value[index]:.{decimals}f} ± {self.band[index]:.{decimals}f}"
+        return f"{self.label} {self.value[index]:.{decimals}f} ± {self.band[index]:.{decimals}f}".replace("-", "−")
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +110,7 @@ def payload_panels(series: Sequence[PayloadEstimate], truth: Sequence[TruthSegme
     there = (mass > np.maximum(_ABOVE_NOISE * mass_std, _LEAST_MASS)) & np.array([e.status != "no_payload" for e in series])
     com, com_std = np.full((2, len(series), 3), np.nan)
     inertia, inertia_std = np.full((2, len(series), 3), np.nan)
-    for k in np.flatnonzero(there):
+    for k in np.flatnonzero(there).tolist():
         e = series[k]
         com[k], com_std[k] = e.com, e.com_std
         known = e.observable[[4, 6, 9]]
@@ -123,13 +125,17 @@ def payload_panels(series: Sequence[PayloadEstimate], truth: Sequence[TruthSegme
     return (
         Panel("Mass", "kg", (weight,), robust_limits((weight,), believed, 0.1)),
         _ratios("Centre of mass", "mm", _three("{}", com, com_std, true_com, 1e3), believed, 4.0),
-        _ratios("Inertia about it", "10⁻³ kg m²", _three("I{0}{0}", inertia, inertia_std, true_inertia, 1e3), believed, 0.5),
+        _ratios("Inertia about com", "10⁻³ kg m²", _three("I{0}{0}", inertia, inertia_std, true_inertia, 1e3), believed, 0.5),
     )
 
 
-def last_known(series: Sequence[PayloadEstimate]) -> int | None:
-    """Index of the last estimate of status ok, None where there is none."""
-    return next((k for k in range(len(series) - 1, -1, -1) if series[k].status == "ok"), None)
+def last_known(series: Sequence[PayloadEstimate], events: Sequence[PayloadEvent]) -> int | None:
+    """Index of the last estimate of status ok that no event has just overtaken, None where there is none."""
+    overtaken = [(e.t, e.t + _FOUND_WITHIN) for e in events]
+    for k in range(len(series) - 1, -1, -1):
+        if series[k].status == "ok" and not any(start < series[k].t <= end for start, end in overtaken):
+            return k
+    return None
 
 
 def event_text(event: PayloadEvent) -> str:
@@ -140,7 +146,7 @@ def event_text(event: PayloadEvent) -> str:
 
 
 def inertia_diagonal_jacobian(theta: FloatArray) -> FloatArray:
-    """Derivative of (Ixx, Iyy, Izz) about the centre of mass by theta, shape (3, 10): ``Ic_xx = I_xx - (mc_y^2 + mc_z^2) / m``."""
+    """Derivative by theta of the inertia's diagonal about the centre of mass, shape (3, 10): ``I_xx - (mc_y^2 + mc_z^2) / m``."""
     com = theta[1:4] / theta[0]
     jacobian = np.zeros((3, 10))
     for axis, column in enumerate((4, 6, 9)):

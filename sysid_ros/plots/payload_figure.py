@@ -45,6 +45,7 @@ def payload_figure(
 ) -> Figure:
     """Estimates on the left, one residual a joint on the right, status and events above; times since the first estimate."""
     t, spans = relative_times(series), status_spans(series)
+    known = last_known(series, events)
     marks = [(e.t - series[0].t, e) for e in events]
     end = max(spans[-1].end, 1e-3)
     n = len(joint_names)
@@ -59,7 +60,7 @@ def payload_figure(
 
     _draw_strip(strip, spans, marks, end)
     for axes, panel in zip(panels, payload_panels(series, truth), strict=True):
-        _draw_panel(axes, panel, t, last_known(series), truth, series[0].t)
+        _draw_panel(axes, panel, t, known, truth, series[0].t)
     residual = np.array([e.residual for e in series])
     for j, axes in enumerate(joints):
         _draw_residual(axes, t, residual[:, j], joint_names[j], units[j])
@@ -73,23 +74,19 @@ def payload_figure(
         axes.tick_params(labelsize=8, labelbottom=last, colors=palette.INK)
         axes.spines[["top", "right"]].set_visible(False)
         if last:
-            axes.set_xlabel("time since the first estimate [s]", fontsize=9)
+            axes.set_xlabel(f"time since stamp {series[0].t:.3f} [s]", fontsize=9)
     strip.set_xlim(0.0, end)
     figure.align_ylabels(panels)
     figure.align_ylabels(joints)
     figure.suptitle(title, x=0.062, y=0.982, ha="left", va="top", fontsize=13, fontweight="bold", color=palette.INK)
-    figure.text(0.062, 0.949, _subtitle(series, bool(truth)), ha="left", va="top", fontsize=9, color="#555555")
+    figure.text(0.062, 0.949, _subtitle(series, known, bool(truth)), ha="left", va="top", fontsize=9, color="#555555")
     return figure
 
 
-def _subtitle(series: Sequence[PayloadEstimate], with_truth: bool) -> str:
-    last = last_known(series)
-    values = "" if last is None else f"; numbers: the last estimate of status ok, at {series[last].t - series[0].t:.2f} s"
+def _subtitle(series: Sequence[PayloadEstimate], known: int | None, with_truth: bool) -> str:
+    values = "" if known is None else f"; numbers: the last estimate of status ok, at {series[known].t - series[0].t:.2f} s"
     truth = "; dashed: truth" if with_truth else ""
-    return (
-        f"Frame {series[0].frame}, inertia about the centre of mass along its axes; bands and ±: 95 % interval{values}{truth}; "
-        f"0 s: stamp {series[0].t:.3f} s"
-    )
+    return f"Frame {series[0].frame}, inertia along its axes; bands and ±: 95 % interval{values}{truth}"
 
 
 def _draw_strip(axes: Axes, spans: Sequence[Span], marks: Sequence[tuple[float, PayloadEvent]], end: float) -> None:
@@ -150,6 +147,7 @@ def _draw_panel(axes: Axes, panel: Panel, t: FloatArray, last: int | None, truth
     axes.grid(True, color=palette.GRID, linewidth=0.6)
     axes.set_axisbelow(True)
     if not any(np.isfinite(c.value).any() for c in panel.curves):
+        axes.set_yticks([])
         axes.text(0.5, 0.5, "not determined by these data", transform=axes.transAxes, ha="center", va="center", color="#555555")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -65,13 +66,10 @@ def payload_page(
     _mark(figure, spans, [(e.t - series[0].t, e) for e in events])
     figure.update_annotations(font_size=13)
     figure.update_xaxes(range=[0.0, spans[-1].end], showgrid=True, gridcolor=palette.GRID, zeroline=False)
-    figure.update_xaxes(title_text="time since the first estimate [s]", showticklabels=True, row=4 + n, col=1)
+    figure.update_xaxes(title_text=f"time since stamp {series[0].t:.3f} [s]", showticklabels=True, row=4 + n, col=1)
     figure.update_yaxes(showgrid=True, gridcolor=palette.GRID, zeroline=False)
     figure.update_yaxes(visible=False, range=[0.0, 1.0], fixedrange=True, row=1, col=1)
-    subtitle = (
-        f"frame {series[0].frame}; inertia about the centre of mass, axes of the frame; bands: 95 % interval; "
-        f"0 s is stamp {series[0].t:.3f} s"
-    )
+    subtitle = f"frame {series[0].frame}, inertia along its axes; bands: 95 % interval{'; dashed: truth' if truth else ''}"
     figure.update_layout(
         title={"text": f"<b>{_escape(title)}</b><br><sup>{_escape(subtitle)}</sup>", "x": 0.01},
         height=int(total) + 230,
@@ -130,10 +128,18 @@ def _add_panel(
             )
         figure.add_trace(
             go.Scatter(
-                x=x, y=value, customdata=band, name=curve.label, line={"color": colour, "width": 2}, showlegend=len(panel.curves) > 1,
-                legendgroup=f"{row}{curve.label}", hovertemplate="%{y:.4g} ± %{customdata:.2g} " + panel.unit,
-            ), row=row, col=1,
-        )  # fmt: skip
+                x=x,
+                y=value,
+                customdata=band,
+                name=curve.label,
+                line={"color": colour, "width": 2},
+                showlegend=len(panel.curves) > 1,
+                legendgroup=f"{row}{curve.label}",
+                hovertemplate="%{y:.4g} ± %{customdata:.2g} " + panel.unit,
+            ),
+            row=row,
+            col=1,
+        )
         for segment, true in zip(truth, curve.truth, strict=True):
             if np.isfinite(true):
                 line = {"color": palette.INK, "width": 1.5, "dash": "dash"}
@@ -183,7 +189,7 @@ def _peaks(values: FloatArray) -> np.ndarray[Any, Any]:
     if values.size <= _MOST_POINTS:
         return np.arange(values.size)
     edges = np.linspace(0, values.size, _MOST_POINTS // 2 + 1).astype(int)
-    found = [a + f(values[a:b]) for a, b in zip(edges, edges[1:], strict=False) for f in (np.argmin, np.argmax)]
+    found = [a + f(values[a:b]) for a, b in pairwise(edges) for f in (np.argmin, np.argmax)]
     return np.unique(found)
 
 

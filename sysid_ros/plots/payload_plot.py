@@ -61,7 +61,7 @@ def write_payload_plot(
     units = tuple(effort_units) if effort_units is not None else ("N m",) * n
     if len(joint_names) != n or len(units) != n:
         raise DataError(
-            f"The estimates hold residuals of {n} joints, but {len(joint_names)} names and {len(units)} units were given. Give {n}."
+            f"The estimates have residuals of {n} joints; {len(joint_names)} names and {len(units)} units were given. Give {n}."
         )
     if path.suffix.lower() in PAGE_SUFFIXES:
         path.write_text(payload_page(series, events, joint_names, units, title, truth or ()), encoding="utf-8")
