@@ -84,6 +84,21 @@ class OnlineEstimation:
         """Measurements a second, once known [Hz]."""
         return self._front_end.rate if self._front_end else None
 
+    def prior(self) -> PayloadEstimate:
+        """What is known before any measurement: nothing but the prior."""
+        n = self.robot.n
+        return PayloadEstimate(
+            t=0.0,
+            frame=self.frame,
+            theta=np.zeros(10),
+            covariance=np.diag(self._prior_std[:10] ** 2),
+            status="warming_up",
+            reason="There is no estimate yet.",
+            observable=np.zeros(10, dtype=bool),
+            residual=np.zeros(n),
+            payload_effort=np.zeros(n),
+        )
+
     def reset(self, reason: str) -> None:
         """Forget payload, friction and noise, and start again."""
         self._forget_all()

@@ -97,6 +97,33 @@ class RobotModel:
             notes.append(f"Mimic joints are locked at 0: {', '.join(mimics)}.")
         return cls(reduced, urdf, notes, types)
 
+    @classmethod
+    def for_messages(
+        cls,
+        urdf: str,
+        message_names: Sequence[str],
+        joint_names: Sequence[str] = (),
+        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+    ) -> RobotModel:
+        """The model in which the joints move that the messages name (or ``joint_names`` among them).
+
+        Raises:
+            RobotModelError: messages and URDF have no joint in common, or the messages lack one of ``joint_names``.
+        """
+        types, _, _ = _read_urdf(urdf)
+        missing = sorted(set(joint_names) - set(message_names))
+        if missing:
+            raise RobotModelError(
+                f"the messages lack joints {', '.join(missing)}; they name {', '.join(message_names)}. Correct joint_names."
+            )
+        wanted = list(joint_names) or [name for name in types if name in message_names]
+        if not wanted:
+            raise RobotModelError(
+                f"the messages name joints {', '.join(message_names) or 'none'}; the URDF has movable joints "
+                f"{', '.join(types) or 'none'}. Give the URDF of the robot that published them (--urdf)."
+            )
+        return cls.from_urdf(urdf, wanted, gravity)
+
     def _default_frame(self) -> str:
         model = self.model
         ends = [j for j in range(1, model.njoints) if len(model.children[j]) == 0]

@@ -86,7 +86,7 @@ class CausalDerivative:
         n: number of joints.
         period: usual time between samples [s].
         half_width: samples on each side; at least 2.
-        use_message_velocity: take the velocity of the message, delayed alike, in place of the slope of the cubic.
+        use_message_velocity: take the velocity of the message, delayed alike, in place of the slope of the cubic, where it has one.
     """
 
     def __init__(self, n: int, period: float, half_width: int, use_message_velocity: bool = False) -> None:
@@ -110,8 +110,8 @@ class CausalDerivative:
         self._t[i] = measurement.t
         self._q[i] = measurement.q
         self._tau[i] = measurement.tau
-        if self._use_message_velocity and measurement.v is not None:
-            self._v[i] = measurement.v
+        if self._use_message_velocity:
+            self._v[i] = np.nan if measurement.v is None else measurement.v
         self._next = first = (i + 1) % self.width
         if self._filled < self.width:
             self._filled += 1
@@ -120,7 +120,8 @@ class CausalDerivative:
         out = np.empty((3, self._n))
         _push(self._t, self._q, self._weights, first, self.period, out, True)
         middle = (first + self.half_width) % self.width
-        v = self._v[middle].copy() if self._use_message_velocity else out[1]
+        measured = self._use_message_velocity and not np.isnan(self._v[middle, 0])
+        v = self._v[middle].copy() if measured else out[1]
         return Sample(float(self._t[middle]), out[0], v, out[2], self._tau[middle].copy())
 
 

@@ -21,10 +21,11 @@ LEVELS = (
     {"estimators", "input_gate", "model_check", "model_file", "payload_events", "signals"},
     {"front_end"},
     {"identification", "online"},
+    {"replay"},
     {"control"},
     {"simulation"},
     {"diagnosis"},
-    {"sources"},
+    {"plots", "sources"},
     {"cli", "nodes"},
 )
 LEVEL_OF = {unit: level for level, units in enumerate(LEVELS) for unit in units}

@@ -44,13 +44,14 @@ def payload_page(
     panels = payload_panels(series, truth)
     n = len(joint_names)
     heights = [36.0, 190.0, 220.0, 220.0] + [85.0] * n
-    titles = ["Status"] + [f"{p.title} [{p.unit}]" for p in panels]
+    titles = [""] + [f"{p.title} [{p.unit}]" for p in panels]
     titles += [f"Residual of {name} [{unit}]" for name, unit in zip(joint_names, units, strict=True)]
     space = 34.0
     total = sum(heights) + space * (len(heights) - 1)
     figure = make_subplots(
         rows=len(heights), cols=1, shared_xaxes=True, row_heights=heights, vertical_spacing=space / total, subplot_titles=titles
     )
+    figure.update_annotations(font_size=13, x=0.0, xanchor="left")
     _add_strip(figure, spans)
     keep, longest = _thinned(t.size), longest_step(t) * max(1.0, 2.0 * t.size / _MOST_POINTS)
     for row, panel in enumerate(panels, start=2):
@@ -64,18 +65,23 @@ def payload_page(
         limit = 1.3 * residual_limit(residual[:, j])
         figure.update_yaxes(range=[-limit, limit], row=5 + j, col=1)
     _mark(figure, spans, [(e.t - series[0].t, e) for e in events])
-    figure.update_annotations(font_size=13)
     figure.update_xaxes(range=[0.0, spans[-1].end], showgrid=True, gridcolor=palette.GRID, zeroline=False)
     figure.update_xaxes(title_text=f"time since stamp {series[0].t:.3f} [s]", showticklabels=True, row=4 + n, col=1)
     figure.update_yaxes(showgrid=True, gridcolor=palette.GRID, zeroline=False)
     figure.update_yaxes(visible=False, range=[0.0, 1.0], fixedrange=True, row=1, col=1)
     subtitle = f"frame {series[0].frame}, inertia along its axes; bands: 95 % interval{'; dashed: truth' if truth else ''}"
+    height = int(total) + 230
     figure.update_layout(
-        title={"text": f"<b>{_escape(title)}</b><br><sup>{_escape(subtitle)}</sup>", "x": 0.01},
-        height=int(total) + 230,
+        title={
+            "text": f"<b>{_escape(title)}</b><br><sup>{_escape(subtitle)}</sup>",
+            "x": 0.01,
+            "y": 1.0 - 28.0 / height,
+            "yref": "container",
+        },
+        height=height,
         template="plotly_white",
-        margin={"l": 70, "r": 20, "t": 130, "b": 60},
-        legend={"orientation": "h", "y": 1.0, "yref": "container", "yanchor": "top", "x": 1.0, "xanchor": "right"},
+        margin={"l": 70, "r": 20, "t": 140, "b": 60},
+        legend={"orientation": "h", "y": 1.0 - 62.0 / height, "yref": "container", "yanchor": "top", "x": 0.0, "xanchor": "left"},
         hovermode="x unified",
     )
     page: str = figure.to_html(full_html=True, include_plotlyjs=True, config={"displaylogo": False, "responsive": True})
@@ -151,6 +157,9 @@ def _add_panel(
                     ), row=row, col=1,
                 )  # fmt: skip
     figure.update_yaxes(range=list(panel.limits), row=row, col=1)
+    if not any(np.isfinite(c.value).any() for c in panel.curves):
+        middle = {"x": 0.5, "y": 0.5, "xref": "x domain", "yref": "y domain"}
+        figure.add_annotation(text="not determined by these data", showarrow=False, **middle, row=row, col=1)
 
 
 def _mark(figure: Any, spans: Sequence[Span], marks: Sequence[tuple[float, PayloadEvent]]) -> None:

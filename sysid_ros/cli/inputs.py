@@ -1,0 +1,73 @@
+"""What several commands read: bags with their robot, and the configuration file."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from sysid_ros.cli.output import note
+from sysid_ros.exceptions import SettingsError
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.settings import OnlineSettings
+from sysid_ros.sources import BagSource, urdf_text
+
+
+def open_bag(path: Path, topic: str, urdf: Path | None, settings: OnlineSettings) -> tuple[BagSource, RobotModel]:
+    """A bag and the model of the joints that it names; what the user should know of either goes to stderr."""
+    source = BagSource(path, topic)
+    robot = RobotModel.for_messages(urdf_text(urdf, source), source.joint_names, settings.joint_names, settings.gravity)
+    for sentence in (*source.notes, *robot.notes):
+        note(sentence)
+    return source, robot
+
+
+def read_config(path: Path | None) -> dict[str, Any]:
+    """The parameters in a ROS 2 parameter file, or in a plain mapping of names to values.
+
+    Raises:
+        SettingsError: the file can't be read, or is no mapping.
+    """
+    if path is None:
+        return {}
+    try:
+        document = yaml.safe_load(path.read_text())
+    except OSError as error:
+        raise SettingsError(f"configuration '{path}' can't be read: {error.strerror}.") from None
+    except yaml.YAMLError as error:
+        raise SettingsError(f"configuration '{path}' is not YAML: {error}.") from None
+    found: dict[str, Any] = {}
+    for node in _parameter_blocks(document):
+        found.update(node)
+    if not isinstance(document, dict) or (not found and "ros__parameters" in str(document)):
+        raise SettingsError(f"configuration '{path}' holds no parameters. See config/online_payload_estimator.yaml for an example.")
+    return found or document
+
+
+def settings_from(parameters: dict[str, Any], **overrides: Any) -> OnlineSettings:
+    """Settings from a node's parameters; those that only a running node has are passed over, and named on stderr.
+
+    Raises:
+        SettingsError: a value is not allowed.
+    """
+    known = {f.name for f in fields(OnlineSettings)}
+    others = sorted(set(parameters) - known - {"urdf_path", "model_path"})
+    if others:
+        note(f"Not used here: {', '.join(others)}.")
+    values = {name: value for name, value in parameters.items() if name in known}
+    values.update({name: value for name, value in overrides.items() if value})
+    return OnlineSettings.from_mapping(values, "configuration")
+
+
+def _parameter_blocks(document: Any) -> list[dict[str, Any]]:
+    if not isinstance(document, dict):
+        return []
+    blocks = []
+    for name, value in document.items():
+        if name == "ros__parameters" and isinstance(value, dict):
+            blocks.append(value)
+        else:
+            blocks += _parameter_blocks(value)
+    return blocks

@@ -1,0 +1,143 @@
+"""replay: the online estimation over a recording, with the same gate and the same ``step()`` as the live node."""
+
+from __future__ import annotations
+
+import csv
+import math
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid_ros import inertial_parameters
+from sysid_ros.input_gate import InputGate, Rejection
+from sysid_ros.online import OnlineEstimation
+from sysid_ros.payload_estimate import PayloadEstimate, PayloadEvent
+from sysid_ros.sample import JointStateRecord
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """What a replay gave.
+
+    Attributes:
+        series: every estimate that a node would have published.
+        final: the last one; the prior where the recording gave none.
+        read, used: number of messages. rejected: by reason.
+        duration: of the recording by its stamps [s]. seconds: that the replay took [s].
+    """
+
+    series: list[PayloadEstimate]
+    final: PayloadEstimate
+    events: list[PayloadEvent]
+    read: int
+    used: int
+    rejected: dict[str, int]
+    duration: float
+    seconds: float
+    status: str
+    reason: str
+    warnings: list[str] = field(default_factory=list)
+
+
+def replay(
+    records: Iterable[JointStateRecord], gate: InputGate, estimation: OnlineEstimation, progress: Callable[[int], None] = lambda n: None
+) -> Replay:
+    """Feed every record through gate and estimation.
+
+    Args:
+        progress: called with the number of records since the last call, now and then.
+    """
+    series = []
+    start = time.perf_counter()
+    first_t, last_t, last_received = math.nan, math.nan, math.nan
+    last_accepted = math.nan
+    read = 0
+    for record in records:
+        read += 1
+        if read % 1000 == 0:
+            progress(1000)
+        last_received = record.receive_time
+        measurement = gate.accept(record)
+        if isinstance(measurement, Rejection):
+            continue
+        last_t, last_accepted = measurement.t, record.receive_time
+        if math.isnan(first_t):
+            first_t = last_t
+        estimate = estimation.step(measurement)
+        if estimate is not None:
+            series.append(estimate)
+    progress(read % 1000)
+    final = series[-1] if series else estimation.prior()
+    status, reason = final.status, final.reason
+    timeout = estimation.settings.sensor_timeout
+    if not last_received - last_accepted <= timeout and read > 0:
+        status, reason = "stale", f"The recording ends without a usable sample for more than {timeout:g} s."
+    warnings = [*gate.warnings, *(f"{n} of {read} messages rejected: {gate.last_texts[key]}" for key, n in gate.counts.items())]
+    if not series:
+        warnings.append("The recording gave no estimate at all: it is too short, or no sample of it was usable.")
+    return Replay(
+        series=series,
+        final=final,
+        events=estimation.events,
+        read=read,
+        used=gate.accepted,
+        rejected=dict(gate.counts),
+        duration=0.0 if math.isnan(first_t) else last_t - first_t,
+        seconds=time.perf_counter() - start,
+        status=status,
+        reason=reason,
+        warnings=[*estimation.warnings, *warnings],
+    )
+
+
+def as_json(result: Replay) -> dict[str, Any]:
+    """The replay in plain types, as ``sysid replay --json`` writes it; what is not known is null."""
+    final = result.final
+    document: dict[str, Any] = {
+        "frame": final.frame,
+        "samples": {"read": result.read, "used": result.used, "rejected": result.rejected},
+        "duration_s": result.duration,
+        "realtime_factor": result.duration / result.seconds,
+        "payload": {
+            "mass": final.mass,
+            "com": final.com,
+            "inertia_com": final.inertia_com,
+            "mass_std": final.mass_std,
+            "com_std": final.com_std,
+            "theta": final.theta,
+            "covariance": final.covariance,
+        },
+        "status": result.status,
+        "reason": result.reason,
+        "observable": final.observable,
+        "events": [{"t": e.t, "kind": e.kind, "mass_before": e.mass_before, "mass_after": e.mass_after} for e in result.events],
+        "warnings": result.warnings,
+    }
+    plain: dict[str, Any] = _plain(document)
+    return plain
+
+
+def write_series(path: Path, series: list[PayloadEstimate]) -> None:
+    """One row an estimate: t, the ten parameters, their standard deviations, com, status."""
+    names = inertial_parameters.NAMES
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["t", *names, *(f"{name}_std" for name in names), "com_x", "com_y", "com_z", "status"])
+        for e in series:
+            writer.writerow([repr(e.t), *map(repr, e.theta.tolist()), *map(repr, e.std.tolist()), *map(repr, e.com.tolist()), e.status])
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(v) for key, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
