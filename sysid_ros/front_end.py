@@ -11,6 +11,10 @@ from sysid_ros.signals import CausalDerivative, LowPassBank, default_cutoff, win
 from sysid_ros.torque_model import TorqueModel
 
 
+_SLOW = 0.06
+"""Speed of a joint below which dry friction is not what a model says [rad/s]."""
+
+
 @dataclass(frozen=True, slots=True)
 class Rows:
     """``y = Y theta + noise`` after the low-pass, one row a joint.
@@ -19,6 +23,7 @@ class Rows:
         Y: columns of the free effects, shape (n, p).
         y: torque left for them, shape (n,) [N m].
         speed: absolute joint velocities, shape (n,) [rad/s].
+        slow: part of the row that comes from a joint hardly moving, where dry friction is not what a model says, shape (n,), 0 to 1.
         acceleration: shape (n,) [rad/s^2].
         tau: measured torque, shape (n,) [N m].
         sample: the newest sample that went in, not filtered.
@@ -27,6 +32,7 @@ class Rows:
     Y: FloatArray
     y: FloatArray
     speed: FloatArray
+    slow: FloatArray
     acceleration: FloatArray
     tau: FloatArray
     sample: Sample
@@ -54,7 +60,7 @@ class FrontEnd:
         n, p = model.robot.n, model.p
         self.rate = 1.0 / period
         self._derivative = CausalDerivative(n, period, window_half_width(self.rate), use_message_velocity)
-        self._raw = np.zeros((n, p + 4))
+        self._raw = np.zeros((n, p + 5))
         self._columns, self._rest = self._raw[:, :p], self._raw[:, p]
         self._bank = LowPassBank(self._raw.shape, min(cutoff_hz or default_cutoff(self.rate), 0.4 * self.rate), self.rate)
         self._every = max(1, round(self.rate / update_rate))
@@ -72,17 +78,25 @@ class FrontEnd:
         self._model.split_into(sample, self._columns, self._rest)
         raw = self._raw
         raw[:, p + 1], raw[:, p + 2], raw[:, p + 3] = sample.v, sample.a, sample.tau
+        raw[:, p + 4] = np.maximum(1.0 - np.abs(sample.v) / _SLOW, 0.0)
         out = self._bank.push(raw)
         self._tick += 1
         if self._tick < 0 or self._tick % self._every:
             return None
         return Rows(
-            np.ascontiguousarray(out[:, :p]), out[:, p].copy(), np.abs(out[:, p + 1]), out[:, p + 2].copy(), out[:, p + 3].copy(), sample
+            Y=np.ascontiguousarray(out[:, :p]),
+            y=out[:, p].copy(),
+            speed=np.abs(out[:, p + 1]),
+            slow=np.abs(out[:, p + 4]),
+            acceleration=out[:, p + 2].copy(),
+            tau=out[:, p + 3].copy(),
+            sample=sample,
         )
 
 
 def white_noise_variance(measurements: list[Measurement]) -> FloatArray:
-    """Variance of the white part of the torques, shape (n,) [(N m)^2]: from their second differences, in which motion hardly shows.
+    """Variance of the white part of the torques, shape (n,) [(N m)^2]: from their second differences, in which motion hardly
+    shows.
 
     The median makes it robust against single faults; 0.455 is the median of chi-squared with one degree of freedom.
     """

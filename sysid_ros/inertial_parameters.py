@@ -1,7 +1,8 @@
 """The ten inertial parameters of a rigid body: names, order, units and every conversion between their forms.
 
 Order (pinocchio's): m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, the inertia about the *frame's origin*.
-``geometry_msgs/Inertia`` and the node's messages hold another order and the inertia about the *centre of mass*; only this file converts.
+``geometry_msgs/Inertia`` and the node's messages hold another order and the inertia about the *centre of mass*; only this file
+converts.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ def inertia_matrix(theta: FloatArray) -> FloatArray:
 
 
 def from_com(mass: float, com: FloatArray, inertia_com: FloatArray) -> FloatArray:
-    """Theta of shape (10,) from the mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m^2] (parallel-axis theorem)."""
+    """Theta of shape (10,) from the mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m^2] (parallel-axis
+    theorem)."""
     com = np.asarray(com, dtype=float)
     origin = np.asarray(inertia_com, dtype=float) + mass * (com @ com * np.eye(3) - np.outer(com, com))
     return np.concatenate(([mass], mass * com, [origin[i, j] for i, j in _TENSOR]))
@@ -50,7 +52,8 @@ def com_jacobian(theta: FloatArray) -> FloatArray:
 
 
 def pseudo_inertia(theta: FloatArray) -> FloatArray:
-    """Pseudo-inertia, shape (4, 4): [[Sigma, mc], [mc', m]] with Sigma = tr(I)/2 1 - I (Wensing, Kim, Slotine 2018, section III)."""
+    """Pseudo-inertia, shape (4, 4): [[Sigma, mc], [mc', m]] with Sigma = tr(I)/2 1 - I (Wensing, Kim, Slotine 2018, section
+    III)."""
     inertia = inertia_matrix(theta)
     out = np.empty((4, 4))
     out[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia

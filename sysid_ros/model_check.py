@@ -11,8 +11,9 @@ from sysid_ros.sample import FloatArray
 class ModelCheck:
     """Compares what known model and payload leave unexplained with the torque itself and with the noise it could be.
 
-    A payload is only as good as the arm's model beneath it. Where the residual is both a large part of the torque and far above the noise
-    that the torque signal itself shows at high frequency (or that the model states), it is not noise: the model is wrong.
+    A payload is only as good as the arm's model beneath it. Where the residual is both a large part of the torque and far above
+    the noise that the torque signal itself shows at high frequency (or that the model states), it is not noise: the model is
+    wrong.
 
     Args:
         robot: for the names of the joints.
@@ -57,7 +58,9 @@ class ModelCheck:
         if float(np.mean(part)) < self.PART or float(np.median(times)) < self.TIMES_NOISE:
             return ""
         worst = np.argsort(-np.sqrt(self._unexplained))[:3]
-        listed = ", ".join(f"{self._names[i]} {np.sqrt(self._unexplained[i]):.2g} N m ({100 * part[i]:.0f} % of its torque)" for i in worst)
+        listed = ", ".join(
+            f"{self._names[i]} {np.sqrt(self._unexplained[i]):.2g} N m ({100 * part[i]:.0f} % of its torque)" for i in worst
+        )
         return (
             f"The residual is far above any noise that it could be ({np.median(times):.0f} times): rms {listed}. "
             "The robot's model does not explain these torques; the payload can't be trusted. "

@@ -45,8 +45,8 @@ class ModelFile:
         robot_name, joints, urdf_sha256: the robot that the parameters belong to.
         effects: its known effects.
         torque_std: what the model leaves unexplained below ``cutoff_hz``, a joint, shape (n,) [N m].
-        correlation_time: for how long that error keeps its sign, a joint, shape (n,) [s]; twice the product with the variance is its
-            spectral density at zero frequency.
+        correlation_time: for how long that error keeps its sign, a joint, shape (n,) [s]; twice the product with the variance
+            is its spectral density at zero frequency.
         provenance: bags, command and version it came from.
     """
 
@@ -72,7 +72,9 @@ class ModelFile:
         known = []
         for block in self.effects:
             if block.effect not in EFFECTS:
-                raise ModelFileError(f"the model names an unknown effect '{block.effect}'; known are {', '.join(sorted(EFFECTS))}.")
+                raise ModelFileError(
+                    f"the model names an unknown effect '{block.effect}'; known are {', '.join(sorted(EFFECTS))}."
+                )
             try:
                 effect = EFFECTS[block.effect].from_settings(robot, block.joints, block.settings)
             except TypeError as error:
@@ -123,12 +125,16 @@ class ModelFile:
         try:
             document = yaml.load(path.read_text(), Loader=_Loader)
         except OSError as error:
-            raise ModelFileError(f"{path} can't be read: {error.strerror}. Give the model.yaml that 'sysid identify' wrote.") from None
+            raise ModelFileError(
+                f"{path} can't be read: {error.strerror}. Give the model.yaml that 'sysid identify' wrote."
+            ) from None
         except yaml.YAMLError as error:
             raise ModelFileError(f"{path} is not YAML: {error}.") from None
         if not isinstance(document, dict) or document.get("format") != FORMAT:
             found = document.get("format") if isinstance(document, dict) else None
-            raise ModelFileError(f"{path} has format {found}; this version reads format {FORMAT}. Give a model.yaml of 'sysid identify'.")
+            raise ModelFileError(
+                f"{path} has format {found}; this version reads format {FORMAT}. Give a model.yaml of 'sysid identify'."
+            )
         try:
             joints = tuple(document["robot"]["joints"])
             noise = document.get("noise") or {}

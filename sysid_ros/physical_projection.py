@@ -24,7 +24,8 @@ def _theta_of(matrix: FloatArray, out: FloatArray) -> None:
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
 def _model(phi: FloatArray, theta: FloatArray, jacobian: FloatArray) -> None:
-    """theta(phi) and its derivative (10, 10), for the pseudo-inertia U U' + eps 1 with U upper triangular, its diagonal exp(phi)."""
+    """theta(phi) and its derivative (10, 10), for the pseudo-inertia U U' + eps 1 with U upper triangular, its diagonal
+    exp(phi)."""
     upper = np.zeros((4, 4))
     k = 0
     for i in range(4):
@@ -81,14 +82,14 @@ def _levenberg_marquardt(target: FloatArray, root: FloatArray, phi: FloatArray, 
         damping = max(damping * 0.2, 1e-9)
         if gain < 1e-6 * (1e-3 + cost):
             break
-    return cost
+    return float(cost)
 
 
 def project(theta: FloatArray, covariance: FloatArray) -> tuple[FloatArray, float]:
     """The physical parameters nearest to ``theta``, and the squared Mahalanobis distance to them.
 
-    Minimises ``(x - theta)' P^-1 (x - theta)`` over the bodies whose pseudo-inertia is positive definite, in log-Cholesky coordinates
-    (Rucker, Wensing 2022). Under a correct covariance the distance is at most a chi-squared of 10 degrees of freedom.
+    Minimises ``(x - theta)' P^-1 (x - theta)`` over the bodies whose pseudo-inertia is positive definite, in log-Cholesky
+    coordinates (Rucker, Wensing 2022). Under a correct covariance the distance is at most a chi-squared of 10 degrees of freedom.
 
     Args:
         theta: shape (10,). covariance: shape (10, 10), positive definite.
@@ -101,7 +102,9 @@ def project(theta: FloatArray, covariance: FloatArray) -> tuple[FloatArray, floa
     try:
         root = np.ascontiguousarray(np.linalg.cholesky(np.linalg.inv(covariance)).T)
     except np.linalg.LinAlgError:
-        raise DataError("the covariance of the payload is not positive definite; no physical body can be compared with it") from None
+        raise DataError(
+            "the covariance of the payload is not positive definite; no physical body can be compared with it"
+        ) from None
     mass = max(float(theta[0]), float(np.sqrt(covariance[0, 0])), 1e-3)
     com = np.clip(theta[1:4] / mass, -0.5, 0.5)
     start = inertial_parameters.pseudo_inertia(inertial_parameters.from_com(mass, com, mass * 0.0025 * np.eye(3)))

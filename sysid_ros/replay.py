@@ -44,7 +44,10 @@ class Replay:
 
 
 def replay(
-    records: Iterable[JointStateRecord], gate: InputGate, estimation: OnlineEstimation, progress: Callable[[int], None] = lambda n: None
+    records: Iterable[JointStateRecord],
+    gate: InputGate,
+    estimation: OnlineEstimation,
+    progress: Callable[[int], None] = lambda n: None,
 ) -> Replay:
     """Feed every record through gate and estimation.
 
@@ -128,7 +131,9 @@ def write_series(path: Path, series: list[PayloadEstimate]) -> None:
         writer = csv.writer(file)
         writer.writerow(["t", *names, *(f"{name}_std" for name in names), "com_x", "com_y", "com_z", "status"])
         for e in series:
-            writer.writerow([repr(e.t), *map(repr, e.theta.tolist()), *map(repr, e.std.tolist()), *map(repr, e.com.tolist()), e.status])
+            writer.writerow(
+                [repr(e.t), *map(repr, e.theta.tolist()), *map(repr, e.std.tolist()), *map(repr, e.com.tolist()), e.status]
+            )
 
 
 def _plain(value: Any) -> Any:

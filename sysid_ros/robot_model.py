@@ -55,7 +55,8 @@ class RobotModel:
         bodies = {f.name: f for f in model.frames if f.type == pin.FrameType.BODY}
         self.frame_names: tuple[str, ...] = tuple(bodies)
         self.body_names: tuple[str, ...] = tuple(
-            next(name for name, f in bodies.items() if f.parentJoint == j and f.placement.isIdentity()) for j in range(1, model.njoints)
+            next(name for name, f in bodies.items() if f.parentJoint == j and f.placement.isIdentity())
+            for j in range(1, model.njoints)
         )
         self.default_frame = self._default_frame()
         self.notes: tuple[str, ...] = (*notes, *self._massless())
@@ -163,7 +164,8 @@ class RobotModel:
         return np.array(pin.computeJointTorqueRegressor(self.model, self.data, q, v, a))
 
     def payload_regressor(self, q: FloatArray, v: FloatArray, a: FloatArray, frame: int) -> FloatArray:
-        """Y of a body fixed to a frame (index from :meth:`frame_id`), shape (n, 10): ``J_frame' Y_body``, parameters in that frame."""
+        """Y of a body fixed to a frame (index from :meth:`frame_id`), shape (n, 10): ``J_frame' Y_body``, parameters in that
+        frame."""
         pin.rnea(self.model, self.data, q, v, a)
         return self.payload_regressor_after_rnea(q, frame)
 
@@ -193,7 +195,9 @@ def _read_urdf(urdf: str) -> tuple[dict[str, str], set[str], str]:
     try:
         root = ElementTree.fromstring(urdf)
     except ElementTree.ParseError as error:
-        raise RobotModelError(f"the URDF is not well-formed XML: {error}. Give a URDF (run xacro first if it is a .xacro).") from error
+        raise RobotModelError(
+            f"the URDF is not well-formed XML: {error}. Give a URDF (run xacro first if it is a .xacro)."
+        ) from error
     if root.tag != "robot":
         raise RobotModelError(f"the URDF's root element is <{root.tag}>; it must be <robot>.")
     types: dict[str, str] = {}

@@ -13,7 +13,12 @@ from sysid_ros.exceptions import SettingsError
 
 
 def _setting(
-    default: Any, description: str, unit: str = "", low: float | None = None, high: float | None = None, choices: tuple[str, ...] = ()
+    default: Any,
+    description: str,
+    unit: str = "",
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] = (),
 ) -> Any:
     metadata = {"description": description, "unit": unit, "low": low, "high": high, "choices": choices}
     if isinstance(default, tuple):
@@ -30,10 +35,14 @@ class OnlineSettings:
     """
 
     # what is read
-    joint_names: tuple[str, ...] = _setting((), "joints that are used; empty: every movable joint of the URDF that the messages name")
+    joint_names: tuple[str, ...] = _setting(
+        (), "joints that are used; empty: every movable joint of the URDF that the messages name"
+    )
     frame_id: str = _setting("", "frame that the payload is expressed in; empty: the link that the last joint moves")
     gravity: tuple[float, ...] = _setting((0.0, 0.0, -9.81), "gravity in the base frame", "m/s^2", -30.0, 30.0)
-    effort_scale: tuple[float, ...] = _setting((), "factor a joint from effort to torque; empty: 1", "N m per unit of effort", 1e-9, 1e9)
+    effort_scale: tuple[float, ...] = _setting(
+        (), "factor a joint from effort to torque; empty: 1", "N m per unit of effort", 1e-9, 1e9
+    )
     effort_sign: tuple[float, ...] = _setting((), "+1 or -1 a joint; empty: +1", "", -1.0, 1.0)
     effort_type: str = _setting(
         "total", "what effort is: the joint's torque, or what is left after the robot's own model", choices=("total", "external")
@@ -46,9 +55,13 @@ class OnlineSettings:
     max_gap: float = _setting(0.1, "a longer gap between samples restarts the filters", "s", 0.002, 10.0)
 
     # filters
-    cutoff_hz: float = _setting(0.0, "cut-off of the low-pass on both sides of the equation; 0: 10, less for slow data", "Hz", 0.0, 200.0)
+    cutoff_hz: float = _setting(
+        0.0, "cut-off of the low-pass on both sides of the equation; 0: 10, less for slow data", "Hz", 0.0, 200.0
+    )
     update_rate: float = _setting(100.0, "updates of the estimator a second at most", "Hz", 5.0, 1000.0)
-    standstill_velocity: float = _setting(0.05, "below it on every joint the robot stands and nothing is updated", "rad/s", 0.0, 1.0)
+    standstill_velocity: float = _setting(
+        0.05, "below it on every joint the robot stands and nothing is updated", "rad/s", 0.0, 1.0
+    )
     low_velocity: float = _setting(0.15, "below it on every joint stiction is added to the noise", "rad/s", 0.0, 1.0)
 
     # estimator
@@ -56,22 +69,30 @@ class OnlineSettings:
     forgetting_time: float = _setting(60.0, "time constant of the forgetting towards the prior", "s", 0.1, 1e6)
     torque_std: tuple[float, ...] = _setting((), "torque noise a joint; empty: from the model, else estimated", "N m", 1e-9, 1e6)
     estimate_friction: bool = _setting(True, "correct offset, Coulomb and viscous friction of each joint beside the payload")
-    friction_drift: float = _setting(0.1, "part of the known friction by which it may have changed since it was identified", "", 0.0, 2.0)
+    friction_drift: float = _setting(
+        0.1, "part of the known friction by which it may have changed since it was identified", "", 0.0, 2.0
+    )
     friction_unknown: float = _setting(0.1, "without a model, friction expected as a part of the effort limit", "", 0.0, 2.0)
     stiction: float = _setting(0.3, "torque that may hide in friction while the robot hardly moves", "N m", 0.0, 1e3)
     prior_mass_std: float = _setting(2.0, "prior standard deviation of the payload's mass", "kg", 1e-3, 1e3)
     prior_first_moment_std: float = _setting(0.3, "prior standard deviation of mass times centre of mass", "kg m", 1e-4, 1e3)
-    prior_inertia_std: float = _setting(0.1, "prior standard deviation of the inertia about the frame's origin", "kg m^2", 1e-6, 1e3)
+    prior_inertia_std: float = _setting(
+        0.1, "prior standard deviation of the inertia about the frame's origin", "kg m^2", 1e-6, 1e3
+    )
     no_payload_mass: float = _setting(0.15, "less mass than this is called no payload", "kg", 0.0, 100.0)
 
-    mass_std_limit: float = _setting(0.1, "above this std (or 5 % of the mass, if more) the payload is not known yet", "kg", 1e-4, 100.0)
+    mass_std_limit: float = _setting(
+        0.1, "above this std (or 5 % of the mass, if more) the payload is not known yet", "kg", 1e-4, 100.0
+    )
 
     # output
     publish_rate: float = _setting(50.0, "estimates published a second", "Hz", 0.1, 1000.0)
 
     def __post_init__(self) -> None:
         for f in fields(self):
-            object.__setattr__(self, f.name, _checked(f.name, getattr(self, f.name), f.metadata, f.default is True or f.default is False))
+            object.__setattr__(
+                self, f.name, _checked(f.name, getattr(self, f.name), f.metadata, f.default is True or f.default is False)
+            )
 
     @classmethod
     def from_mapping(cls, values: dict[str, Any], where: str) -> OnlineSettings:
@@ -102,7 +123,9 @@ def _checked(name: str, value: Any, meta: Any, is_bool: bool) -> Any:
             raise SettingsError(f"{name} is {value!r}; it must be one of {', '.join(meta['choices'])}.")
         return value
     if name in ("frame_id", "joint_names"):
-        if not (isinstance(value, str) if name == "frame_id" else isinstance(value, tuple) and all(isinstance(x, str) for x in value)):
+        if not (
+            isinstance(value, str) if name == "frame_id" else isinstance(value, tuple) and all(isinstance(x, str) for x in value)
+        ):
             raise SettingsError(f"{name} is {value!r}; it must be {'a string' if name == 'frame_id' else 'a list of strings'}.")
         return value
     numbers = value if isinstance(value, tuple) else (value,)

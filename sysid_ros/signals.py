@@ -1,8 +1,8 @@
 """Filters and derivatives at the robot's rate: measurements to samples, and one low-pass for both sides of the equation.
 
-The acceleration decides most of the accuracy. It enters the regressor linearly, so it is left raw (a second difference, unbiased) and
-both sides of the equation, ``F(tau) = F(Y) theta``, go through the *same* low-pass, which averages its noise without shifting phase
-between the two (Swevers, Verdonck, De Schutter 2007; filtered regressor: Slotine, Li 1987).
+The acceleration decides most of the accuracy. It enters the regressor linearly, so it is left raw (a second difference,
+unbiased) and both sides of the equation, ``F(tau) = F(Y) theta``, go through the *same* low-pass, which averages its noise
+without shifting phase between the two (Swevers, Verdonck, De Schutter 2007; filtered regressor: Slotine, Li 1987).
 """
 
 from __future__ import annotations
@@ -44,9 +44,7 @@ def _window_weights(t: FloatArray, first: int, centre: float, weights: FloatArra
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def _push(
-    t: FloatArray, q: FloatArray, weights: FloatArray, first: int, period: float, out: FloatArray, smooth: bool
-) -> None:
+def _push(t: FloatArray, q: FloatArray, weights: FloatArray, first: int, period: float, out: FloatArray, smooth: bool) -> None:
     """Rows of ``out``: q, v (smooth) and a (raw) at the middle of the ring whose oldest entry is ``first``."""
     width, n = q.shape
     half = width // 2
@@ -79,14 +77,16 @@ def _push(
 class CausalDerivative:
     """Position, velocity and acceleration with a fixed lag: ``half_width`` samples behind the newest measurement.
 
-    A cubic is fitted to the actual stamps in a window of ``2 half_width + 1`` samples (Savitzky, Golay 1964), so jitter and lost messages
-    do no harm; the acceleration is the raw second difference of the same positions; the torque is delayed to the same instant.
+    A cubic is fitted to the actual stamps in a window of ``2 half_width + 1`` samples (Savitzky, Golay 1964), so jitter and
+    lost messages do no harm; the acceleration is the raw second difference of the same positions; the torque is delayed to the
+    same instant.
 
     Args:
         n: number of joints.
         period: usual time between samples [s].
         half_width: samples on each side; at least 2.
-        use_message_velocity: take the velocity of the message, delayed alike, in place of the slope of the cubic, where it has one.
+        use_message_velocity: take the velocity of the message, delayed alike, in place of the slope of the cubic, where it has
+            one.
     """
 
     def __init__(self, n: int, period: float, half_width: int, use_message_velocity: bool = False) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -42,18 +43,16 @@ class TorqueModel:
         SysidError: an effect is both known and free, or parameters have the wrong length.
     """
 
-    def __init__(
-        self, robot: RobotModel, free: Sequence[Effect], known: Sequence[KnownEffect] = (), links: bool = True
-    ) -> None:
+    def __init__(self, robot: RobotModel, free: Sequence[Effect], known: Sequence[KnownEffect] = (), links: bool = True) -> None:
         self.robot = robot
         self.free = tuple(free)
         self.known = tuple(known)
         for k in self.known:
             if k.theta.shape != (k.effect.p,):
                 raise SysidError(f"effect '{k.effect.id}' has {k.effect.p} parameters, {k.theta.size} were given.")
-        ends = np.cumsum([0] + [e.p for e in self.free])
-        self.slices = tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
-        self.p = int(ends[-1])
+        ends = list(accumulate((e.p for e in self.free), initial=0))
+        self.slices = tuple(slice(a, b) for a, b in pairwise(ends))
+        self.p = ends[-1]
         self.parameter_names = tuple(name for e in self.free for name in e.parameter_names)
         self.units = tuple(unit for e in self.free for unit in e.units)
         inertia_known = [k for k in self.known if isinstance(k.effect, LinkInertia)]

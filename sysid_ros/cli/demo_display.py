@@ -75,14 +75,18 @@ def panel(picture: Picture) -> RenderableType:
     filled = round(_BAR * done)
     parts: list[RenderableType] = [
         Text.assemble(
-            ("\n  " + "━" * filled, "green"), ("━" * (_BAR - filled), "bright_black"), f"  {picture.t:4.1f} of {picture.duration:g} s"
+            ("\n  " + "━" * filled, "green"),
+            ("━" * (_BAR - filled), "bright_black"),
+            f"  {picture.t:4.1f} of {picture.duration:g} s",
         ),
         Text(f"  truth:    {_truth_text(picture)}"),
     ]
     if picture.estimate is not None:
         status = picture.estimate.status
         parts.append(
-            Text.assemble("  status:   ", (status, _STYLE.get(status, "magenta")), f"  {picture.estimate.reason}", overflow="ellipsis")
+            Text.assemble(
+                "  status:   ", (status, _STYLE.get(status, "magenta")), f"  {picture.estimate.reason}", overflow="ellipsis"
+            )
         )
         rows = compare(picture.estimate, picture.truth) if picture.truth is not None else []
         parts.append(comparison_table(rows))
@@ -91,7 +95,7 @@ def panel(picture: Picture) -> RenderableType:
 
 
 def comparison_table(rows: Sequence[Comparison], title: str | None = None) -> Table:
-    """Truth, estimate, its 95 % interval and the error; the rows that say nothing yet stay, so that the table keeps its height."""
+    """Truth, estimate, its 95 % interval and the error; rows that say nothing yet stay, so that the table keeps its height."""
     table = Table(title=title, title_justify="left")
     table.add_column("")
     for name in ("truth", "estimate", "95 %", "error"):
@@ -145,4 +149,7 @@ def _truth_text(picture: Picture) -> str:
 
 
 def _events(picture: Picture) -> list[str]:
-    return [f"{e.kind} at {e.t - picture.start:.2f} s ({max(e.mass_before, 0.0):.2f} → {max(e.mass_after, 0.0):.2f} kg)" for e in picture.events]
+    return [
+        f"{e.kind} at {e.t - picture.start:.2f} s ({max(e.mass_before, 0.0):.2f} → {max(e.mass_after, 0.0):.2f} kg)"
+        for e in picture.events
+    ]

@@ -84,7 +84,8 @@ def objections(estimate: PayloadEstimate | None, truth: TruthSegment, events: Se
     distance = _distance(estimate, truth)
     if not distance <= _JOINT_REGION:
         against.append(
-            f"The stated covariance is too small: the truth of mass and centre is {distance:.0f} away, {_JOINT_REGION} is allowed."
+            f"The stated covariance is too small: the truth of mass and centre is {distance:.0f} away by it; "
+            f"{_JOINT_REGION} is allowed."
         )
     for kind, when in (("pick", truth.start), ("drop", truth.end)):
         if not any(e.kind == kind and abs(e.t - when) <= EVENT_DELAY for e in events):

@@ -29,8 +29,12 @@ _PATH = click.Path(path_type=Path)
 @click.argument("bags", type=_PATH, nargs=-1, required=True, metavar="BAG...")
 @click.option("--urdf", type=_PATH, help="The robot; else /robot_description of the first bag.")
 @click.option("--out", "out_path", type=_PATH, required=True, help="model.yaml to write.")
-@click.option("--validate", type=_PATH, multiple=True, metavar="BAG...", help="Bags to judge the model on; they are never fitted.")
-@click.option("--config", "config_path", type=_PATH, help="Parameters of the node (effort_scale, joint_names, ...), a ROS 2 YAML file.")
+@click.option(
+    "--validate", type=_PATH, multiple=True, metavar="BAG...", help="Bags to judge the model on; they are never fitted."
+)
+@click.option(
+    "--config", "config_path", type=_PATH, help="Parameters of the node (effort_scale, joint_names, ...), a ROS 2 YAML file."
+)
 @click.option("--cutoff", type=click.FloatRange(0.5, 100.0), help="Cut-off of the low-pass on both sides. [Hz]")
 @click.option("--topic", default="/joint_states", show_default=True)
 @click.option("--json", "json_path", type=_PATH, help="Write the result for machines.")
@@ -46,8 +50,8 @@ def command(
 ) -> None:
     """Identify link inertials, friction, rotor inertia and torque offsets of an arm from BAGs in which it carries nothing.
 
-    The result is what 'sysid replay --model' and the node take as known. Each bag is predicted by a model fitted to the others (halves,
-    where there is one bag), and that error is shown.
+    The result is what 'sysid replay --model' and the node take as known. Each bag is predicted by a model fitted to the others
+    (halves, where there is one bag), and that error is shown.
 
     \b
     Example:
@@ -68,7 +72,9 @@ def command(
     note(f"Model written to {out_path}.")
 
 
-def _rows(path: Path, urdf: Path | None, topic: str, settings: OnlineSettings, cutoff: float, robots: list[RobotModel]) -> BagRows:
+def _rows(
+    path: Path, urdf: Path | None, topic: str, settings: OnlineSettings, cutoff: float, robots: list[RobotModel]
+) -> BagRows:
     source, robot = open_bag(path, topic, urdf, settings)
     if robots and robot.joint_names != robots[0].joint_names:
         raise RobotModelError(
@@ -110,7 +116,8 @@ def _show(result: Identification, robot: RobotModel) -> None:
         errors.add_row(f"{Path(error.name).name} ({kind})", *cells)
     console.print(errors)
     console.print(
-        f"{result.base.rank} base parameters of {len(result.names)}, condition number {result.base.condition_number:.0f} of the scaled columns",
+        f"{result.base.rank} base parameters of {len(result.names)}, "
+        f"condition number {result.base.condition_number:.0f} of the scaled columns",
         highlight=False,
     )
 

@@ -42,7 +42,9 @@ def read_config(path: Path | None) -> dict[str, Any]:
     for node in _parameter_blocks(document):
         found.update(node)
     if not isinstance(document, dict) or (not found and "ros__parameters" in str(document)):
-        raise SettingsError(f"configuration '{path}' holds no parameters. See config/online_payload_estimator.yaml for an example.")
+        raise SettingsError(
+            f"configuration '{path}' holds no parameters. See config/online_payload_estimator.yaml for an example."
+        )
     return found or document
 
 

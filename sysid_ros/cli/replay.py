@@ -97,7 +97,10 @@ def _show(result: Replay, bag: Path) -> None:
         console.print(result.reason, highlight=False)
     start = result.series[0].t if result.series else 0.0
     for e in result.events:
-        console.print(f"{e.kind} {e.t - start:.2f} s after the first estimate: {e.mass_before:.3f} -> {e.mass_after:.3f} kg", highlight=False)
+        console.print(
+            f"{e.kind} {e.t - start:.2f} s after the first estimate: {e.mass_before:.3f} -> {e.mass_after:.3f} kg",
+            highlight=False,
+        )
     console.print(
         f"{result.used} of {result.read} samples used, {result.duration:.1f} s in {result.seconds:.2f} s "
         f"({result.duration / result.seconds:.0f} times real time)",

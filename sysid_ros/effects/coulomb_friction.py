@@ -25,6 +25,7 @@ class CoulombFriction(JointEffect):
     label: ClassVar[str] = "Coulomb friction"
     symbol: ClassVar[str] = "Fc"
     unit: ClassVar[str] = "N m"
+    slide_unit: ClassVar[str] = "N"
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = 0.02) -> None:
         super().__init__(robot, joints)

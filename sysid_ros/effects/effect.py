@@ -16,8 +16,8 @@ from sysid_ros.sample import FloatArray, Sample
 class Effect(ABC):
     """One cause of torque, linear in its parameters: ``tau_effect = Y(q, v, a) theta``.
 
-    A nonlinear knob (the width of a sign function, a frame) is a constructor argument; ``settings`` gives it back, so that an effect
-    can be written to ``model.yaml`` and made again by :meth:`from_settings`.
+    A nonlinear knob (the width of a sign function, a frame) is a constructor argument; ``settings`` gives it back, so that an
+    effect can be written to ``model.yaml`` and made again by :meth:`from_settings`.
 
     Attributes:
         id: the effect's name in files and messages.
@@ -36,7 +36,9 @@ class Effect(ABC):
     def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
         unknown = sorted(set(joints) - set(robot.joint_names))
         if unknown:
-            raise ModelFileError(f"effect '{self.id}' names joints {', '.join(unknown)}; the robot has {', '.join(robot.joint_names)}.")
+            raise ModelFileError(
+                f"effect '{self.id}' names joints {', '.join(unknown)}; the robot has {', '.join(robot.joint_names)}."
+            )
         self.robot = robot
         self.joints = np.array([i for i, name in enumerate(robot.joint_names) if not joints or name in joints], dtype=np.intp)
 
@@ -84,11 +86,12 @@ class JointEffect(Effect):
 
     symbol: ClassVar[str]
     unit: ClassVar[str]
+    slide_unit: ClassVar[str]
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
         super().__init__(robot, joints)
         self.parameter_names = tuple(f"{self.symbol}[{name}]" for name in self.joint_names)
-        self.units = (self.unit,) * len(self.joints)
+        self.units = tuple(self.slide_unit if robot.is_prismatic[j] else self.unit for j in self.joints)
         self._columns = np.arange(len(self.joints))
         self._every_joint = len(self.joints) == robot.n
 

@@ -15,6 +15,7 @@ class RotorInertia(JointEffect):
     label: ClassVar[str] = "rotor inertia"
     symbol: ClassVar[str] = "J"
     unit: ClassVar[str] = "kg m^2"
+    slide_unit: ClassVar[str] = "kg"
 
     def curve(self, sample: Sample) -> FloatArray:
         return sample.a

@@ -18,6 +18,7 @@ class TorqueOffset(JointEffect):
     label: ClassVar[str] = "torque offset"
     symbol: ClassVar[str] = "offset"
     unit: ClassVar[str] = "N m"
+    slide_unit: ClassVar[str] = "N"
 
     def __init__(self, robot: RobotModel, joints: tuple[str, ...] = ()) -> None:
         super().__init__(robot, joints)

@@ -15,6 +15,7 @@ class ViscousFriction(JointEffect):
     label: ClassVar[str] = "viscous friction"
     symbol: ClassVar[str] = "b"
     unit: ClassVar[str] = "N m s/rad"
+    slide_unit: ClassVar[str] = "N s/m"
 
     def curve(self, sample: Sample) -> FloatArray:
         return sample.v

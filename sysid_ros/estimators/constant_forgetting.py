@@ -50,7 +50,9 @@ class ConstantForgetting(Estimator):
             return self._estimate(innovation, "not_excited", "nothing excites the parameters; the estimate is held")
         if self.forgetting_factor < 1.0:
             self._P /= self.forgetting_factor
-        kernels.joseph_update(self._theta, self._P, Y, tau, self.variance if extra_variance is None else self.variance + extra_variance)
+        kernels.joseph_update(
+            self._theta, self._P, Y, tau, self.variance if extra_variance is None else self.variance + extra_variance
+        )
         return self._estimate(innovation, "ok", "")
 
     def _estimate(self, innovation: FloatArray, status: str, reason: str) -> Estimate:

@@ -15,8 +15,8 @@ def joseph_update(theta: FloatArray, P: FloatArray, Y: FloatArray, tau: FloatArr
     """Measurement update row by row: ``K = P y / (y' P y + r)``, ``P <- (1 - K y') P (1 - K y')' + K r K'`` (Joseph), expanded.
 
     Args:
-        theta: shape (p,). P: shape (p, p), symmetric. Y: shape (m, p). tau: shape (m,). variance: noise of each row, shape (m,); a row
-            of infinite variance changes nothing.
+        theta: shape (p,). P: shape (p, p), symmetric. Y: shape (m, p). tau: shape (m,). variance: noise of each row, shape
+            (m,); a row of infinite variance changes nothing.
     """
     p = theta.size
     gain = np.empty(p)
@@ -45,8 +45,8 @@ def joseph_update(theta: FloatArray, P: FloatArray, Y: FloatArray, tau: FloatArr
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
 def forget_towards_prior(P: FloatArray, prior_variance: FloatArray, epsilon: float, work: FloatArray) -> None:
-    """Time update ``P <- P + eps (P - P P0^-1 P)``: forgetting that never exceeds the prior, P <= P0 (Salgado, Goodwin, Middleton 1988;
-    Shin, Lee 2020). ``prior_variance`` is the diagonal of P0, shape (p,); 0 < eps < 1; ``work`` is as large as P.
+    """Time update ``P <- P + eps (P - P P0^-1 P)``: forgetting that never exceeds the prior, P <= P0 (Salgado, Goodwin,
+    Middleton 1988; Shin, Lee 2020). ``prior_variance`` is the diagonal of P0, shape (p,); 0 < eps < 1; ``work`` is as large as P.
     """
     p = P.shape[0]
     for a in range(p):
@@ -98,15 +98,21 @@ def normalised_innovation(Y: FloatArray, P: FloatArray, variance: FloatArray, in
         S[i, i] = np.sqrt(diagonal)
         solved[i] = rest / S[i, i]
         z += solved[i] * solved[i]
-    return z / m
+    return float(z / m)
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
 def accumulate_blocks(
-    residual: FloatArray, sums: FloatArray, filled: FloatArray, lengths: FloatArray, power: FloatArray, count: FloatArray, keep: float
+    residual: FloatArray,
+    sums: FloatArray,
+    filled: FloatArray,
+    lengths: FloatArray,
+    power: FloatArray,
+    count: FloatArray,
+    keep: float,
 ) -> None:
-    """Batch means at several block lengths: adds a residual (m,) to ``sums`` (levels, m); a block that is full adds its squared sum over its
-    length to ``power`` (levels, m) and one to ``count`` (levels,), both fading by ``keep`` a sample of the block."""
+    """Batch means at several block lengths: adds a residual (m,) to ``sums`` (levels, m); a block that is full adds its squared
+    sum over its length to ``power`` (levels, m) and one to ``count`` (levels,), both fading by ``keep`` a sample of the block."""
     for level in range(lengths.size):
         for i in range(residual.size):
             sums[level, i] += residual[i]

@@ -18,7 +18,8 @@ class JumpRule:
 
     Attributes:
         block: the parameters that may jump.
-        least: change of the block's parameters of which one must be exceeded, shape (size of block,); infinite where it does not count.
+        least: change of the block's parameters of which one must be exceeded, shape (size of block,); infinite where it does
+            not count.
         memory: time after a jump during which old data are still in the rows [s].
     """
 
@@ -30,10 +31,13 @@ class JumpRule:
 class VariableForgetting(Estimator):
     """Joseph-form recursive least squares that remembers while the innovations fit and forgets when they do not.
 
-    - Time update: exponential resetting towards the prior (Salgado, Goodwin, Middleton 1988), which bounds P by P0 in every direction, only
+    - Time update: exponential resetting towards the prior (Salgado, Goodwin, Middleton 1988), which bounds P by P0 in every
+    direction, only
       while something excites the parameters.
-    - Measurement update: Joseph form, row by row, with the long-run variance of the residuals as noise (:class:`LongRunVariance`).
-    - Change: a run of innovations too large for ``Y P Y' + Rd`` is fitted with a jump of the block that may jump (Willsky, Jones 1976); if
+    - Measurement update: Joseph form, row by row, with the long-run variance of the residuals as noise
+    (:class:`LongRunVariance`).
+    - Change: a run of innovations too large for ``Y P Y' + Rd`` is fitted with a jump of the block that may jump (Willsky,
+    Jones 1976); if
       the jump explains it, that block's covariance goes back to the prior, and once more when the old data have left the filters.
     - Outlier: an innovation too large that no jump explains gets less weight.
 
@@ -67,7 +71,7 @@ class VariableForgetting(Estimator):
         self._theta = np.zeros(self.p)
         self._P = np.diag(self._prior_variance)
         self.noise = LongRunVariance(self.m, self._period, self._floor)
-        self._spread = self._floor * self.noise.CAUTION
+        self._spread: FloatArray = self._floor * self.noise.CAUTION
         self._spread_count = 0
         self._updates = 0
         self._information_used = np.zeros(self.m)
@@ -97,7 +101,9 @@ class VariableForgetting(Estimator):
     def update(self, Y: FloatArray, tau: FloatArray, hold: bool = False, extra_variance: FloatArray | None = None) -> Estimate:
         innovation = tau - Y @ self._theta
         if not np.isfinite(innovation).all():
-            return Estimate(self._theta.copy(), self.covariance(), innovation, "not_finite", "the rows hold values that are not finite")
+            return Estimate(
+                self._theta.copy(), self.covariance(), innovation, "not_finite", "the rows hold values that are not finite"
+            )
         extra = np.zeros(self.m) if extra_variance is None else extra_variance
         spread = self._spread + extra
         self.z = z = kernels.normalised_innovation(Y, self._P, spread, innovation)
@@ -125,7 +131,9 @@ class VariableForgetting(Estimator):
             self._learn_early()
         if not np.isfinite(self._theta).all():
             self.reset()
-            return Estimate(self._theta.copy(), self.covariance(), innovation, "not_finite", "the recursion broke down and started again")
+            return Estimate(
+                self._theta.copy(), self.covariance(), innovation, "not_finite", "the recursion broke down and started again"
+            )
         if outlier:
             return self._estimate(innovation, "outlier", "the torques do not fit the estimate; they were given less weight")
         if not self.noise.known:
@@ -148,7 +156,8 @@ class VariableForgetting(Estimator):
         return 0.5 * (covariance + covariance.T)
 
     def _learn_early(self) -> None:
-        """The first residuals say nothing while the fit still follows every row: the noise is read from one fit to all first rows.
+        """The first residuals say nothing while the fit still follows every row: the noise is read from one fit to all first
+        rows.
 
         They were weighted with the least noise; once it is known they are taken in again with what it is.
         """

@@ -24,7 +24,8 @@ class TorqueError:
     """How well a model predicts a recording that it was not fitted to, a joint, shape (n,) each [N m].
 
     Attributes:
-        name: the recording. residual: rms of the residual. torque: rms of the torque. nominal: rms of the residual of the URDF alone.
+        name: the recording. residual: rms of the residual. torque: rms of the torque. nominal: rms of the residual of the URDF
+            alone.
     """
 
     name: str
@@ -56,11 +57,19 @@ class Identification:
 
 def free_model(robot: RobotModel) -> TorqueModel:
     """Links, friction, rotors and offsets of the arm, all free."""
-    effects: list[Effect] = [LinkInertia(robot), ViscousFriction(robot), CoulombFriction(robot), RotorInertia(robot), TorqueOffset(robot)]
+    effects: list[Effect] = [
+        LinkInertia(robot),
+        ViscousFriction(robot),
+        CoulombFriction(robot),
+        RotorInertia(robot),
+        TorqueOffset(robot),
+    ]
     return TorqueModel(robot, effects)
 
 
-def identify(model: TorqueModel, bags: Sequence[BagRows], validation: Sequence[BagRows], provenance: dict[str, Any]) -> Identification:
+def identify(
+    model: TorqueModel, bags: Sequence[BagRows], validation: Sequence[BagRows], provenance: dict[str, Any]
+) -> Identification:
     """Weighted least squares on all recordings; its error from recordings held out in turn (halves, where there is one).
 
     Args:
@@ -97,11 +106,13 @@ def identify(model: TorqueModel, bags: Sequence[BagRows], validation: Sequence[B
 
 def _require_motion(robot: RobotModel, bags: Sequence[BagRows]) -> None:
     share = np.sum([b.moving.sum(axis=0) for b in bags], axis=0) / sum(len(b.t) for b in bags)
-    still = [f"{name} ({100 * part:.0f} % of the time)" for name, part in zip(robot.joint_names, share, strict=True) if part < 0.05]
+    still = [
+        f"{name} ({100 * part:.0f} % of the time)" for name, part in zip(robot.joint_names, share, strict=True) if part < 0.05
+    ]
     if still:
         raise DataError(
-            f"joints that hardly move in these recordings: {', '.join(still)}. Each joint must move for at least 5 % of the time; "
-            "record a motion that moves all of them, or leave the joint out of the URDF."
+            f"joints that hardly move in these recordings: {', '.join(still)}. "
+            "Each joint must move for at least 5 % of the time; record a motion that moves all of them, or leave the joint out of the URDF."
         )
 
 

@@ -26,10 +26,11 @@ class Fit:
 
 
 def fit(bags: Sequence[BagRows], prior_mean: FloatArray, prior_std: FloatArray, iterations: int = 5) -> Fit:
-    """``theta = argmin sum_j |Y_j theta - y_j|^2 / r_j + |(theta - prior) / std|^2``, the noise of each joint from its own residual.
+    """``theta = argmin sum_j |Y_j theta - y_j|^2 / r_j + |(theta - prior) / std|^2``, the noise of each joint from its own
+    residual.
 
-    The noise r_j is the long-run variance of the residual, so rows that follow one another closely do not count as independent; the
-    prior decides the directions that the data leave open.
+    The noise r_j is the long-run variance of the residual, so rows that follow one another closely do not count as independent;
+    the prior decides the directions that the data leave open.
 
     Args:
         bags: rows; those of joints that stand are left out.

@@ -24,7 +24,8 @@ class BagRows:
     Attributes:
         name: where they come from.
         t: shape (N,) [s]. period: time between rows [s].
-        Y: shape (N, n, p). y: what the known effects leave of the torque, shape (N, n) [N m]. tau: measured torque, shape (N, n) [N m].
+        Y: shape (N, n, p). y: what the known effects leave of the torque, shape (N, n) [N m]. tau: measured torque, shape (N,
+            n) [N m].
         moving: rows of joints whose friction is determined, shape (N, n), bool.
     """
 

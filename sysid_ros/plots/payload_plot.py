@@ -7,8 +7,6 @@ from pathlib import Path
 
 from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.payload_estimate import PayloadEstimate, PayloadEvent
-from sysid_ros.plots.payload_figure import payload_figure
-from sysid_ros.plots.payload_page import payload_page
 from sysid_ros.plots.truth import TruthSegment
 
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
@@ -63,8 +61,13 @@ def write_payload_plot(
         raise DataError(
             f"The estimates have residuals of {n} joints; {len(joint_names)} names and {len(units)} units were given. Give {n}."
         )
+    # each drawing library takes a part of a second to import, and one is enough
     if path.suffix.lower() in PAGE_SUFFIXES:
+        from sysid_ros.plots.payload_page import payload_page
+
         path.write_text(payload_page(series, events, joint_names, units, title, truth or ()), encoding="utf-8")
     else:
+        from sysid_ros.plots.payload_figure import payload_figure
+
         figure = payload_figure(series, events, joint_names, units, title, truth or ())
         figure.savefig(path, dpi=150)

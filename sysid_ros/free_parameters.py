@@ -1,0 +1,98 @@
+"""FreeParameters: what the online estimation does not know, how little it knows of it, and the estimator made for that."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sysid_ros.effects import CoulombFriction, Effect, Payload, TorqueOffset, ViscousFriction
+from sysid_ros.estimators import ConstantForgetting, Estimator, JumpRule, VariableForgetting
+from sysid_ros.front_end import FrontEnd, Rows, white_noise_variance
+from sysid_ros.model_file import ModelFile
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Measurement
+from sysid_ros.settings import OnlineSettings
+from sysid_ros.torque_model import TorqueModel
+
+PAYLOAD = slice(0, 10)
+"""Where the payload's ten parameters stand among the free ones."""
+
+_LEAST_JUMP = (0.03, 5e-3, 5e-3, 5e-3) + (math.inf,) * 6
+"""Change of mass [kg] or first moment [kg m] of which one must be exceeded to count as a change of the payload."""
+
+
+class FreeParameters:
+    """The payload's ten parameters and, beside them, what offset and friction of each joint differ from the known model.
+
+    Args:
+        robot: the arm. settings: prior and noise. known: the identified model, if any.
+
+    Attributes:
+        payload: the effect whose columns come first.
+        model: known and free effects.
+        prior_std: standard deviation of the free parameters before any data, shape (p,).
+    """
+
+    def __init__(self, robot: RobotModel, settings: OnlineSettings, known: ModelFile | None) -> None:
+        self._robot, self._settings, self._known = robot, settings, known
+        self.payload = Payload(robot, frame=settings.frame_id)
+        effects: list[Effect] = [self.payload]
+        if settings.estimate_friction:
+            effects += [TorqueOffset(robot), CoulombFriction(robot), ViscousFriction(robot)]
+        known_effects = known.known_effects(robot) if known else []
+        self.model = TorqueModel(robot, effects, known_effects, links=settings.effort_type == "total")
+        self._coulomb = np.abs(self.model.known_theta("coulomb_friction"))
+        self._viscous = np.abs(self.model.known_theta("viscous_friction"))
+        self.prior_std = np.concatenate([self._payload_prior(), *self._friction_prior()])
+
+    def _payload_prior(self) -> FloatArray:
+        s = self._settings
+        return np.array([s.prior_mass_std] + [s.prior_first_moment_std] * 3 + [s.prior_inertia_std] * 6)
+
+    def _friction_prior(self) -> list[FloatArray]:
+        """Of offset, Coulomb and viscous friction: small beside a known model, of the size of the effort limits without one."""
+        s = self._settings
+        if not s.estimate_friction:
+            return []
+        if self._known is None:
+            size = s.friction_unknown * np.where(np.isfinite(self._robot.effort_limit), self._robot.effort_limit, 50.0)
+            return [0.2 * size, size, 2.0 * size]
+        least, drift = np.full(self._robot.n, 0.1), s.friction_drift
+        return [0.5 * drift * self._coulomb + least, drift * self._coulomb + least, drift * self._viscous + least]
+
+    def friction_variance(self, rows: Rows, theta: FloatArray) -> FloatArray:
+        """Variance of the torque that may hide in dry friction near standstill, where no model holds, shape (n,) [(N m)^2].
+
+        Args:
+            theta: the free parameters as they are estimated now, shape (p,).
+        """
+        coulomb = self._coulomb
+        if self._settings.estimate_friction:
+            n = self._robot.n
+            coulomb = np.abs(coulomb + theta[10 + n : 10 + 2 * n])
+        extra: FloatArray = (0.5 * coulomb * rows.slow) ** 2
+        if float(rows.speed.max()) < self._settings.low_velocity:
+            extra += self._settings.stiction**2
+        return extra
+
+    def noise_density(self, measurements: list[Measurement], sample_period: float) -> FloatArray:
+        """Least spectral density of the torque noise, shape (n,) [(N m)^2 s].
+
+        What was set; else the white noise that the measurements show or, if that is more, the error that the known model states.
+        """
+        if self._settings.torque_std:
+            std: FloatArray = np.broadcast_to(np.array(self._settings.torque_std), (self._robot.n,))
+            return std**2 * sample_period
+        density = np.maximum(white_noise_variance(measurements), 1e-8) * sample_period
+        if self._known is not None:
+            density = np.maximum(density, 2.0 * self._known.torque_std**2 * self._known.correlation_time)
+        return density
+
+    def make_estimator(self, front_end: FrontEnd, floor: FloatArray) -> Estimator:
+        """The estimator that the settings name, for rows of at least the variance ``floor``, shape (n,)."""
+        s = self._settings
+        if s.estimator == "constant":
+            return ConstantForgetting(self.prior_std, floor, math.exp(-front_end.period / s.forgetting_time))
+        jump = JumpRule(PAYLOAD, np.array(_LEAST_JUMP), front_end.memory)
+        return VariableForgetting(self.prior_std, floor, front_end.period, s.forgetting_time, jump)

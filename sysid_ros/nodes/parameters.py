@@ -1,0 +1,211 @@
+"""ROS parameters from the settings' dataclasses: each is written down once, there."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable
+from dataclasses import Field, dataclass, field, fields
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from sysid_ros.commit_gate import CommitSettings
+from sysid_ros.exceptions import SettingsError
+from sysid_ros.settings import OnlineSettings
+
+
+def _setting(default: str | bool, description: str, choices: tuple[str, ...] = (), fixed: bool = False) -> Any:
+    metadata = {"description": description, "unit": "", "low": None, "high": None, "choices": choices, "fixed": fixed}
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeSettings:
+    """What only the node needs.
+
+    Raises:
+        SettingsError: a value is of the wrong type or not among those allowed.
+    """
+
+    urdf_path: str = _setting("", "the robot's URDF; empty: it is taken from the topic robot_description")
+    model_path: str = _setting("", "model.yaml that 'sysid identify' wrote; empty: the URDF's links and <dynamics> are what is known")
+    autostart: bool = _setting(True, "configure and activate at the start, without a lifecycle manager", fixed=True)
+    executor: str = _setting(
+        "single",
+        "'single' is rclpy's SingleThreadedExecutor; 'events' its experimental EventsExecutor, which needs less of the processor",
+        choices=("single", "events"),
+        fixed=True,
+    )
+    disabled_at_startup: bool = _setting(False, "start frozen, until the service ~/enable")
+    publish_markers: bool = _setting(True, "publish ~/markers while somebody subscribes")
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value, choices = getattr(self, f.name), f.metadata["choices"]
+            if choices and value not in choices:
+                raise SettingsError(f"{f.name} is {value!r}; it must be one of {', '.join(choices)}.")
+            if not isinstance(value, type(f.default)):
+                raise SettingsError(f"{f.name} is {value!r}; it must be {'true or false' if isinstance(f.default, bool) else 'a string'}.")
+
+
+_GROUPS: tuple[tuple[str, type], ...] = (("", NodeSettings), ("", OnlineSettings), ("commit.", CommitSettings))
+_LIVE = ("publish_markers",)
+_ARRAYS = (Parameter.Type.DOUBLE_ARRAY, Parameter.Type.STRING_ARRAY)
+
+
+class NodeParameters:
+    """Declares the parameters of the node and reads the settings from them.
+
+    A value that is not allowed does not stop the node: it is kept as a problem, which the transition ``configure`` reports. The
+    ``commit.*`` parameters and ``publish_markers`` may be set at any time, the others while the node is unconfigured.
+
+    Args:
+        node: whose parameters they are.
+        is_configured: whether the node has left the state unconfigured.
+        on_change: called when one was set.
+    """
+
+    def __init__(self, node: Node, is_configured: Callable[[], bool], on_change: Callable[[], None]) -> None:
+        self._node, self._is_configured, self._on_change = node, is_configured, on_change
+        self._problems: dict[str, str] = {}
+        self._fields = {prefix + f.name: (cls, f) for prefix, cls in _GROUPS for f in fields(cls)}
+        for name, (cls, f) in self._fields.items():
+            self._declare(name, cls, f)
+        self._warn_of_unknown()
+        node.add_pre_set_parameters_callback(self._convert_all)
+        node.add_on_set_parameters_callback(self._check_all)
+        node.add_post_set_parameters_callback(self._note_all)
+
+    @property
+    def problems(self) -> list[str]:
+        """One sentence for each value that was given and is not allowed."""
+        return list(self._problems.values())
+
+    @property
+    def online(self) -> OnlineSettings:
+        """Settings of the estimation."""
+        return OnlineSettings(**self._values(OnlineSettings))
+
+    @property
+    def commit(self) -> CommitSettings:
+        """Settings of the commit gate."""
+        return CommitSettings(**self._values(CommitSettings))
+
+    @property
+    def node(self) -> NodeSettings:
+        """Settings of the node alone."""
+        return NodeSettings(**self._values(NodeSettings))
+
+    def _values(self, wanted: type) -> dict[str, Any]:
+        return {f.name: _plain(self._node.get_parameter(name).value) for name, (cls, f) in self._fields.items() if cls is wanted}
+
+    def _declare(self, name: str, cls: type, f: Field[Any]) -> None:
+        kind, meta = _type_of(f), f.metadata
+        notes = [meta["description"]]
+        if meta["unit"]:
+            notes.append(f"[{meta['unit']}]")
+        if meta["choices"]:
+            notes.append(f"(one of {', '.join(meta['choices'])})")
+        elif meta["low"] is not None:
+            notes.append(f"({meta['low']:g} to {meta['high']:g})")
+        descriptor = ParameterDescriptor(description=" ".join(notes), read_only=meta.get("fixed", False))
+        if kind == Parameter.Type.DOUBLE:
+            descriptor.floating_point_range = [FloatingPointRange(from_value=float(meta["low"]), to_value=float(meta["high"]))]
+        overrides = self._node._parameter_overrides
+        given = overrides.pop(name, None)
+        value: Any = list(_default(f)) if isinstance(_default(f), tuple) else _default(f)
+        if given is not None:
+            # a whole number in a YAML file is an integer to ROS, and an empty list has no type
+            given = _converted(given, kind)
+            if problem := _problem(name, cls, f, given):
+                self._problems[name] = problem
+            else:
+                value = given.value
+        if kind in _ARRAYS and len(value) == 0:
+            # rclpy takes an empty list for bytes when it is declared, but not when it is set
+            self._node.declare_parameter(name, kind, descriptor)
+            self._node.set_parameters([Parameter(name, kind, [])])
+        else:
+            self._node.declare_parameter(name, value, descriptor)
+
+    def _warn_of_unknown(self) -> None:
+        for name in sorted(set(self._node._parameter_overrides) - set(self._fields)):
+            if self._node.has_parameter(name) or name.startswith("qos_overrides."):
+                continue
+            close = difflib.get_close_matches(name, self._fields, 1)
+            hint = f" Did you mean '{close[0]}'?" if close else " 'ros2 param list' shows those that there are."
+            self._node.get_logger().warning(f"There is no parameter '{name}'; its value is not used.{hint}")
+
+    def _convert_all(self, parameters: list[Parameter]) -> list[Parameter]:
+        return [_converted(p, _type_of(self._fields[p.name][1])) if p.name in self._fields else p for p in parameters]
+
+    def _check_all(self, parameters: Iterable[Parameter]) -> SetParametersResult:
+        for p in (p for p in parameters if p.name in self._fields):
+            cls, f = self._fields[p.name]
+            if problem := _problem(p.name, cls, f, p):
+                return SetParametersResult(successful=False, reason=problem)
+            if self._is_configured() and cls is not CommitSettings and p.name not in _LIVE:
+                reason = (
+                    f"{p.name} can be set only while the node is unconfigured. Run 'ros2 lifecycle set "
+                    f"{self._node.get_fully_qualified_name()}' with deactivate and cleanup, set it, then configure and activate."
+                )
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
+
+    def _note_all(self, parameters: Iterable[Parameter]) -> None:
+        for p in parameters:
+            self._problems.pop(p.name, None)
+        self._on_change()
+
+
+def _default(f: Field[Any]) -> Any:
+    return f.default_factory() if callable(f.default_factory) else f.default
+
+
+def _type_of(f: Field[Any]) -> Parameter.Type:
+    default = _default(f)
+    if isinstance(default, bool):
+        return Parameter.Type.BOOL
+    if isinstance(default, str):
+        return Parameter.Type.STRING
+    if isinstance(default, float):
+        return Parameter.Type.DOUBLE
+    return Parameter.Type.STRING_ARRAY if f.metadata["low"] is None else Parameter.Type.DOUBLE_ARRAY
+
+
+def _converted(p: Parameter, kind: Parameter.Type) -> Parameter:
+    """The parameter in the type that is declared, where nothing is lost by it."""
+    if p.type_ == Parameter.Type.INTEGER and kind == Parameter.Type.DOUBLE:
+        return Parameter(p.name, kind, float(p.value))
+    if p.type_ == Parameter.Type.INTEGER_ARRAY and kind == Parameter.Type.DOUBLE_ARRAY:
+        return Parameter(p.name, kind, [float(x) for x in p.value])
+    if kind in _ARRAYS and p.type_.name.endswith("_ARRAY") and len(p.value) == 0:
+        return Parameter(p.name, kind, [])
+    return p
+
+
+def _plain(value: Any) -> Any:
+    return tuple(value) if not isinstance(value, str | bool | float) else value
+
+
+def _problem(name: str, cls: type, f: Field[Any], p: Parameter) -> str:
+    kind = _type_of(f)
+    if p.type_ != kind:
+        wanted = kind.name.lower().replace("_", " ")
+        return f"{name} is {p.value!r}, of type {p.type_.name.lower().replace('_', ' ')}; it must be of type {wanted}. {_EXAMPLES[kind]}"
+    try:
+        cls(**{f.name: _plain(p.value)})
+    except SettingsError as error:
+        return str(error)
+    return ""
+
+
+_EXAMPLES = {
+    Parameter.Type.BOOL: "Write true or false.",
+    Parameter.Type.STRING: "Write it in quotes.",
+    Parameter.Type.DOUBLE: "Write a number such as 50.0.",
+    Parameter.Type.DOUBLE_ARRAY: "Write a list of numbers such as [1.0, 2.5].",
+    Parameter.Type.STRING_ARRAY: "Write a list of names such as [joint_1, joint_2].",
+}

@@ -1,0 +1,40 @@
+"""Runs a node in the executor that its parameter ``executor`` names, and ends it cleanly."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+
+_IDLE = 0.1
+
+
+def spin(make_node: Callable[[], Node], args: list[str] | None) -> int:
+    """Make the node and run it until it is told to stop; the exit code."""
+    rclpy.init(args=args)
+    node: Node | None = None
+    try:
+        node = make_node()
+        if node.get_parameter("executor").value == "events":
+            # only who asks for it depends on what is experimental
+            from rclpy.experimental import EventsExecutor
+
+            executor = EventsExecutor()
+        else:
+            executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        # not executor.spin(): the EventsExecutor's does not return on shutdown
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=_IDLE)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        # Ctrl-C reaches a launched node twice; the second one must not break the clean-up
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
