@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from sysid_ros.sample import FloatArray, Measurement, Sample
 from sysid_ros.signals import CausalDerivative, LowPassBank, default_cutoff, window_half_width
@@ -76,10 +77,8 @@ class FrontEnd:
             return None
         p = self._model.p
         self._model.split_into(sample, self._columns, self._rest)
-        raw = self._raw
-        raw[:, p + 1], raw[:, p + 2], raw[:, p + 3] = sample.v, sample.a, sample.tau
-        raw[:, p + 4] = np.maximum(1.0 - np.abs(sample.v) / _SLOW, 0.0)
-        out = self._bank.push(raw)
+        _fill_beside(self._raw, p + 1, sample.v, sample.a, sample.tau)
+        out = self._bank.push(self._raw)
         self._tick += 1
         if self._tick < 0 or self._tick % self._every:
             return None
@@ -92,6 +91,16 @@ class FrontEnd:
             tau=out[:, p + 3].copy(),
             sample=sample,
         )
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _fill_beside(raw: FloatArray, first: int, v: FloatArray, a: FloatArray, tau: FloatArray) -> None:
+    """The channels beside the equation: v, a, tau and how far each joint is from moving, in four columns from ``first`` on."""
+    for j in range(v.size):
+        raw[j, first] = v[j]
+        raw[j, first + 1] = a[j]
+        raw[j, first + 2] = tau[j]
+        raw[j, first + 3] = max(1.0 - abs(v[j]) / _SLOW, 0.0)
 
 
 def white_noise_variance(measurements: list[Measurement]) -> FloatArray:

@@ -8,7 +8,7 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from sysid_ros.effects import Effect, LinkInertia
+from sysid_ros.effects import Effect, JointEffect, LinkInertia
 from sysid_ros.exceptions import SysidError
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -55,6 +55,7 @@ class TorqueModel:
         self.p = ends[-1]
         self.parameter_names = tuple(name for e in self.free for name in e.parameter_names)
         self.units = tuple(unit for e in self.free for unit in e.units)
+        self._write_joint_effects_together()
         inertia_known = [k for k in self.known if isinstance(k.effect, LinkInertia)]
         inertia_free = any(isinstance(e, LinkInertia) for e in self.free)
         if inertia_known and inertia_free:
@@ -63,6 +64,20 @@ class TorqueModel:
         self._dynamics = self._urdf_links and not inertia_known and bool(np.any(robot.damping) or np.any(robot.friction))
         self._link_correction = self._correction(inertia_known) if self._urdf_links else None
         self._others = tuple(k for k in self.known if not isinstance(k.effect, LinkInertia))
+
+    def _write_joint_effects_together(self) -> None:
+        """Find the effects with one column a joint: at the robot's rate an assignment for each would cost more than its curve."""
+        n = self.robot.n
+        self._joint_effects: list[JointEffect] = []
+        self._blocks: list[tuple[Effect, slice]] = []
+        starts = []
+        for effect, where in zip(self.free, self.slices, strict=True):
+            if isinstance(effect, JointEffect) and len(effect.joints) == n:
+                self._joint_effects.append(effect)
+                starts.append(where.start)
+            else:
+                self._blocks.append((effect, where))
+        self._diagonal = np.tile(np.arange(n), len(starts)), np.array([a + j for a in starts for j in range(n)], dtype=np.intp)
 
     @staticmethod
     def _correction(inertia_known: list[KnownEffect]) -> FloatArray | None:
@@ -107,5 +122,7 @@ class TorqueModel:
     def split_into(self, sample: Sample, columns: FloatArray, rest: FloatArray) -> None:
         """As :meth:`split`, into arrays of the caller's that were zero at first: for the loop that runs at the robot's rate."""
         np.subtract(sample.tau, self.known_torque(sample), out=rest)
-        for effect, where in zip(self.free, self.slices, strict=True):
+        for effect, where in self._blocks:
             effect.fill(sample, columns[:, where])
+        if self._joint_effects:
+            columns[self._diagonal] = np.concatenate([effect.curve(sample) for effect in self._joint_effects])

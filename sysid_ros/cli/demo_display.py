@@ -18,7 +18,7 @@ from sysid_ros.plots import TruthSegment
 
 _STYLE = {"ok": "green", "no_payload": "bright_black", "warming_up": "yellow", "not_excited": "cyan", "inconsistent": "bold red"}
 _ROWS = ("mass", "com x", "com y", "com z", "Ixx", "Iyy", "Izz")
-_UNITS = ("kg", "mm", "mm", "mm", "10⁻³ kg m²", "10⁻³ kg m²", "10⁻³ kg m²")
+_UNITS = ("kg", "mm", "mm", "mm", "g m²", "g m²", "g m²")
 _BAR = 40
 
 
@@ -48,6 +48,7 @@ class Display:
         self._console = console
         self._live = Live(console=console, refresh_per_second=8, transient=True) if console.is_terminal else None
         self._last_second = -math.inf
+        self._told_events = 0
 
     def __enter__(self) -> Display:
         if self._live is not None:
@@ -64,7 +65,9 @@ class Display:
             self._live.update(panel(picture))
         elif not picture.waiting and math.floor(picture.t) > self._last_second:
             self._last_second = math.floor(picture.t)
-            self._console.print(line(picture), highlight=False, soft_wrap=True)
+            new = _events(picture)[self._told_events :]
+            self._told_events += len(new)
+            self._console.print("; found: ".join([line(picture), *new]), highlight=False, soft_wrap=True)
 
 
 def panel(picture: Picture) -> RenderableType:
@@ -100,7 +103,7 @@ def comparison_table(rows: Sequence[Comparison], title: str | None = None) -> Ta
     table.add_column("")
     for name in ("truth", "estimate", "95 %", "error"):
         table.add_column(name, justify="right", min_width=9)
-    table.add_column("truth in 95 %", justify="center")
+    table.add_column("inside", justify="center")
     table.add_column("unit")
     known = {row.name: row for row in rows}
     for name, unit in zip(_ROWS, _UNITS, strict=True):
@@ -135,8 +138,7 @@ def line(picture: Picture) -> str:
             text += "  com [{}] mm (truth [{}])".format(
                 ", ".join(f"{row.estimate:.1f}" for row in rows[1:4]), ", ".join(f"{row.truth:.1f}" for row in rows[1:4])
             )
-    events = _events(picture)
-    return text + (f"  last event: {events[-1]}" if events else "")
+    return text
 
 
 def _truth_text(picture: Picture) -> str:

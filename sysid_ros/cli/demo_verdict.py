@@ -58,7 +58,7 @@ def compare(estimate: PayloadEstimate, truth: TruthSegment) -> list[Comparison]:
     for i, axis in enumerate("xyz"):
         rows.append(_scaled(f"com {axis}", "mm", truth.com[i], estimate.com[i], estimate.com_std[i]))
     for i, axis in enumerate("xyz"):
-        rows.append(_scaled(f"I{axis}{axis}", "10⁻³ kg m²", true[i], found[i], inertia_std[i]))
+        rows.append(_scaled(f"I{axis}{axis}", "g m²", true[i], found[i], inertia_std[i]))
     return rows
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -95,25 +96,30 @@ def _rows(
 
 def _show(result: Identification, robot: RobotModel) -> None:
     console = Console()
-    friction = {b.effect: b for b in result.model.effects}
-    table = Table(title="Joints: value ± 95 % interval", title_justify="left")
-    for column in ("joint", "viscous [N m s/rad]", "Coulomb [N m]", "rotor inertia [kg m²]", "offset [N m]"):
-        table.add_column(column, justify="left" if column == "joint" else "right")
+    blocks = {b.effect: b for b in result.model.effects}
+    table = Table(title="Joints, with 95 % intervals", title_justify="left", box=box.SIMPLE)
+    table.add_column("joint", no_wrap=True)
+    for column in ("viscous\nN m s/rad", "Coulomb\nN m", "rotor inertia\nkg m²", "offset\nN m"):
+        table.add_column(column, justify="right", no_wrap=True)
     for i, name in enumerate(robot.joint_names):
         cells = []
         for effect in ("viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"):
-            block = friction[effect]
+            block = blocks[effect]
             assert block.covariance is not None
-            cells.append(f"{block.theta[i]:.3f} ± {1.96 * block.covariance[i, i] ** 0.5:.3f}")
+            cells.append(f"{block.theta[i]:.3g} ± {1.96 * block.covariance[i, i] ** 0.5:.2g}")
         table.add_row(name, *cells)
     console.print(table)
-    errors = Table(title="Torque error on recordings that were not fitted: rms in N m (part of the torque)", title_justify="left")
-    errors.add_column("recording")
-    for name in robot.joint_names:
-        errors.add_column(name, justify="right")
-    for error, kind in [(e, "held out") for e in result.errors] + [(e, "validation") for e in result.validation]:
-        cells = [f"{r:.2f} ({100 * r / t:.1f} %)" for r, t in zip(error.residual, error.torque, strict=True)]
-        errors.add_row(f"{Path(error.name).name} ({kind})", *cells)
+    recordings = [(e, "held out") for e in result.errors] + [(e, "validation") for e in result.validation]
+    errors = Table(
+        title="Torque error where the model was not fitted: rms in N m, and as a part of the torque",
+        title_justify="left",
+        box=box.SIMPLE,
+    )
+    errors.add_column("joint", no_wrap=True)
+    for error, kind in recordings:
+        errors.add_column(f"{Path(error.name).name}\n{kind}", justify="right")
+    for i, name in enumerate(robot.joint_names):
+        errors.add_row(name, *(f"{e.residual[i]:.2g} ({100 * e.residual[i] / e.torque[i]:.1f} %)" for e, _ in recordings))
     console.print(errors)
     console.print(
         f"{result.base.rank} base parameters of {len(result.names)}, "

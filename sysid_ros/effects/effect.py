@@ -86,26 +86,24 @@ class JointEffect(Effect):
 
     symbol: ClassVar[str]
     unit: ClassVar[str]
-    slide_unit: ClassVar[str]
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
         super().__init__(robot, joints)
         self.parameter_names = tuple(f"{self.symbol}[{name}]" for name in self.joint_names)
-        self.units = tuple(self.slide_unit if robot.is_prismatic[j] else self.unit for j in self.joints)
+        self.units = (self.unit,) * len(self.joints)
         self._columns = np.arange(len(self.joints))
-        self._every_joint = len(self.joints) == robot.n
 
     @abstractmethod
     def curve(self, sample: Sample) -> FloatArray:
         """c of every joint, shape (n,) [N m per unit of the parameter]."""
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
-        curve = self.curve(sample)
-        out[self.joints, self._columns] = curve if self._every_joint else curve[self.joints]
+        out[self.joints, self._columns] = self.curve(sample)[self.joints]
 
     def torque(self, sample: Sample, theta: FloatArray) -> FloatArray:
-        if self._every_joint:
-            return self.curve(sample) * theta
+        curve = self.curve(sample)
+        if len(self.joints) == self.robot.n:
+            return curve * theta
         tau = np.zeros(self.robot.n)
-        tau[self.joints] = self.curve(sample)[self.joints] * theta
+        tau[self.joints] = curve[self.joints] * theta
         return tau

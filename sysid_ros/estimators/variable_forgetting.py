@@ -150,9 +150,10 @@ class VariableForgetting(Estimator):
         scale = self._rescale()
         if abs(scale - 1.0) < 0.01:
             return self._P.copy()
-        prior = np.diag(1.0 / self._prior_variance)
-        information = (np.linalg.inv(self._P) - prior) / scale + prior
-        covariance = np.linalg.inv(information)
+        # ((P^-1 - P0^-1) / scale + P0^-1)^-1 without an inverse
+        mixed = (scale - 1.0) * self._P / self._prior_variance
+        mixed.flat[:: self.p + 1] += 1.0
+        covariance = scale * np.linalg.solve(mixed, self._P)
         return 0.5 * (covariance + covariance.T)
 
     def _learn_early(self) -> None:

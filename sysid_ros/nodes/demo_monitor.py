@@ -77,7 +77,7 @@ class DemoMonitor(Node):
     def _on_parameters(self, message: Float64MultiArray) -> None:
         # the estimator publishes ~/payload, which has the stamp, just before ~/parameters, which has all else
         payload, self._payload = self._payload, None
-        if payload is None:
+        if payload is None or not self.joint_names:
             return
         table = np.array(message.data).reshape(11, 10)
         covariance = table[1:][np.ix_(TO_MESSAGE_ORDER, TO_MESSAGE_ORDER)]
@@ -105,6 +105,8 @@ class DemoMonitor(Node):
 
     def _on_residual(self, message: JointState) -> None:
         self.joint_names, self._residual = tuple(message.name), np.array(message.effort)
+        if self.estimates and self.estimates[-1].t == _seconds(message.header.stamp):
+            self.estimates[-1] = replace(self.estimates[-1], residual=self._residual)
 
     def _on_truth(self, message: InertiaStamped) -> None:
         start = _seconds(message.header.stamp)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import re
 import time
 from pathlib import Path
 from typing import Any
@@ -247,7 +248,8 @@ class OnlinePayloadEstimator(LifecycleNode):
         """Log each event, each warning and each reason for a rejection once."""
         gate = live.gate
         warnings = [*live.robot.notes, *live.estimation.warnings, *(gate.warnings if gate is not None else ())]
-        news = {sentence: sentence for sentence in warnings}
+        # a sentence that came before comes again with other numbers
+        news = {re.split(r"[\d(:]", sentence)[0]: sentence for sentence in warnings}
         if gate is not None:
             news |= {reason: f"Messages are rejected ({reason}): {gate.last_texts[reason]}" for reason in gate.counts}
         for key in (key for key in news if key not in self._told):

@@ -116,7 +116,7 @@ class NodeParameters:
         overrides = self._node._parameter_overrides
         given = overrides.pop(name, None)
         value: Any = list(_default(f)) if isinstance(_default(f), tuple) else _default(f)
-        if given is not None:
+        if given is not None and given.type_ != Parameter.Type.NOT_SET:
             # a whole number in a YAML file is an integer to ROS, and an empty list has no type
             given = _converted(given, kind)
             if problem := _problem(name, cls, f, given):

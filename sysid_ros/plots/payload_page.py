@@ -28,6 +28,8 @@ from sysid_ros.plots.truth import TruthSegment
 from sysid_ros.sample import FloatArray
 
 _MOST_POINTS = 5000
+_LABEL_WIDTH = 0.15
+"""Part of the axis that an event's label takes."""
 _DASH = {"solid": "solid", "dashed": "dash", "dashdot": "dashdot", "dotted": "dot"}
 
 
@@ -89,26 +91,18 @@ def payload_page(
 
 
 def _add_strip(figure: Any, spans: Sequence[Span]) -> None:
-    shown: set[str] = set()
-    for span in spans:
-        figure.add_trace(
-            go.Scatter(
-                x=[span.start, span.end, span.end, span.start, span.start],
-                y=[0.0, 0.0, 1.0, 1.0, 0.0],
-                fill="toself",
-                fillcolor=_status_colour(span.status),
-                mode="lines",
-                line={"width": 0},
-                name=span.status,
-                legendgroup=span.status,
-                showlegend=span.status not in shown,
-                hoveron="fills",
-                hoverinfo="name",
-            ),
-            row=1,
-            col=1,
+    for status in dict.fromkeys(span.status for span in spans):
+        x: list[float | None] = []
+        y: list[float | None] = []
+        for span in spans:
+            if span.status == status:
+                x += [span.start, span.end, span.end, span.start, span.start, None]
+                y += [0.0, 0.0, 1.0, 1.0, 0.0, None]
+        colour = _status_colour(status)
+        box = go.Scatter(
+            x=x, y=y, fill="toself", fillcolor=colour, mode="lines", line={"width": 0}, name=status, hoverinfo="skip"
         )
-        shown.add(span.status)
+        figure.add_trace(box, row=1, col=1)
 
 
 def _add_panel(
@@ -124,14 +118,23 @@ def _add_panel(
     for curve in panel.curves:
         colour = palette.CURVES[curve.label]
         x, value, band = with_gaps(longest, t[keep], curve.value[keep], curve.band[keep])
-        common = {"x": x, "legendgroup": f"{row}{curve.label}", "hoverinfo": "skip", "showlegend": False, "mode": "lines"}
-        # plotly fills across gaps: each stretch gets a band of its own
+        # plotly fills across gaps, but not across the end of a polygon
+        edge: list[FloatArray] = []
+        along: list[FloatArray] = []
+        end = np.array([np.nan])
         for stretch in _stretches(np.isfinite(value) & np.isfinite(band)):
-            edge = np.concatenate([(value + band)[stretch], (value - band)[stretch][::-1]])
-            both = {**common, "x": np.concatenate([x[stretch], x[stretch][::-1]])}
-            figure.add_trace(
-                go.Scatter(**both, y=edge, fill="toself", fillcolor=_faint(colour, 0.2), line={"width": 0}), row=row, col=1
-            )
+            edge += [(value + band)[stretch], (value - band)[stretch][::-1], end]
+            along += [x[stretch], x[stretch][::-1], end]
+        if edge:
+            outline = {
+                "x": np.concatenate(along),
+                "y": np.concatenate(edge),
+                "mode": "lines",
+                "line": {"width": 0},
+                "fill": "toself",
+            }
+            shown = {"legendgroup": f"{row}{curve.label}", "showlegend": False, "hoverinfo": "skip"}
+            figure.add_trace(go.Scatter(**outline, **shown, fillcolor=_faint(colour, 0.2)), row=row, col=1)
         figure.add_trace(
             go.Scatter(
                 x=x,
@@ -163,29 +166,25 @@ def _add_panel(
 
 
 def _mark(figure: Any, spans: Sequence[Span], marks: Sequence[tuple[float, PayloadEvent]]) -> None:
-    for span in spans:
-        if span.status not in BELIEVED:
-            figure.add_vrect(
-                x0=span.start, x1=span.end, fillcolor=_status_colour(span.status), opacity=0.13, line_width=0, layer="below"
-            )
+    # set at once: plotly's add_vline copies every shape that is there already, for each of the panels
+    everywhere = {"xref": "x", "yref": "paper", "y0": 0.0, "y1": 1.0}
+    shapes: list[dict[str, Any]] = [
+        {"type": "rect", "x0": span.start, "x1": span.end, "layer": "below", "line": {"width": 0}, **everywhere}
+        | {"fillcolor": _faint(_status_colour(span.status), 0.13)}
+        for span in spans
+        if span.status not in BELIEVED
+    ]
+    labels: list[dict[str, Any]] = []
+    free_from = -np.inf
     for when, event in marks:
-        line = {
-            "line_color": palette.EVENT.get(event.kind, palette.INK),
-            "line_dash": _DASH[palette.EVENT_DASH.get(event.kind, "dashdot")],
-        }
-        figure.add_vline(x=when, line_width=1, **line)
-        figure.add_annotation(
-            x=when,
-            y=1.0,
-            yref="y domain",
-            xref="x",
-            yanchor="bottom",
-            xanchor="left",
-            text=event_text(event),
-            showarrow=False,
-            row=1,
-            col=1,
-        )
+        dash = _DASH[palette.EVENT_DASH.get(event.kind, "dashdot")]
+        line = {"color": palette.EVENT.get(event.kind, palette.INK), "dash": dash, "width": 1}
+        shapes.append({"type": "line", "x0": when, "x1": when, "line": line, **everywhere})
+        if when >= free_from:
+            place = {"x": when, "xref": "x", "xanchor": "left", "y": 1.0, "yref": "paper", "yanchor": "bottom"}
+            labels.append({"text": event_text(event), "showarrow": False, "font": {"size": 12}, **place})
+            free_from = when + _LABEL_WIDTH * spans[-1].end
+    figure.update_layout(shapes=shapes, annotations=[*figure.layout.annotations, *labels])
 
 
 def _thinned(count: int) -> np.ndarray[Any, Any]:
