@@ -43,8 +43,12 @@ test-slow: $(READY)
 lint: $(READY)
 	@failed=0; for tool in "ruff check ." "ruff format --check ." mypy; do echo "-- $$tool"; $(BIN)/$$tool || failed=1; done; exit $$failed
 
+# Short settings; benchmarks/README.md says how long the full ones take. Every one runs, whatever the ones before it say.
+BENCHMARKS := "step_time.py --rounds 3" "replay_speed.py --repeat 2" "accuracy_arm.py --seeds 8 --long 2" \
+	"rest_then_motion.py --seeds 1" "node_latency.py --seconds 20"
+
 bench: $(READY)
-	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+	@failed=0; for run in $(BENCHMARKS); do echo "== benchmarks/$$run"; $(BIN)/python benchmarks/$$run || failed=1; done; exit $$failed
 
 clean:
 	rm -rf $(VENV) build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache

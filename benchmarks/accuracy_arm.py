@@ -1,16 +1,18 @@
-"""Monte Carlo of the simulated arm: is the payload right two seconds after the pick, do the intervals tell the truth, are changes found.
+"""Monte Carlo of the simulated arm: error of the payload two seconds after the pick, honesty of its intervals, events.
 
-Each trial simulates 12 s of the 7-joint arm in an exciting motion with a random payload of 0.5 to 3 kg, com within 60 mm to the sides and 20 to
-120 mm ahead, at 1 kHz with torque noise of 0.1 N m and encoder noise of 1e-5 rad, without velocities. The payload is picked up at 5 s and dropped
-at 9 s. Two seconds after the pick the published estimate is compared with the truth:
+Each trial simulates 12 s of the 7-joint arm in an exciting motion with a random payload of 0.5 to 3 kg, com within 60 mm to
+the sides and 20 to 120 mm ahead, at 1 kHz with torque noise of 0.1 N m and encoder noise of 1e-5 rad, without velocities. The
+payload is picked up at 5 s and dropped at 9 s. Two seconds after the pick the published estimate is compared with the truth:
 
-- error of mass and com; part of the ten parameters, of the mass and of the com inside their 95 % intervals; NEES / 10, which is 1 on
-  average for an honest covariance;
-- delay from pick and drop to the sample with which they were found, changes that were missed or called by another name, events that never were.
+- error of mass and com; part of the ten parameters, of the mass and of the com inside their 95 % intervals; NEES / 10, which
+  is 1 on average for an honest covariance;
+- delay from pick and drop to the sample with which they were found, changes that were missed or called by another name,
+  events that never were.
 
-Variants change one thing each: time of the pick, coloured torque noise (AR(1) with 0.98 a sample, same standard deviation), encoder noise of
-1e-4 rad, 250 Hz, drives with friction and offset whose model was identified on empty runs. Long runs of 60 s without a change, half of them
-empty and half with a payload, count false events. On the plain trials the same recording goes to others as well, see ``peers.py``.
+Variants change one thing each: time of the pick, coloured torque noise (AR(1) with 0.98 a sample, same standard deviation),
+encoder noise of 1e-4 rad, 250 Hz, drives with friction and offset whose model was identified on empty runs. Long runs of 60 s
+without a change, half of them empty and half with a payload, count false events. On the plain trials the same recording goes
+to others as well, see ``peers.py``.
 
 Exit codes: 0 every target held; 1 one was missed; 2 bad usage.
 """
@@ -85,7 +87,9 @@ def long_run(seed: int) -> dict[str, Any]:
     record = simulate_arm(ArmScenario(seed=seed, duration=60.0, velocity=False, **carried))
     truth = np.array(record.truth["payload"]["theta"]) if carried else np.zeros(10)
     estimates, _, estimation = run(RobotModel.from_urdf(record.urdf), record.measurements(), OnlineSettings(), None)
-    scores = [asdict(score(e.theta, e.covariance, truth, e.status)) for e in (at(estimates, t) for t in (10, 20, 30, 40, 50, 59.9))]
+    scores = [
+        asdict(score(e.theta, e.covariance, truth, e.status)) for e in (at(estimates, t) for t in (10, 20, 30, 40, 50, 59.9))
+    ]
     return {"seed": seed, "mass": truth[0], "events": [asdict(e) for e in estimation.events], "scores": scores}
 
 
@@ -196,7 +200,14 @@ def main(seeds: int, first_seed: int, long_runs: int, variants: tuple[str, ...],
     targets = [t for name in ("plain", "random pick") if name in of for t in _targets(name, package[name], events[name])]
     if longs:
         targets.append(Target("events in runs of 60 s without a change", false, high=0))
-    results = {"variants": package, "payload_alone": alone, "events": events, "peers": peers, "trials": trials, "long_runs": longs}
+    results = {
+        "variants": package,
+        "payload_alone": alone,
+        "events": events,
+        "peers": peers,
+        "trials": trials,
+        "long_runs": longs,
+    }
     sys.exit(conclude("accuracy_arm", targets, results, json_path))
 
 

@@ -1,4 +1,4 @@
-"""One simulated arm that picks up and drops a payload: how far the estimate is from the truth, and whether its intervals say so."""
+"""One simulated arm that picks up and drops a payload: the estimate against the truth, the events against the changes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Variant:
 
     Attributes:
         changes: fields of the scenario.
-        colour: torque noise is first-order autoregressive with this factor a sample at 1 kHz, of the same standard deviation; 0: white.
+        colour: factor a sample of first-order autoregressive torque noise of the same standard deviation; 0: white.
         random_pick: the pick is at a random time.
         friction: drives with friction and offset, the model of which was identified on an empty run.
     """

@@ -1,8 +1,9 @@
 """Latency, loss and processor load of the real node at 1 kHz.
 
-This process publishes the joint states of a moving 7-joint arm with the time of publishing as their stamp; the node runs in a process of
-its own, as ``ros2 run`` starts it. All figures are the node's: messages received and the time from the stamp to the moment after the step
-stand in its diagnostics, its processor time in /proc. Exit code 1 if a target is missed.
+This process publishes the joint states of a moving 7-joint arm. Their stamp is the time at which they are filled in, a few
+hundredths of a millisecond before they are published. The node runs in a process of its own, as ``ros2 run`` does it. All figures
+are the node's: messages received and the time from the stamp to the moment after the step stand in its diagnostics, its processor
+time in /proc. Exit code 1 if a target is missed.
 
 Example: python benchmarks/node_latency.py --seconds 60 --json node_latency.json
 """
@@ -124,15 +125,15 @@ class Bench:
 
     def publish(self, seconds: float, progress: Any = None) -> int:
         """Publish in real time; returns how many messages."""
-        count, start = round(seconds * self.rate), time.monotonic()
+        count, start = round(seconds * self.rate), time.monotonic() + 0.05
         message, stamp = self._message, self._message.header.stamp
         for k in range(count):
             ahead = start + k / self.rate - time.monotonic()
-            if ahead > 0.0:
-                time.sleep(ahead)
+            # overdue messages are made up for, but not at once: no robot's stamps stand so close together
+            time.sleep(ahead if ahead > 0.0 else 0.3 / self.rate)
             now = time.time_ns()
             self._motion.fill(message, 1e-9 * (now - self._start))
-            stamp.sec, stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
+            stamp.sec, stamp.nanosec = divmod(now, 1_000_000_000)
             self.publisher.publish(message)
             if k % 200 == 0:
                 self.executor.spin_once(timeout_sec=0.0)
@@ -145,7 +146,8 @@ def measure(seconds: float, rate: int, executor: str) -> dict[str, Any]:
     robot = RobotModel.from_urdf(URDF.read_text())
     rclpy.init()
     bench = Bench(robot, rate)
-    with running_node(executor) as process, Progress(transient=True, disable=not sys.stderr.isatty(), console=Console(stderr=True)) as bar:
+    progress = Progress(transient=True, disable=not sys.stderr.isatty(), console=Console(stderr=True))
+    with running_node(executor) as process, progress as bar:
         end = time.monotonic() + DISCOVERY
         while bench.received() == 0:
             if process.poll() is not None or time.monotonic() > end:
@@ -189,15 +191,18 @@ def main() -> int:
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     arguments = parser.parse_args()
     result = measure(arguments.seconds, arguments.rate, arguments.executor)
+    least_rate = 0.98 * arguments.rate
+    p50, cpu = result["latency_p50_ms"], result["cpu_percent"]
     rows = (
         ("messages lost", f"{result['lost']} of {result['sent']}", "0", result["lost"] == 0),
-        ("publish to update, p50", f"{result['latency_p50_ms']:.3f} ms", f"< {MAX_LATENCY_MS} ms", result["latency_p50_ms"] < MAX_LATENCY_MS),
+        ("publish to update, p50", f"{p50:.3f} ms", f"< {MAX_LATENCY_MS} ms", p50 < MAX_LATENCY_MS),
         ("publish to update, p99", f"{result['latency_p99_ms']:.3f} ms", "", True),
-        ("processor, of one core", f"{result['cpu_percent']:.1f} %", f"< {MAX_CPU:.0f} %", result["cpu_percent"] < MAX_CPU),
-        ("rate", f"{result['rate_hz']:.1f} Hz", "", True),
+        ("processor, of one core", f"{cpu:.1f} %", f"< {MAX_CPU:.0f} %", cpu < MAX_CPU),
+        ("rate", f"{result['rate_hz']:.1f} Hz", f"> {least_rate:.0f} Hz", result["rate_hz"] > least_rate),
         ("estimates", f"{result['estimates']} ({result['status']})", "", True),
     )
-    table = Table(title=f"online_payload_estimator, {result['joints']} joints, {result['seconds']:.0f} s, executor {result['executor']}")
+    title = f"{result['joints']} joints, {result['seconds']:.0f} s, executor {result['executor']}"
+    table = Table(title=f"online_payload_estimator: {title}", min_width=70)
     for column in ("", "measured", "target", ""):
         table.add_column(column)
     for name, value, target, good in rows:

@@ -43,19 +43,25 @@ class Target:
 
 def conclude(name: str, targets: list[Target], results: dict[str, Any], json_path: Path | None) -> int:
     """Show the targets, write the JSON file; the exit code: 0, or 1 where a target is missed."""
+    console = Console(width=130)
     table = Table(title=f"{name}: targets", title_justify="left")
     for column in ("", "measured", "target", "held"):
         table.add_column(column, justify="right" if column == "measured" else "left")
     for t in targets:
         table.add_row(t.what, f"{t.value:.4g}", t.allowed, "yes" if t.held else "[bold red]NO[/]")
     load = os.getloadavg()[0]
-    Console().print(table)
-    Console().print(f"Load of the machine at the end: {load:.1f} on {os.cpu_count()} cores.", highlight=False)
+    console.print(table)
+    console.print(f"Load of the machine at the end: {load:.1f} on {os.cpu_count()} cores.", highlight=False)
     if json_path:
         document = {
             "benchmark": name,
             "date": datetime.now().isoformat(timespec="seconds"),
-            "machine": {"processor": platform.processor(), "cores": os.cpu_count(), "load": load, "python": platform.python_version()},
+            "machine": {
+                "processor": platform.processor(),
+                "cores": os.cpu_count(),
+                "load": load,
+                "python": platform.python_version(),
+            },
             "targets": [{**asdict(t), "held": t.held} for t in targets],
             "results": results,
         }

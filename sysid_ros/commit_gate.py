@@ -25,12 +25,14 @@ class CommitSettings:
     """
 
     mass_std: float = _gate(0.1, "largest standard deviation of the mass that is committed", "kg", 100.0)
-    com_std: float = _gate(0.02, "largest standard deviation of the centre of mass, on its worst axis, that is committed", "m",
-        10.0)
+    com_std: float = _gate(
+        0.02, "largest standard deviation of the centre of mass, on its worst axis, that is committed", "m", 10.0
+    )
     dwell: float = _gate(1.0, "the estimate must stay within the dead band for so long before it is committed", "s", 600.0)
     mass_dead_band: float = _gate(0.05, "a mass that differs by less from the committed one is not committed anew", "kg", 100.0)
-    com_dead_band: float = _gate(0.01, "a centre of mass that differs by less from the committed one is not committed anew",
-        "m", 10.0)
+    com_dead_band: float = _gate(
+        0.01, "a centre of mass that differs by less from the committed one is not committed anew", "m", 10.0
+    )
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -91,7 +93,9 @@ class CommitGate:
         if refusal := self._refusal(estimate):
             return False, refusal
         self._pass(estimate)
-        return True, "Committed: no payload." if is_empty(estimate) else f"Committed: {estimate.mass:.3f} kg (std {estimate.mass_std:.3f} kg)."
+        if is_empty(estimate):
+            return True, "Committed: no payload."
+        return True, f"Committed: {estimate.mass:.3f} kg (std {estimate.mass_std:.3f} kg)."
 
     def _pass(self, estimate: PayloadEstimate) -> PayloadEstimate:
         self.committed = estimate
@@ -101,13 +105,14 @@ class CommitGate:
     def _refusal(self, estimate: PayloadEstimate) -> str:
         if estimate.status not in ("ok", "no_payload"):
             return f"The status is {estimate.status}: {estimate.reason}"
-        if not estimate.mass_std <= self.settings.mass_std:
-            return f"The std of the mass is {estimate.mass_std:.3g} kg; at most {self.settings.mass_std:g} kg is committed (commit.mass_std)."
+        s = self.settings
+        if not estimate.mass_std <= s.mass_std:
+            return f"The std of the mass is {estimate.mass_std:.3g} kg; at most {s.mass_std:g} kg is committed (commit.mass_std)."
         if estimate.status == "no_payload":
             return ""
         com_std = float(np.max(estimate.com_std))
-        if not com_std <= self.settings.com_std:
-            return f"The std of the centre of mass is {com_std:.3g} m; at most {self.settings.com_std:g} m is committed (commit.com_std)."
+        if not com_std <= s.com_std:
+            return f"The std of the centre of mass is {com_std:.3g} m; at most {s.com_std:g} m is committed (commit.com_std)."
         return ""
 
     def _differ(self, a: PayloadEstimate, b: PayloadEstimate) -> bool:

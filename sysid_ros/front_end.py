@@ -27,6 +27,7 @@ class Rows:
         slow: part of the row that comes from a joint hardly moving, where dry friction is not what a model says, shape (n,), 0 to 1.
         acceleration: shape (n,) [rad/s^2].
         tau: measured torque, shape (n,) [N m].
+        considered: torque of the errors of what is known, shape (n, c) [N m], see :class:`sysid_ros.known_error.KnownError`.
         sample: the newest sample that went in, not filtered.
     """
 
@@ -36,6 +37,7 @@ class Rows:
     slow: FloatArray
     acceleration: FloatArray
     tau: FloatArray
+    considered: FloatArray
     sample: Sample
 
 
@@ -61,8 +63,8 @@ class FrontEnd:
         n, p = model.robot.n, model.p
         self.rate = 1.0 / period
         self._derivative = CausalDerivative(n, period, window_half_width(self.rate), use_message_velocity)
-        self._raw = np.zeros((n, p + 5))
-        self._columns, self._rest = self._raw[:, :p], self._raw[:, p]
+        self._raw = np.zeros((n, p + 5 + model.error.c))
+        self._columns, self._rest, self._considered = self._raw[:, :p], self._raw[:, p], self._raw[:, p + 5 :]
         self._bank = LowPassBank(self._raw.shape, min(cutoff_hz or default_cutoff(self.rate), 0.4 * self.rate), self.rate)
         self._every = max(1, round(self.rate / update_rate))
         self.period = self._every * period
@@ -76,7 +78,7 @@ class FrontEnd:
         if sample is None:
             return None
         p = self._model.p
-        self._model.split_into(sample, self._columns, self._rest)
+        self._model.split_into(sample, self._columns, self._rest, self._considered)
         _fill_beside(self._raw, p + 1, sample.v, sample.a, sample.tau)
         out = self._bank.push(self._raw)
         self._tick += 1
@@ -89,6 +91,7 @@ class FrontEnd:
             slow=np.abs(out[:, p + 4]),
             acceleration=out[:, p + 2].copy(),
             tau=out[:, p + 3].copy(),
+            considered=np.ascontiguousarray(out[:, p + 5 :]),
             sample=sample,
         )
 

@@ -40,8 +40,8 @@ class JointChoice:
             self._first = record.receive_time
         if not self._best:
             self.text = (
-                f"The messages name {', '.join(record.names) or 'no joint'}; the URDF's movable joints are {', '.join(self._movable)}. "
-                "Check that the URDF is this robot's, and the topic."
+                f"The messages name {', '.join(record.names) or 'no joint'}; the URDF's movable joints are "
+                f"{', '.join(self._movable)}. Check that the URDF is this robot's, and the topic."
             )
             return None
         complete = self._best_score == (True, len(self._movable))

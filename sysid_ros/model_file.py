@@ -11,10 +11,10 @@ import numpy as np
 import yaml
 
 from sysid_ros.effects import EFFECTS
-from sysid_ros.exceptions import ModelFileError
+from sysid_ros.exceptions import ModelFileError, SysidError
+from sysid_ros.known_effect import KnownEffect
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque_model import KnownEffect
 
 FORMAT = 1
 
@@ -48,6 +48,7 @@ class ModelFile:
         correlation_time: for how long that error keeps its sign, a joint, shape (n,) [s]; twice the product with the variance
             is its spectral density at zero frequency.
         provenance: bags, command and version it came from.
+        source: the file that it was read from, for messages.
     """
 
     robot_name: str
@@ -57,6 +58,7 @@ class ModelFile:
     torque_std: FloatArray
     correlation_time: FloatArray
     provenance: dict[str, Any] = field(default_factory=dict)
+    source: str = "the model"
 
     def known_effects(self, robot: RobotModel) -> list[KnownEffect]:
         """The effects for a robot.
@@ -66,26 +68,35 @@ class ModelFile:
         """
         if set(self.joints) != set(robot.joint_names):
             raise ModelFileError(
-                f"the model was made for joints {', '.join(self.joints)}; the robot at hand has {', '.join(robot.joint_names)}. "
-                "Run 'sysid identify' with this robot's URDF and bags."
+                f"{self.source} was made for joints {', '.join(self.joints)}; the robot at hand has "
+                f"{', '.join(robot.joint_names)}. Run 'sysid identify' with this robot's URDF and bags."
             )
-        known = []
-        for block in self.effects:
-            if block.effect not in EFFECTS:
-                raise ModelFileError(
-                    f"the model names an unknown effect '{block.effect}'; known are {', '.join(sorted(EFFECTS))}."
-                )
-            try:
-                effect = EFFECTS[block.effect].from_settings(robot, block.joints, block.settings)
-            except TypeError as error:
-                raise ModelFileError(f"the settings of effect '{block.effect}' are {block.settings}: {error}.") from None
-            if effect.parameter_names != block.names:
-                raise ModelFileError(
-                    f"effect '{block.effect}' has parameters {', '.join(block.names)} in the model, but the URDF's are "
-                    f"{', '.join(effect.parameter_names)}. Use the URDF that the model was identified with."
-                )
-            known.append(KnownEffect(effect, block.theta, block.covariance))
-        return known
+        return [self._known(block, robot) for block in self.effects]
+
+    def _known(self, block: EffectBlock, robot: RobotModel) -> KnownEffect:
+        if block.effect not in EFFECTS:
+            raise ModelFileError(
+                f"{self.source} names an unknown effect '{block.effect}'; known are {', '.join(sorted(EFFECTS))}."
+            )
+        try:
+            effect = EFFECTS[block.effect].from_settings(robot, block.joints, block.settings)
+        except TypeError as error:
+            raise ModelFileError(
+                f"{self.source}: the settings of effect '{block.effect}' are {block.settings}: {error}."
+            ) from None
+        except SysidError as error:
+            raise ModelFileError(f"{self.source}: {error}") from None
+        if effect.parameter_names != block.names:
+            raise ModelFileError(
+                f"{self.source}: effect '{block.effect}' has parameters {', '.join(block.names)}, but the URDF's are "
+                f"{', '.join(effect.parameter_names)}. Use the URDF that the model was identified with."
+            )
+        return KnownEffect(effect, block.theta, block.covariance)
+
+    def error_density(self, robot: RobotModel) -> FloatArray:
+        """Spectral density of what the model leaves unexplained, in the robot's joint order, shape (n,) [(N m)^2 s]."""
+        density = dict(zip(self.joints, 2.0 * self.torque_std**2 * self.correlation_time, strict=True))
+        return np.array([density[name] for name in robot.joint_names])
 
     def notes(self, urdf: str) -> list[str]:
         """What a user should know before using the model with this URDF, one sentence each."""
@@ -128,48 +139,72 @@ class ModelFile:
             raise ModelFileError(
                 f"{path} can't be read: {error.strerror}. Give the model.yaml that 'sysid identify' wrote."
             ) from None
-        except yaml.YAMLError as error:
-            raise ModelFileError(f"{path} is not YAML: {error}.") from None
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            raise ModelFileError(f"{path} is not YAML: {error}. Give the model.yaml that 'sysid identify' wrote.") from None
         if not isinstance(document, dict) or document.get("format") != FORMAT:
             found = document.get("format") if isinstance(document, dict) else None
             raise ModelFileError(
                 f"{path} has format {found}; this version reads format {FORMAT}. Give a model.yaml of 'sysid identify'."
             )
         try:
-            joints = tuple(document["robot"]["joints"])
-            noise = document.get("noise") or {}
-            std = np.asarray(noise.get("torque_std", [0.0] * len(joints)), dtype=float)
-            time = np.asarray(noise.get("correlation_time", [0.0] * len(joints)), dtype=float)
-            file = cls(
-                robot_name=document["robot"]["name"],
-                joints=joints,
-                urdf_sha256=document["robot"].get("urdf_sha256", ""),
-                effects=tuple(_block(b) for b in document["effects"]),
-                torque_std=std,
-                correlation_time=time,
-                provenance=document.get("provenance") or {},
-            )
+            return cls._from_document(document, str(path))
         except (KeyError, TypeError, ValueError) as error:
-            raise ModelFileError(f"{path} is damaged: {error!r}. Write it again with 'sysid identify'.") from None
-        if std.shape != (len(joints),) or time.shape != (len(joints),) or not np.all(np.isfinite(std)) or np.any(std < 0):
-            raise ModelFileError(f"{path}: noise.torque_std is {std.tolist()}; it needs {len(joints)} values of 0 or more.")
-        return file
+            reason = f"it lacks {error}" if isinstance(error, KeyError) else error
+            raise ModelFileError(f"{path} is damaged: {reason}. Write it again with 'sysid identify'.") from None
+
+    @classmethod
+    def _from_document(cls, document: dict[str, Any], source: str) -> ModelFile:
+        robot, noise = _mapping(document["robot"], "robot"), _mapping(document.get("noise"), "noise")
+        joints = _strings(robot["joints"], "robot.joints")
+        nothing = [0.0] * len(joints)
+        if not isinstance(document["effects"], list):
+            raise ValueError(f"effects is {document['effects']!r}, not a list")
+        return cls(
+            robot_name=str(robot["name"]),
+            joints=joints,
+            urdf_sha256=str(robot.get("urdf_sha256", "")),
+            effects=tuple(_block(_mapping(entry, "an effect")) for entry in document["effects"]),
+            torque_std=_numbers(noise.get("torque_std", nothing), "noise.torque_std", (len(joints),), 0.0),
+            correlation_time=_numbers(noise.get("correlation_time", nothing), "noise.correlation_time", (len(joints),), 0.0),
+            provenance=_mapping(document.get("provenance"), "provenance"),
+            source=source,
+        )
 
 
 def _block(entry: dict[str, Any]) -> EffectBlock:
-    theta = np.asarray(entry["theta"], dtype=float)
-    covariance = None if entry.get("covariance") is None else np.asarray(entry["covariance"], dtype=float)
-    if not np.all(np.isfinite(theta)) or (covariance is not None and covariance.shape != (theta.size, theta.size)):
-        raise ValueError(f"effect '{entry['effect']}' has theta or covariance of the wrong shape, or not finite")
+    where = f"effect '{entry['effect']}'"
+    names = _strings(entry["names"], f"names of {where}")
+    count = len(names)
+    covariance = entry.get("covariance")
     return EffectBlock(
-        effect=entry["effect"],
-        joints=tuple(entry["joints"]),
-        settings=dict(entry.get("settings") or {}),
-        theta=theta,
-        names=tuple(entry["names"]),
-        units=tuple(entry["units"]),
-        covariance=covariance,
+        effect=str(entry["effect"]),
+        joints=_strings(entry["joints"], f"joints of {where}"),
+        settings=_mapping(entry.get("settings"), f"settings of {where}"),
+        theta=_numbers(entry["theta"], f"theta of {where}", (count,)),
+        names=names,
+        units=_strings(entry["units"], f"units of {where}"),
+        covariance=None if covariance is None else _numbers(covariance, f"covariance of {where}", (count, count)),
     )
+
+
+def _mapping(value: Any, what: str) -> dict[str, Any]:
+    if value is not None and not isinstance(value, dict):
+        raise ValueError(f"{what} is {value!r}, not a mapping of names to values")
+    return dict(value or {})
+
+
+def _strings(value: Any, what: str) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(x, str) for x in value):
+        raise ValueError(f"{what} is {value!r}, not a list of names")
+    return tuple(value)
+
+
+def _numbers(value: Any, what: str, shape: tuple[int, ...], least: float = -np.inf) -> FloatArray:
+    array = np.asarray(value, dtype=float)
+    if array.shape != shape or not np.isfinite(array).all() or np.any(array < least):
+        needed = " x ".join(map(str, shape)) + " finite numbers" + (f" of {least:g} or more" if least > -np.inf else "")
+        raise ValueError(f"{what} is {value!r}; it needs {needed}")
+    return array
 
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

@@ -183,7 +183,7 @@ class OnlineEstimation:
         hold = self._still > _STANDS
         known = isinstance(estimator, VariableForgetting) and estimator.noise.known
         jumps, before = _jumps(estimator), estimator.theta
-        estimate = estimator.update(rows.Y, rows.y, hold, self._free.friction_variance(rows, before))
+        estimate = estimator.update(rows.Y, rows.y, hold, self._free.friction_variance(rows, before), rows.considered)
         if not hold and self._judgement is not None:
             self._judgement.add(rows, rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD], estimator)
         if known and _jumps(estimator) != jumps and isinstance(estimator, VariableForgetting):
@@ -204,7 +204,7 @@ class OnlineEstimation:
             self._log.clear()
         if status == "ok":
             theta, distance = project(theta, covariance)
-            if distance > _NOT_A_BODY:
+            if not distance <= _NOT_A_BODY:
                 status, reason = "not_physical", "No body of positive density has these parameters, whatever the noise."
         if status != "warming_up":
             self._log.refine(t, float(theta[0]))

@@ -16,7 +16,7 @@ class EventLog:
         same: jumps that follow one another within this are one event [s].
     """
 
-    def __init__(self, empty: float, settle_time: float = 1.0, same: float = 0.5) -> None:
+    def __init__(self, empty: float, settle_time: float = 3.0, same: float = 0.5) -> None:
         self._same = same
         self._empty = empty
         self._settle_time = settle_time

@@ -6,7 +6,6 @@ import numpy as np
 from numba import njit
 
 from sysid_ros import inertial_parameters
-from sysid_ros.exceptions import DataError
 from sysid_ros.sample import FloatArray
 
 _JIT = {"cache": True, "error_model": "numpy", "nogil": True}
@@ -93,18 +92,14 @@ def project(theta: FloatArray, covariance: FloatArray) -> tuple[FloatArray, floa
 
     Args:
         theta: shape (10,). covariance: shape (10, 10), positive definite.
-
-    Raises:
-        DataError: the covariance is not positive definite.
+    Where the covariance is not positive definite there is no metric: theta comes back with a distance of NaN.
     """
     if inertial_parameters.is_physical(theta):
         return theta, 0.0
     try:
         root = np.ascontiguousarray(np.linalg.cholesky(np.linalg.inv(covariance)).T)
     except np.linalg.LinAlgError:
-        raise DataError(
-            "the covariance of the payload is not positive definite; no physical body can be compared with it"
-        ) from None
+        return theta, float("nan")
     mass = max(float(theta[0]), float(np.sqrt(covariance[0, 0])), 1e-3)
     com = np.clip(theta[1:4] / mass, -0.5, 0.5)
     start = inertial_parameters.pseudo_inertia(inertial_parameters.from_com(mass, com, mass * 0.0025 * np.eye(3)))

@@ -27,7 +27,7 @@ class Replay:
         series: every estimate that a node would have published.
         final: the last one; the prior where the recording gave none.
         read, used: number of messages. rejected: by reason.
-        duration: of the recording by its stamps [s]. seconds: that the replay took [s].
+        start: first stamp [s]. duration: of the recording by its stamps [s]. seconds: that the replay took [s].
     """
 
     series: list[PayloadEstimate]
@@ -36,6 +36,7 @@ class Replay:
     read: int
     used: int
     rejected: dict[str, int]
+    start: float
     duration: float
     seconds: float
     status: str
@@ -89,6 +90,7 @@ def replay(
         read=read,
         used=gate.accepted,
         rejected=dict(gate.counts),
+        start=first_t,
         duration=0.0 if math.isnan(first_t) else last_t - first_t,
         seconds=time.perf_counter() - start,
         status=status,

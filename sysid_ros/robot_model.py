@@ -76,6 +76,12 @@ class RobotModel:
             full = pin.buildModelFromXML(prepared)
         except Exception as error:
             raise RobotModelError(f"the URDF can't be turned into a model: {error}. Check it with check_urdf.") from error
+        lost = sorted(set(types) - set(full.names))
+        if lost:
+            raise RobotModelError(
+                f"joints {', '.join(lost)} of the URDF '{full.name}' do not hang on its root link; links and joints must form "
+                "one tree. Check it with check_urdf."
+            )
         movable = [name for name in full.names[1:] if name in types]
         wanted = list(joint_names) or [name for name in movable if name not in mimic]
         missing = sorted(set(wanted) - set(movable))
@@ -88,7 +94,7 @@ class RobotModel:
             raise RobotModelError(f"the URDF '{full.name}' has no movable joint. Give the URDF of the arm that moves.")
         if len(set(wanted)) < len(wanted):
             raise RobotModelError(f"joint names are repeated in {', '.join(wanted)}. Name each joint once.")
-        locked = [name for name in movable if name not in wanted]
+        locked = [name for name in full.names[1:] if name not in wanted]
         reduced = pin.buildReducedModel(full, [full.getJointId(name) for name in locked], pin.neutral(full)) if locked else full
         reduced.gravity.linear = np.asarray(gravity, dtype=float)
         notes = []
@@ -111,13 +117,13 @@ class RobotModel:
         Raises:
             RobotModelError: messages and URDF have no joint in common, or the messages lack one of ``joint_names``.
         """
-        types, _, _ = _read_urdf(urdf)
+        types, mimic, _ = _read_urdf(urdf)
         missing = sorted(set(joint_names) - set(message_names))
         if missing:
             raise RobotModelError(
                 f"the messages lack joints {', '.join(missing)}; they name {', '.join(message_names)}. Correct joint_names."
             )
-        wanted = list(joint_names) or [name for name in types if name in message_names]
+        wanted = list(joint_names) or [name for name in types if name in message_names and name not in mimic]
         if not wanted:
             raise RobotModelError(
                 f"the messages name joints {', '.join(message_names) or 'none'}; the URDF has movable joints "
@@ -202,7 +208,7 @@ def _read_urdf(urdf: str) -> tuple[dict[str, str], set[str], str]:
         raise RobotModelError(f"the URDF's root element is <{root.tag}>; it must be <robot>.")
     types: dict[str, str] = {}
     mimic: set[str] = set()
-    for joint in root.iter("joint"):
+    for joint in root.findall("joint"):
         kind, name = joint.get("type"), joint.get("name")
         if kind not in _MOVABLE or name is None:
             continue

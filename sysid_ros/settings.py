@@ -6,7 +6,7 @@ Every field carries its unit, its range and a description, from which the node d
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
 from sysid_ros.exceptions import SettingsError
@@ -90,9 +90,8 @@ class OnlineSettings:
 
     def __post_init__(self) -> None:
         for f in fields(self):
-            object.__setattr__(
-                self, f.name, _checked(f.name, getattr(self, f.name), f.metadata, f.default is True or f.default is False)
-            )
+            default = f.default if f.default_factory is MISSING else f.default_factory()
+            object.__setattr__(self, f.name, _checked(f.name, getattr(self, f.name), f.metadata, default))
 
     @classmethod
     def from_mapping(cls, values: dict[str, Any], where: str) -> OnlineSettings:
@@ -111,10 +110,10 @@ class OnlineSettings:
             raise SettingsError(f"{where}: {error}") from None
 
 
-def _checked(name: str, value: Any, meta: Any, is_bool: bool) -> Any:
+def _checked(name: str, value: Any, meta: Any, default: Any) -> Any:
     if isinstance(value, list):
         value = tuple(value)
-    if is_bool:
+    if isinstance(default, bool):
         if not isinstance(value, bool):
             raise SettingsError(f"{name} is {value!r}; it must be true or false.")
         return value
@@ -128,6 +127,9 @@ def _checked(name: str, value: Any, meta: Any, is_bool: bool) -> Any:
         ):
             raise SettingsError(f"{name} is {value!r}; it must be {'a string' if name == 'frame_id' else 'a list of strings'}.")
         return value
+    if isinstance(value, tuple) != isinstance(default, tuple) or (name == "gravity" and len(value) != 3):
+        expected = "three numbers" if name == "gravity" else "a list of numbers" if isinstance(default, tuple) else "a number"
+        raise SettingsError(f"{name} is {value!r}; it must be {expected}.")
     numbers = value if isinstance(value, tuple) else (value,)
     for x in numbers:
         if isinstance(x, bool) or not isinstance(x, int | float) or not meta["low"] <= x <= meta["high"]:

@@ -3,30 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 import numpy as np
 
 from sysid_ros.effects import Effect, JointEffect, LinkInertia
 from sysid_ros.exceptions import SysidError
+from sysid_ros.known_effect import KnownEffect
+from sysid_ros.known_error import KnownError
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
-
-
-@dataclass(frozen=True, slots=True)
-class KnownEffect:
-    """An effect with its parameters.
-
-    Attributes:
-        effect: the cause.
-        theta: its parameters, shape (p,).
-        covariance: how well they are known, shape (p, p), or None where they are taken as exact.
-    """
-
-    effect: Effect
-    theta: FloatArray
-    covariance: FloatArray | None = None
 
 
 class TorqueModel:
@@ -38,6 +24,10 @@ class TorqueModel:
         known: effects whose parameters are given. Without a ``link_inertia`` among them or among the free ones, and unless
             ``links`` is False, the URDF's links and its ``<dynamics>`` (damping, friction) are known.
         links: False where the measured torque is already free of the robot's own torque.
+
+    Attributes:
+        p, parameter_names, units: of the free effects. slices: where each of them stands.
+        error: what the uncertainty of the known effects does to the torque.
 
     Raises:
         SysidError: an effect is both known and free, or parameters have the wrong length.
@@ -63,6 +53,7 @@ class TorqueModel:
         self._urdf_links = links and not inertia_free
         self._dynamics = self._urdf_links and not inertia_known and bool(np.any(robot.damping) or np.any(robot.friction))
         self._link_correction = self._correction(inertia_known) if self._urdf_links else None
+        self.error = KnownError(robot, self.known if self._urdf_links else ())
         self._others = tuple(k for k in self.known if not isinstance(k.effect, LinkInertia))
 
     def _write_joint_effects_together(self) -> None:
@@ -99,12 +90,19 @@ class TorqueModel:
 
     def known_torque(self, sample: Sample) -> FloatArray:
         """Torque of what is known, shape (n,) [N m]."""
+        return self._known_torque(sample, None)
+
+    def _known_torque(self, sample: Sample, considered: FloatArray | None) -> FloatArray:
         robot = self.robot
         tau = robot.rnea(sample.q, sample.v, sample.a)
         if not self._urdf_links:
             tau[:] = 0.0
-        elif self._link_correction is not None:
-            tau += robot.regressor(sample.q, sample.v, sample.a) @ self._link_correction
+        elif self._link_correction is not None or self.error.c > 0:
+            regressor = robot.regressor(sample.q, sample.v, sample.a)
+            if self._link_correction is not None:
+                tau += regressor @ self._link_correction
+            if considered is not None:
+                self.error.fill(regressor, sample.a, considered)
             robot.rnea(sample.q, sample.v, sample.a)
         if self._dynamics:
             tau += robot.damping * sample.v + robot.friction * np.tanh(sample.v / 0.02)
@@ -119,9 +117,13 @@ class TorqueModel:
         self.split_into(sample, columns, rest)
         return columns, rest
 
-    def split_into(self, sample: Sample, columns: FloatArray, rest: FloatArray) -> None:
-        """As :meth:`split`, into arrays of the caller's that were zero at first: for the loop that runs at the robot's rate."""
-        np.subtract(sample.tau, self.known_torque(sample), out=rest)
+    def split_into(self, sample: Sample, columns: FloatArray, rest: FloatArray, considered: FloatArray | None = None) -> None:
+        """As :meth:`split`, into arrays of the caller's that were zero at first: for the loop that runs at the robot's rate.
+
+        Args:
+            considered: takes what the uncertainty of the known effects does, shape (n, ``error.c``).
+        """
+        np.subtract(sample.tau, self._known_torque(sample, considered), out=rest)
         for effect, where in self._blocks:
             effect.fill(sample, columns[:, where])
         if self._joint_effects:

@@ -15,11 +15,11 @@ DATA = Path(__file__).parent / "data"
 
 @cache
 def urdf(name: str) -> str:
-    """The URDF's text: 'iiwa' from pybullet_data, the others from test/data."""
+    """The URDF's text: 'iiwa' is the simulated arm, from pybullet_data; the others are in test/data."""
     if name == "iiwa":
-        import pybullet_data
+        from sysid_ros.simulation.description import arm_description
 
-        return (Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf").read_text()
+        return arm_description()
     return (DATA / f"{name}.urdf").read_text()
 
 

@@ -17,6 +17,8 @@ LEVELS = (
     {"inertial_parameters"},
     {"payload_estimate", "physical_projection", "robot_model"},
     {"effects"},
+    {"known_effect"},
+    {"known_error"},
     {"torque_model"},
     {"estimators", "input_gate", "model_check", "model_file", "payload_events", "signals"},
     {"front_end"},

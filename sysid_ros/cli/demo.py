@@ -15,11 +15,12 @@ import click
 from rich.console import Console
 
 from sysid_ros.cli.demo_display import Display, Picture, comparison_table
-from sysid_ros.cli.demo_processes import DemoProcess, ProcessFailed, ros_arguments
-from sysid_ros.cli.demo_verdict import CRITERION, compare, objections
+from sysid_ros.cli.demo_processes import DemoProcess, ProcessFailed, ros_arguments, write_arm_urdf
+from sysid_ros.cli.demo_verdict import CRITERION, EVENT_DELAY, compare, objections
 from sysid_ros.exceptions import SysidError
 from sysid_ros.payload_estimate import PayloadEvent
 from sysid_ros.plots import TruthSegment, write_payload_plot
+from sysid_ros.plots.payload_curves import event_text
 
 if TYPE_CHECKING:
     from sysid_ros.nodes.demo_monitor import DemoMonitor, Listener
@@ -28,19 +29,21 @@ ROBOT_MODULE = "sysid_ros.nodes.simulated_robot"
 ESTIMATOR_MODULE = "sysid_ros.nodes.online_payload_estimator"
 _PICK, _DROP = 0.3, 0.75
 _PATIENCE = 25.0
+_START_PATIENCE = 120.0
 _PICTURE_PERIOD = 0.1
 _INTERRUPTED = 130
-_TERMINATED = 143
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]}, epilog=f"The demo's question: {CRITERION}")
 @click.option("--robot", type=click.Choice(["arm"]), default="arm", show_default=True)
-@click.option("--payload-mass", type=click.FloatRange(0.3, 6.0), default=1.5, show_default=True, help="[kg]")
+@click.option("--payload-mass", type=click.FloatRange(0.3, 4.0), default=1.5, show_default=True, help="[kg]")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the motion and of the noise.")
-@click.option("--duration", type=click.FloatRange(12.0, 50.0), default=30.0, show_default=True, help="Of the motion. [s]")
+@click.option("--duration", type=click.FloatRange(20.0, 50.0), default=30.0, show_default=True, help="Of the motion. [s]")
+@click.option("--rate", type=click.Choice(["100", "250", "500", "1000"]), default="250", show_default=True,
+              help="Joint states a second; 1000 needs an idle machine. [Hz]")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("demo"), show_default=True,
               help="Folder of the plot and of the logs.")  # fmt: skip
-def demo(robot: str, payload_mass: float, seed: int, duration: float, out: Path) -> int:
+def demo(robot: str, payload_mass: float, seed: int, duration: float, rate: str, out: Path) -> int:
     """Watch a payload being estimated live: simulated arm and estimator are two real ROS 2 nodes.
 
     The arm moves, picks the payload up after 30 % of the time, drops it after 75 %, and the demo ends with a plot.
@@ -57,26 +60,32 @@ def demo(robot: str, payload_mass: float, seed: int, duration: float, out: Path)
     environment = ros_environment(out)
     robot_parameters: dict[str, object] = {
         "seed": seed,
+        "rate": rate,
         "duration": float(duration),
         "payload_mass": payload_mass,
         "pick_time": round(_PICK * duration, 3),
         "drop_time": round(_DROP * duration, 3),
     }
+    urdf = out / "arm.urdf"
+    write_arm_urdf(urdf)
     estimator_parameters: dict[str, object] = {"estimate_friction": False}
     _explain(console, environment, robot_parameters, estimator_parameters)
 
     from sysid_ros.nodes.demo_monitor import Listener
 
     started = os.environ | environment
+    # by hand the URDF comes from /robot_description; here the estimator has it before the robot moves
+    with_urdf = estimator_parameters | {"urdf_path": str(urdf.resolve())}
     with (
-        DemoProcess(ESTIMATOR_MODULE, estimator_parameters, started, out / "online_payload_estimator.log") as estimator,
-        DemoProcess(ROBOT_MODULE, robot_parameters, started, out / "simulated_robot.log") as simulated,
         Listener(environment) as listener,
         Display(console) as display,
+        DemoProcess(ESTIMATOR_MODULE, with_urdf, started, out / "online_payload_estimator.log") as estimator,
     ):
-        _watch(listener, (estimator, simulated), display, duration)
-        monitor = listener.monitor
-    return _conclude(console, monitor, out, payload_mass)
+        # the first start on a machine compiles; the robot waits for it, so that the whole motion is seen
+        _wait_for(estimator, listener, display)
+        with DemoProcess(ROBOT_MODULE, robot_parameters, started, out / "simulated_robot.log") as simulated:
+            _watch(listener, (estimator, simulated), display, duration)
+    return _conclude(console, listener.monitor, out, payload_mass)
 
 
 def ros_environment(out: Path) -> dict[str, str]:
@@ -127,6 +136,22 @@ def _quoted(word: str) -> str:
     return f"'{word}'" if set(word) & set("[ ]") else word
 
 
+def _wait_for(estimator: DemoProcess, listener: Listener, display: Display) -> None:
+    """Wait until the estimator is active.
+
+    Raises:
+        ProcessFailed: it ended, or did not become active.
+    """
+    began = time.monotonic()
+    while not listener.monitor.estimator_is_active:
+        listener.listen(_PICTURE_PERIOD)
+        estimator.check()
+        waited = time.monotonic() - began
+        if waited > _START_PATIENCE:
+            raise ProcessFailed(f"The estimator was not active after {waited:.0f} s. {_silence(listener.monitor, [estimator])}")
+        display.wait(f"Starting the estimator, {waited:.0f} s (the first start on a machine compiles) ...")
+
+
 def _watch(listener: Listener, processes: Sequence[DemoProcess], display: Display, duration: float) -> None:
     """Show what comes until the motion has ended.
 
@@ -140,9 +165,11 @@ def _watch(listener: Listener, processes: Sequence[DemoProcess], display: Displa
         for process in processes:
             process.check()
         if not monitor.estimates and time.monotonic() - began > _PATIENCE:
-            raise ProcessFailed(_silence(monitor, processes))
-        display.show(_picture(monitor, duration))
-        if monitor.truth and monitor.estimates:
+            raise ProcessFailed(f"No estimate came within {_PATIENCE:.0f} s. {_silence(monitor, processes)}")
+        if not monitor.truth or not monitor.estimates:
+            display.wait("The robot starts to move; waiting for the first estimate ...")
+        else:
+            display.show(_picture(monitor, duration))
             end = monitor.truth[0].start + duration
             # a slow machine simulates slower than the clock runs; it gets some seconds more
             if monitor.estimates[-1].t > end - 0.2 or time.time() > end + 8.0:
@@ -152,20 +179,12 @@ def _watch(listener: Listener, processes: Sequence[DemoProcess], display: Displa
 def _silence(monitor: DemoMonitor, processes: Sequence[DemoProcess]) -> str:
     said = "; ".join(f"{name}: {values['message']}" for name, values in monitor.diagnostics.items()) or "nothing"
     logs = "\n".join(f"{process.name}: {process.last_words()}" for process in processes)
-    return f"No estimate came within {_PATIENCE:.0f} s. /diagnostics says: {said}.\n{logs}"
+    return f"/diagnostics says: {said}.\n{logs}"
 
 
 def _picture(monitor: DemoMonitor, duration: float) -> Picture:
-    waiting = ""
-    if not monitor.truth:
-        waiting = "Starting both nodes ..."
-    elif not monitor.estimates:
-        waiting = "The robot moves; waiting for the first estimate ..."
-    start = monitor.truth[0].start if monitor.truth else 0.0
-    estimate = monitor.estimates[-1] if monitor.estimates else None
-    truth = monitor.truth[-1] if monitor.truth else None
-    t = estimate.t - start if estimate else 0.0
-    return Picture(t, duration, start, waiting, estimate, truth, monitor.events)
+    start, estimate = monitor.truth[0].start, monitor.estimates[-1]
+    return Picture(estimate.t - start, duration, start, estimate, monitor.truth[-1], monitor.events)
 
 
 def _conclude(console: Console, monitor: DemoMonitor, out: Path, payload_mass: float) -> int:
@@ -182,6 +201,11 @@ def _conclude(console: Console, monitor: DemoMonitor, out: Path, payload_mass: f
         plot, monitor.estimates, monitor.events, monitor.joint_names, title, monitor.truth_until(monitor.estimates[-1].t)
     )
     against = objections(before, carried, monitor.events)
+    if heard := monitor.diagnostics.get("online_payload_estimator: input"):
+        console.print(
+            "Joint states at the estimator: {received} received, {rejected} rejected, {gaps} gaps.".format(**heard),
+            highlight=False,
+        )
     for event in monitor.events:
         console.print(f"Found: {_event_text(event, monitor.truth)}", highlight=False)
     if against:
@@ -194,15 +218,19 @@ def _conclude(console: Console, monitor: DemoMonitor, out: Path, payload_mass: f
 
 def _event_text(event: PayloadEvent, truth: Sequence[TruthSegment]) -> str:
     nearest = min((s.start for s in truth[1:]), key=lambda start: abs(start - event.t), default=None)
-    off = "" if nearest is None else f", dated {1e3 * (event.t - nearest):+.0f} ms off"
-    return f"{event.kind} at {event.t - truth[0].start:.2f} s, {event.mass_before:.2f} → {event.mass_after:.2f} kg{off}"
+    said = f"{event_text(event)} at {event.t - truth[0].start:.2f} s"
+    if nearest is None or abs(event.t - nearest) > EVENT_DELAY:
+        return f"{said}; nothing happened then"
+    return f"{said}; its time is {1e3 * abs(event.t - nearest):.0f} ms too {'late' if event.t > nearest else 'early'}"
 
 
 def main() -> int:
     """Run the demo; its exit code."""
     # a shell starts background jobs with SIGINT ignored, and children would inherit that
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(_TERMINATED))
+    # a closed terminal sends SIGHUP; an exception lets the nodes be stopped
+    for sign in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(sign, lambda number, _: sys.exit(128 + number))
     try:
         return int(demo.main(standalone_mode=False) or 0)
     except click.ClickException as error:

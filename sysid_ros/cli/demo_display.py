@@ -15,6 +15,7 @@ from rich.text import Text
 from sysid_ros.cli.demo_verdict import Comparison, compare
 from sysid_ros.payload_estimate import PayloadEstimate, PayloadEvent
 from sysid_ros.plots import TruthSegment
+from sysid_ros.plots.payload_curves import event_text
 
 _STYLE = {"ok": "green", "no_payload": "bright_black", "warming_up": "yellow", "not_excited": "cyan", "inconsistent": "bold red"}
 _ROWS = ("mass", "com x", "com y", "com z", "Ixx", "Iyy", "Izz")
@@ -29,15 +30,14 @@ class Picture:
     Attributes:
         t, duration: time since the start of the motion, and its length [s].
         start: stamp of the start [s].
-        waiting: what is being waited for; empty once estimates come.
+        estimate: the last one. truth: what is carried now. events: that the estimator found.
     """
 
     t: float
     duration: float
     start: float
-    waiting: str
-    estimate: PayloadEstimate | None
-    truth: TruthSegment | None
+    estimate: PayloadEstimate
+    truth: TruthSegment
     events: Sequence[PayloadEvent]
 
 
@@ -59,11 +59,16 @@ class Display:
         if self._live is not None:
             self._live.stop()
 
+    def wait(self, sentence: str) -> None:
+        """Say what is waited for, in a terminal."""
+        if self._live is not None:
+            self._live.update(Text(f"\n  {sentence}", style="yellow"))
+
     def show(self, picture: Picture) -> None:
         """Draw it, or write its line when a second has passed."""
         if self._live is not None:
             self._live.update(panel(picture))
-        elif not picture.waiting and math.floor(picture.t) > self._last_second:
+        elif math.floor(picture.t) > self._last_second:
             self._last_second = math.floor(picture.t)
             new = _events(picture)[self._told_events :]
             self._told_events += len(new)
@@ -72,29 +77,22 @@ class Display:
 
 def panel(picture: Picture) -> RenderableType:
     """The picture for a terminal."""
-    if picture.waiting:
-        return Text(f"\n  {picture.waiting}", style="yellow")
     done = min(1.0, max(0.0, picture.t / picture.duration))
     filled = round(_BAR * done)
-    parts: list[RenderableType] = [
+    status = picture.estimate.status
+    return Group(
         Text.assemble(
             ("\n  " + "━" * filled, "green"),
             ("━" * (_BAR - filled), "bright_black"),
             f"  {picture.t:4.1f} of {picture.duration:g} s",
         ),
         Text(f"  truth:    {_truth_text(picture)}"),
-    ]
-    if picture.estimate is not None:
-        status = picture.estimate.status
-        parts.append(
-            Text.assemble(
-                "  status:   ", (status, _STYLE.get(status, "magenta")), f"  {picture.estimate.reason}", overflow="ellipsis"
-            )
-        )
-        rows = compare(picture.estimate, picture.truth) if picture.truth is not None else []
-        parts.append(comparison_table(rows))
-    parts.append(Text("  events found by the estimator:  " + ("; ".join(_events(picture)) or "none yet")))
-    return Group(*parts)
+        Text.assemble(
+            "  status:   ", (status, _STYLE.get(status, "magenta")), f"  {picture.estimate.reason}", overflow="ellipsis"
+        ),
+        comparison_table(compare(picture.estimate, picture.truth)),
+        Text("  events found by the estimator:  " + ("; ".join(_events(picture)[-3:]) or "none yet")),
+    )
 
 
 def comparison_table(rows: Sequence[Comparison], title: str | None = None) -> Table:
@@ -126,24 +124,17 @@ def comparison_table(rows: Sequence[Comparison], title: str | None = None) -> Ta
 
 def line(picture: Picture) -> str:
     """The picture as one line."""
-    text = f"{picture.t:5.1f} s  "
-    if picture.estimate is None:
-        return text + "no estimate yet"
-    text += f"{picture.estimate.status:<13}"
-    if picture.truth is not None:
-        rows = compare(picture.estimate, picture.truth)
-        mass = rows[0]
-        text += f"mass {mass.estimate:6.3f} ± {mass.half:.3f} kg (truth {mass.truth:.3f}, error {mass.error:+.3f})"
-        if len(rows) > 1:
-            text += "  com [{}] mm (truth [{}])".format(
-                ", ".join(f"{row.estimate:.1f}" for row in rows[1:4]), ", ".join(f"{row.truth:.1f}" for row in rows[1:4])
-            )
+    rows = compare(picture.estimate, picture.truth)
+    mass = rows[0]
+    text = f"{picture.t:5.1f} s  {picture.estimate.status:<13}"
+    text += f"mass {mass.estimate:6.3f} ± {mass.half:.3f} kg (truth {mass.truth:.3f}, error {mass.error:+.3f})"
+    if len(rows) > 1:
+        found, true = (", ".join(f"{x:.1f}" for x in xs) for xs in zip(*((r.estimate, r.truth) for r in rows[1:4]), strict=True))
+        text += f"  com [{found}] mm (truth [{true}])"
     return text
 
 
 def _truth_text(picture: Picture) -> str:
-    if picture.truth is None:
-        return "not known yet"
     since = picture.t - (picture.truth.start - picture.start)
     if picture.truth.mass:
         return f"carries {picture.truth.mass:g} kg, picked up {since:.1f} s ago"
@@ -151,7 +142,4 @@ def _truth_text(picture: Picture) -> str:
 
 
 def _events(picture: Picture) -> list[str]:
-    return [
-        f"{e.kind} at {e.t - picture.start:.2f} s ({max(e.mass_before, 0.0):.2f} → {max(e.mass_after, 0.0):.2f} kg)"
-        for e in picture.events
-    ]
+    return [f"{event_text(e)} at {e.t - picture.start:.2f} s" for e in picture.events]

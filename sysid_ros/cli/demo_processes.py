@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -15,6 +15,11 @@ from sysid_ros.exceptions import SysidError
 
 _SOFT_STOP = 5.0
 _LINES = 15
+_WRITE_URDF = """
+import pathlib, sys
+from sysid_ros.simulation.description import arm_description
+pathlib.Path(sys.argv[1]).write_text(arm_description())
+"""
 
 
 class ProcessFailed(SysidError):
@@ -31,13 +36,11 @@ class DemoProcess:
         log: file that stdout and stderr go to.
     """
 
-    def __init__(self, module: str, parameters: dict[str, object], environment: dict[str, str], log: Path) -> None:
+    def __init__(self, module: str, parameters: dict[str, object], environment: Mapping[str, str], log: Path) -> None:
         self.name = module.rpartition(".")[2]
         self.log = log
         self._command = [sys.executable, "-m", module, *ros_arguments(parameters)]
-        # where the package is not installed, the child finds it beside this one
-        root = str(Path(sysid_ros.__file__).resolve().parents[1])
-        self._environment = environment | {"PYTHONPATH": os.pathsep.join(filter(None, (root, environment.get("PYTHONPATH"))))}
+        self._environment = child_environment(environment)
         self._process: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> DemoProcess:
@@ -79,6 +82,24 @@ class DemoProcess:
         """The end of its log, for a message."""
         lines = self.log.read_text(errors="replace").splitlines()[-_LINES:]
         return f"Its log ({self.log}) ends with:\n" + "\n".join(f"    {line}" for line in lines or ["(it is empty)"])
+
+
+def write_arm_urdf(path: Path) -> None:
+    """Write the simulated arm's URDF; in another process, because PyBullet writes to stdout when it is imported.
+
+    Raises:
+        ProcessFailed: it could not be written.
+    """
+    command = [sys.executable, "-c", _WRITE_URDF, str(path)]
+    done = subprocess.run(command, env=child_environment(os.environ), capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise ProcessFailed(f"The simulated arm's URDF could not be written to {path}:\n{done.stderr}")
+
+
+def child_environment(environment: Mapping[str, str]) -> dict[str, str]:
+    """The same with this package on the path, so that a child finds it where it is not installed."""
+    root = str(Path(sysid_ros.__file__).resolve().parents[1])
+    return {**environment, "PYTHONPATH": os.pathsep.join(filter(None, (root, environment.get("PYTHONPATH"))))}
 
 
 def ros_arguments(parameters: dict[str, object]) -> list[str]:

@@ -95,10 +95,9 @@ def _show(result: Replay, bag: Path) -> None:
     console.print(table)
     if result.reason:
         console.print(result.reason, highlight=False)
-    start = result.series[0].t if result.series else 0.0
     for e in result.events:
         console.print(
-            f"{e.kind} {e.t - start:.2f} s after the first estimate: {e.mass_before:.3f} -> {e.mass_after:.3f} kg",
+            f"{e.kind} at {e.t - result.start:.2f} s: {e.mass_before:.3f} -> {e.mass_after:.3f} kg",
             highlight=False,
         )
     console.print(

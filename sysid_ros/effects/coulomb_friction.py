@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 
 from sysid_ros.effects.effect import JointEffect
+from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 
@@ -19,6 +21,9 @@ class CoulombFriction(JointEffect):
         robot: the model.
         joints: joints that rub; empty for all.
         width: speed at which the sign function has turned, well above the noise of the velocity [rad/s].
+
+    Raises:
+        ModelFileError: the width is not a positive number.
     """
 
     id: ClassVar[str] = "coulomb_friction"
@@ -29,7 +34,9 @@ class CoulombFriction(JointEffect):
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = 0.02) -> None:
         super().__init__(robot, joints)
-        self.width = width
+        if isinstance(width, bool) or not isinstance(width, int | float) or not 0.0 < width < math.inf:
+            raise ModelFileError(f"effect '{self.id}' has width {width!r}; it must be a positive speed in rad/s.")
+        self.width = float(width)
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -86,11 +86,12 @@ class JointEffect(Effect):
 
     symbol: ClassVar[str]
     unit: ClassVar[str]
+    slide_unit: ClassVar[str]
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
         super().__init__(robot, joints)
         self.parameter_names = tuple(f"{self.symbol}[{name}]" for name in self.joint_names)
-        self.units = (self.unit,) * len(self.joints)
+        self.units = tuple(self.slide_unit if robot.is_prismatic[j] else self.unit for j in self.joints)
         self._columns = np.arange(len(self.joints))
 
     @abstractmethod

@@ -34,15 +34,23 @@ class ConstantForgetting(Estimator):
     def reset(self) -> None:
         self._theta = self._prior_mean.copy()
         self._P = np.diag(self._prior_std**2)
+        self._sensitivity = np.zeros((self.p, 0))
 
     @property
     def theta(self) -> FloatArray:
         return self._theta.copy()
 
     def covariance(self) -> FloatArray:
-        return self._P.copy()
+        return self._P + self._sensitivity @ self._sensitivity.T
 
-    def update(self, Y: FloatArray, tau: FloatArray, hold: bool = False, extra_variance: FloatArray | None = None) -> Estimate:
+    def update(
+        self,
+        Y: FloatArray,
+        tau: FloatArray,
+        hold: bool = False,
+        extra_variance: FloatArray | None = None,
+        considered: FloatArray | None = None,
+    ) -> Estimate:
         innovation = tau - Y @ self._theta
         if not (np.isfinite(Y).all() and np.isfinite(tau).all()):
             return self._estimate(innovation, "not_finite", "the rows hold values that are not finite; they were left out")
@@ -50,9 +58,9 @@ class ConstantForgetting(Estimator):
             return self._estimate(innovation, "not_excited", "nothing excites the parameters; the estimate is held")
         if self.forgetting_factor < 1.0:
             self._P /= self.forgetting_factor
-        kernels.joseph_update(
-            self._theta, self._P, Y, tau, self.variance if extra_variance is None else self.variance + extra_variance
-        )
+        variance = self.variance if extra_variance is None else self.variance + extra_variance
+        Z = self._fit_sensitivity(considered)
+        kernels.joseph_update_considering(self._theta, self._P, Y, tau, variance, self._sensitivity, Z)
         return self._estimate(innovation, "ok", "")
 
     def _estimate(self, innovation: FloatArray, status: str, reason: str) -> Estimate:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
+import numpy as np
+
 from sysid_ros.sample import FloatArray
 
 STATUSES = ("warming_up", "ok", "not_excited", "outlier", "not_finite")
@@ -38,6 +40,8 @@ class Estimator(ABC):
 
     p: int
     m: int
+    _sensitivity: FloatArray
+    """Derivative of theta by the considered errors, shape (p, c)."""
 
     @property
     @abstractmethod
@@ -49,14 +53,30 @@ class Estimator(ABC):
         """Covariance of theta as it is now, shape (p, p)."""
 
     @abstractmethod
-    def update(self, Y: FloatArray, tau: FloatArray, hold: bool = False, extra_variance: FloatArray | None = None) -> Estimate:
-        """Take in one set of rows.
+    def update(
+        self,
+        Y: FloatArray,
+        tau: FloatArray,
+        hold: bool = False,
+        extra_variance: FloatArray | None = None,
+        considered: FloatArray | None = None,
+    ) -> Estimate:
+        """Take in one set of rows, ``tau = Y theta + Z z + noise``.
 
         Args:
             Y: shape (m, p). tau: shape (m,).
             hold: True where nothing excites the parameters: the covariance neither shrinks nor grows.
             extra_variance: added to the noise of each row, shape (m,).
+            considered: Z, shape (m, c), where z ~ N(0, 1) is an error of what is taken as known. It is not estimated, but what it
+                does to theta is in the covariance.
         """
+
+    def _fit_sensitivity(self, considered: FloatArray | None) -> FloatArray:
+        """Z, shape (m, c), with the sensitivity made to fit it."""
+        Z = np.empty((self.m, 0)) if considered is None else considered
+        if Z.shape[1] != self._sensitivity.shape[1]:
+            self._sensitivity = np.zeros((self.p, Z.shape[1]))
+        return Z
 
     @abstractmethod
     def reset(self) -> None:

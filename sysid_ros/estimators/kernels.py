@@ -11,14 +11,17 @@ _JIT = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def joseph_update(theta: FloatArray, P: FloatArray, Y: FloatArray, tau: FloatArray, variance: FloatArray) -> None:
-    """Measurement update row by row: ``K = P y / (y' P y + r)``, ``P <- (1 - K y') P (1 - K y')' + K r K'`` (Joseph), expanded.
+def joseph_update_considering(
+    theta: FloatArray, P: FloatArray, Y: FloatArray, tau: FloatArray, variance: FloatArray, S: FloatArray, Z: FloatArray
+) -> None:
+    """Measurement update of :func:`joseph_update` for ``tau = Y theta + Z z + noise``, where z is not estimated but its effect on theta is kept.
+
+    ``S <- (1 - K y') S - K z'`` is the derivative of the estimate by -z (Schmidt 1966: consider parameters).
 
     Args:
-        theta: shape (p,). P: shape (p, p), symmetric. Y: shape (m, p). tau: shape (m,). variance: noise of each row, shape
-            (m,); a row of infinite variance changes nothing.
+        S: shape (p, c). Z: shape (m, c).
     """
-    p = theta.size
+    p, c = S.shape
     gain = np.empty(p)
     projected = np.empty(p)
     for i in range(tau.size):
@@ -36,11 +39,28 @@ def joseph_update(theta: FloatArray, P: FloatArray, Y: FloatArray, tau: FloatArr
         for a in range(p):
             gain[a] = projected[a] / s
             theta[a] += gain[a] * innovation
+        for k in range(c):
+            total = Z[i, k]
+            for a in range(p):
+                total += Y[i, a] * S[a, k]
+            for a in range(p):
+                S[a, k] -= gain[a] * total
         for a in range(p):
             for b in range(a + 1):
                 value = P[a, b] - gain[a] * projected[b] - projected[a] * gain[b] + s * gain[a] * gain[b]
                 P[a, b] = value
                 P[b, a] = value
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def joseph_update(theta: FloatArray, P: FloatArray, Y: FloatArray, tau: FloatArray, variance: FloatArray) -> None:
+    """Measurement update row by row: ``K = P y / (y' P y + r)``, ``P <- (1 - K y') P (1 - K y')' + K r K'`` (Joseph), expanded.
+
+    Args:
+        theta: shape (p,). P: shape (p, p), symmetric. Y: shape (m, p). tau: shape (m,). variance: noise of each row, shape
+            (m,); a row of infinite variance changes nothing.
+    """
+    joseph_update_considering(theta, P, Y, tau, variance, np.empty((theta.size, 0)), np.empty((tau.size, 0)))
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
@@ -60,6 +80,28 @@ def forget_towards_prior(P: FloatArray, prior_variance: FloatArray, epsilon: flo
             value = P[a, b] + epsilon * (P[a, b] - work[a, b])
             P[a, b] = value
             P[b, a] = value
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def accumulate_weights(Y: FloatArray, used: FloatArray, extra: FloatArray, squared: FloatArray, balance: FloatArray) -> None:
+    """What a sandwich covariance needs of rows that were weighted with the variances ``used``, shape (m,): lower triangles of
+
+    ``squared[i] += y_i y_i' / used_i^2`` (m, p, p) and ``balance += sum_i (extra_i / used_i^2 - 1 / used_i) y_i y_i'`` (p, p).
+    """
+    m, p = Y.shape
+    for i in range(m):
+        if not np.isfinite(used[i]):
+            continue
+        inverse = 1.0 / used[i]
+        square = inverse * inverse
+        weight = extra[i] * square - inverse
+        for a in range(p):
+            if Y[i, a] == 0.0:
+                continue
+            for b in range(a + 1):
+                product = Y[i, a] * Y[i, b]
+                squared[i, a, b] += square * product
+                balance[a, b] += weight * product
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]

@@ -70,14 +70,16 @@ class VariableForgetting(Estimator):
     def reset(self) -> None:
         self._theta = np.zeros(self.p)
         self._P = np.diag(self._prior_variance)
+        self._sensitivity = np.zeros((self.p, 0))
         self.noise = LongRunVariance(self.m, self._period, self._floor)
         self._spread: FloatArray = self._floor * self.noise.CAUTION
         self._spread_count = 0
         self._updates = 0
-        self._information_used = np.zeros(self.m)
+        self._squared = np.zeros((self.m, self.p, self.p))
+        self._balance = np.zeros((self.p, self.p))
         self._settling = 0
         self._burst = 0
-        self._early: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+        self._early: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
         self._early_jump = False
         self.jumps = 0
         self.last_jump = np.zeros(len(range(*self._jump.block.indices(self.p))))
@@ -98,7 +100,14 @@ class VariableForgetting(Estimator):
         """True while data from before a jump are still in the rows."""
         return self._settling > 0
 
-    def update(self, Y: FloatArray, tau: FloatArray, hold: bool = False, extra_variance: FloatArray | None = None) -> Estimate:
+    def update(
+        self,
+        Y: FloatArray,
+        tau: FloatArray,
+        hold: bool = False,
+        extra_variance: FloatArray | None = None,
+        considered: FloatArray | None = None,
+    ) -> Estimate:
         innovation = tau - Y @ self._theta
         if not np.isfinite(innovation).all():
             return Estimate(
@@ -119,15 +128,16 @@ class VariableForgetting(Estimator):
         outlier = z > self.THRESHOLD and not self.settling
         if outlier:
             variance = variance * z
+        Z = self._fit_sensitivity(considered)
         self._forget()
-        kernels.joseph_update(self._theta, self._P, Y, tau, variance)
-        self._information_used += 1.0 / variance
+        kernels.joseph_update_considering(self._theta, self._P, Y, tau, variance, self._sensitivity, Z)
+        kernels.accumulate_weights(Y, variance, extra, self._squared, self._balance)
         self._updates += 1
         self._settle()
         if known:
             self._learn_noise(tau - Y @ self._theta, extra, outlier)
         elif not self.settling:
-            self._early.append((Y, tau, extra))
+            self._early.append((Y, tau, extra, Z))
             self._learn_early()
         if not np.isfinite(self._theta).all():
             self.reset()
@@ -143,17 +153,22 @@ class VariableForgetting(Estimator):
         return self._estimate(innovation, "ok", "")
 
     def covariance(self) -> FloatArray:
-        """Covariance of theta, shape (p, p), for the noise as it is known now.
+        """Covariance of theta, shape (p, p), for the noise as it is known now, and with the errors that are only considered.
 
-        Rows were weighted with the noise known when they came; the information they brought is rescaled to the noise known since.
+        Rows were weighted with the noise known when they came. For the noise R known since, the covariance of the same estimate
+        is ``P (P0^-1 + sum y y' R / used^2) P`` (White 1980); it is cut at the prior, where the weights were far too high.
         """
-        scale = self._rescale()
-        if abs(scale - 1.0) < 0.01:
-            return self._P.copy()
-        # ((P^-1 - P0^-1) / scale + P0^-1)^-1 without an inverse
-        mixed = (scale - 1.0) * self._P / self._prior_variance
-        mixed.flat[:: self.p + 1] += 1.0
-        covariance = scale * np.linalg.solve(mixed, self._P)
+        considered = self._sensitivity @ self._sensitivity.T
+        return self._noise_covariance() + considered
+
+    def _noise_covariance(self) -> FloatArray:
+        balance = self._balance + np.tensordot(self.noise.variance, self._squared, axes=1)
+        balance += np.tril(balance, -1).T
+        covariance = self._P + self._P @ balance @ self._P
+        std = np.sqrt(self._prior_variance)
+        if np.any(np.diag(covariance) > self._prior_variance):
+            values, vectors = np.linalg.eigh(covariance / np.outer(std, std))
+            covariance = (vectors * np.minimum(values, 1.0)) @ vectors.T * np.outer(std, std)
         return 0.5 * (covariance + covariance.T)
 
     def _learn_early(self) -> None:
@@ -167,22 +182,20 @@ class VariableForgetting(Estimator):
             return
         self._spread_count = 0
         freedom = max(1.0 - self.p / (self.m * count * self._period / self.INDEPENDENT), 0.25)
-        for Y, tau, extra in self._early:
+        for Y, tau, extra, _ in self._early:
             self._learn_noise((tau - Y @ self._theta) / np.sqrt(freedom), extra, False, learn_colour=count == fewest)
         if count == fewest:
             self._theta = np.zeros(self.p)
             self._P = np.diag(self._prior_variance)
-            self._information_used = np.zeros(self.m)
-            for Y, tau, extra in self._early:
-                kernels.joseph_update(self._theta, self._P, Y, tau, self.noise.variance + extra)
-                self._information_used += 1.0 / (self.noise.variance + extra)
+            self._sensitivity[:] = 0.0
+            self._squared[:] = 0.0
+            self._balance[:] = 0.0
+            for Y, tau, extra, Z in self._early:
+                variance = self.noise.variance + extra
+                kernels.joseph_update_considering(self._theta, self._P, Y, tau, variance, self._sensitivity, Z)
+                kernels.accumulate_weights(Y, variance, extra, self._squared, self._balance)
             self._updates = count
             self._early = []
-
-    def _rescale(self) -> float:
-        if self._updates == 0:
-            return 1.0
-        return float(np.mean(self.noise.variance * self._information_used / self._updates))
 
     def _held(self, innovation: FloatArray) -> Estimate:
         return self._estimate(innovation, "not_excited", "nothing excites the parameters; the estimate is held")
@@ -193,6 +206,8 @@ class VariableForgetting(Estimator):
     def _forget(self) -> None:
         if self._updates % self.FORGET_EVERY == 0 and not self.settling:
             kernels.forget_towards_prior(self._P, self._prior_variance, self._epsilon, self._work)
+            self._squared *= 1.0 - self._epsilon
+            self._balance *= 1.0 - self._epsilon
 
     def _watch(self, Y: FloatArray, innovation: FloatArray, spread: FloatArray, extra: FloatArray, z: float) -> bool:
         """Collect innovations that are too large; True where a jump explains them."""
@@ -237,10 +252,14 @@ class VariableForgetting(Estimator):
         self._statistic = 0.0
 
     def _reset_block(self) -> None:
+        """Start the block that jumped again; the others start from what they are known to now."""
         block = self._jump.block
+        self._P = self._noise_covariance()
         self._P[block, :] = 0.0
         self._P[:, block] = 0.0
         self._P[block, block] = np.diag(self._prior_variance[block])
+        self._squared[:] = 0.0
+        self._balance[:] = 0.0
 
     def _settle(self) -> None:
         if self._settling > 0:
@@ -252,7 +271,7 @@ class VariableForgetting(Estimator):
         if self.settling:
             self.noise.interrupt()
             return
-        residual = residual * np.sqrt(self._spread / (self._spread + extra))
+        residual = np.asarray(residual * np.sqrt(self._spread / (self._spread + extra)))
         squared = residual * residual
         if self._spread_count * self._period > 0.5:
             squared = np.minimum(squared, 9.0 * self._spread)

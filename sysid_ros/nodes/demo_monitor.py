@@ -67,6 +67,11 @@ class DemoMonitor(Node):
         values = self.diagnostics.get(f"{ESTIMATOR}: estimator", {})
         return values.get("status", "warming_up"), values.get("reason", "")
 
+    @property
+    def estimator_is_active(self) -> bool:
+        """The estimator has its model and takes messages."""
+        return self.diagnostics.get(f"{ESTIMATOR}: estimator", {}).get("state") == "active"
+
     def truth_until(self, end: float) -> list[TruthSegment]:
         """The truth with an end [s]."""
         return [replace(segment, end=min(segment.end, end)) for segment in self.truth]

@@ -36,32 +36,39 @@ class NodeState:
         problem: why the node could not be configured or has no model yet; empty where it has one.
         topic: resolved name of the joint states.
         publishers: how many publish there.
-        clock_problem: what is wrong with ROS time; empty where nothing is.
         qos_problem: what is wrong with the quality of service; empty where nothing is.
         troubles: messages that the node could not handle, by kind.
+        published: number of estimates.
     """
 
     state: str
     problem: str
     topic: str
     publishers: int
-    clock_problem: str = ""
     qos_problem: str = ""
     troubles: dict[str, int] = field(default_factory=dict)
+    published: int = 0
 
 
-def input_status(node: NodeState, health: GateHealth | None) -> DiagnosticStatus:
-    """Level, text and counts of the input."""
-    level, texts = (Level.STALE, [f"No joint states are read: the node is {node.state}."]) if health is None else (health.level, [health.text])
-    if health is not None and level == Level.STALE:
-        texts = [f"No messages on {node.topic}; publishers: {node.publishers}.", health.text]
-    if health is not None and node.publishers > 1:
-        level = max(level, Level.WARN)
-        texts.append(f"{node.publishers} publishers share {node.topic}; one is expected. See 'ros2 topic info -v {node.topic}'.")
-    for problem in (node.clock_problem, node.qos_problem):
-        if problem:
-            level = Level.ERROR
-            texts.insert(0, problem)
+def input_status(node: NodeState, live: LiveEstimation | None, health: GateHealth | None, ros_time: float) -> DiagnosticStatus:
+    """Level, text and counts of the input; ``live`` is None where no joint states are read."""
+    if live is None:
+        level, texts = Level.STALE, [f"No joint states are read: the node is {node.state}. {node.problem}".strip()]
+    elif health is None or health.level == Level.STALE:
+        text = health.text if health is not None else live.status(0.0)[1]
+        level, texts = Level.STALE, [f"No messages are used on {node.topic}; publishers: {node.publishers}.", text]
+    else:
+        level, texts = health.level, [health.text]
+        if node.publishers > 1:
+            level = max(level, Level.WARN)
+            texts.append(f"{node.publishers} publishers share {node.topic}; expected is one. See 'ros2 topic info -v'.")
+    if not ros_time > 0.0:
+        level, texts = (
+            Level.ERROR,
+            ["use_sim_time is set but nobody publishes /clock. Publish it, or unset it.", *texts],
+        )
+    if node.qos_problem:
+        level, texts = Level.ERROR, [node.qos_problem, *texts]
     values: dict[str, Any] = {"topic": node.topic, "publishers": node.publishers}
     if health is not None:
         values |= {
@@ -120,10 +127,11 @@ def timing_status(report: TimingReport, published: int) -> DiagnosticStatus:
     if report.messages == 0:
         level, text = Level.STALE, "No message since the last report."
     elif report.load > _BUSY:
-        level, text = Level.WARN, f"The steps take {100 * report.load:.0f} % of the time; free the processor, or lower the messages' rate."
+        level = Level.WARN
+        text = f"The steps take {100 * report.load:.0f} % of the time; free the processor, or lower the messages' rate."
     elif _LATE < report.latency[0] < 1e6:
         level = Level.WARN
-        text = f"The messages are {report.latency[0]:.2f} s old when they are used; less than {_LATE} s is usual. See the clocks and the load."
+        text = f"The messages are {report.latency[0]:.2f} s old when they are used; {_LATE} s is much. Check clocks and load."
     values: dict[str, Any] = {
         "messages_per_s": report.messages / report.period,
         "estimates_per_s": report.estimates / report.period,
@@ -136,11 +144,12 @@ def timing_status(report: TimingReport, published: int) -> DiagnosticStatus:
     return _status("timing", level, text, values)
 
 
-def diagnostic_array(stamp: Any, hardware_id: str, statuses: list[DiagnosticStatus]) -> DiagnosticArray:
-    """The statuses in one message."""
+def diagnostic_array(stamp: Any, node_name: str, hardware_id: str, statuses: list[DiagnosticStatus]) -> DiagnosticArray:
+    """The statuses in one message, each named 'node: status'; the node's name with its namespace, so that two arms differ."""
     message = DiagnosticArray(status=statuses)
     message.header.stamp = stamp
     for status in statuses:
+        status.name = f"{node_name}: {status.name}"
         status.hardware_id = hardware_id
     return message
 
@@ -151,7 +160,7 @@ def _ms(seconds: float) -> str:
 
 def _status(name: str, level: Level, text: str, values: dict[str, Any]) -> DiagnosticStatus:
     return DiagnosticStatus(
-        name=f"online_payload_estimator: {name}",
+        name=name,
         level=_LEVELS.get(level, DiagnosticStatus.STALE),
         message=text,
         values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()],

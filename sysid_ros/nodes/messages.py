@@ -57,7 +57,7 @@ def inertia_message(estimate: PayloadEstimate, stamp: Time) -> InertiaStamped:
 
 
 def parameters_message(estimate: PayloadEstimate) -> Float64MultiArray:
-    """11 x 10: row 0 the ten parameters about the frame's origin, rows 1 to 10 their covariance, in the order of the second label."""
+    """11 x 10: row 0 the parameters about the frame's origin, rows 1 to 10 their covariance, ordered as the second label says."""
     rows = np.empty((11, 10))
     rows[0] = estimate.theta[TO_MESSAGE_ORDER]
     rows[1:] = estimate.covariance[_ORDER]
@@ -87,7 +87,7 @@ def center_of_mass_message(estimate: PayloadEstimate, stamp: Time) -> PoseWithCo
 
 
 def payload_effort_message(estimate: PayloadEstimate, order: Any, names: list[str]) -> Float64MultiArray:
-    """Joint torques that the payload costs now, in the order of ``names``, which stand in the label; 0 where nothing is carried."""
+    """Joint torques that the payload costs now, in the order of ``names``, which is the label; 0 where nothing is carried."""
     effort = np.zeros_like(estimate.payload_effort) if is_empty(estimate) else estimate.payload_effort[order]
     dimension = MultiArrayDimension(label=",".join(names), size=effort.size, stride=effort.size)
     return Float64MultiArray(layout=MultiArrayLayout(dim=[dimension]), data=_doubles(effort))

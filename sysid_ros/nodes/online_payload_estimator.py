@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import gc
-import re
 import time
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -17,14 +14,16 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from sysid_ros.commit_gate import CommitGate
+from sysid_ros.commit_gate import CommitGate, is_empty
 from sysid_ros.exceptions import SysidError
 from sysid_ros.live_estimation import LiveEstimation
 from sysid_ros.model_file import ModelFile
-from sysid_ros.nodes import diagnostics, services
+from sysid_ros.nodes import services
+from sysid_ros.nodes.diagnostics import NodeState
 from sysid_ros.nodes.messages import RecordReader, stamp_of
 from sysid_ros.nodes.outputs import Outputs
 from sysid_ros.nodes.parameters import NodeParameters
+from sysid_ros.nodes.reporter import Reporter
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock, Timing
 from sysid_ros.payload_estimate import PayloadEstimate
@@ -33,17 +32,17 @@ from sysid_ros.warm_up import warm_up
 
 _INPUT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_DIAGNOSTICS_PERIOD = 1.0
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
 class OnlinePayloadEstimator(LifecycleNode):
-    """Subscribes ``joint_states`` (and ``robot_description`` where ``urdf_path`` is empty), publishes the payload on ``~/payload``,
-    ``~/payload_committed``, ``~/parameters``, ``~/center_of_mass``, ``~/payload_effort``, ``~/residual_efforts``, ``~/markers``, its
-    state on ``/diagnostics``; services ``~/reset``, ``~/tare``, ``~/commit``, ``~/enable``.
+    """Reads ``joint_states``, and ``robot_description`` where ``urdf_path`` is empty.
 
-    ``configure`` loads the model and names every problem, ``activate`` starts, ``deactivate`` freezes, ``cleanup`` frees. With the
-    parameter ``autostart`` the first two happen at once.
+    Publishes the payload (:class:`Outputs`) and its own state on ``/diagnostics`` (:class:`Reporter`); services
+    ``~/reset``, ``~/tare``, ``~/commit``, ``~/enable``.
+
+    ``configure`` loads the model and names every problem, ``activate`` starts, ``deactivate`` freezes, ``cleanup`` frees. With
+    ``autostart`` the first two happen at once.
 
     Attributes:
         live: the estimation, or None while there is no model.
@@ -55,12 +54,12 @@ class OnlinePayloadEstimator(LifecycleNode):
         self._state = "unconfigured"
         self._problem = self._qos_problem = ""
         self._description = ""
-        self._told: set[str] = set()
         self._troubles: dict[str, int] = {}
-        self._read, self._receive_clock, self._timing = RecordReader(), ReceiveClock(), Timing()
+        self._read, self._receive_clock = RecordReader(), ReceiveClock()
         self._parameter_source = NodeParameters(self, lambda: self._state != "unconfigured", self._on_parameters)
         self._outputs = Outputs(self)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=1))
+        # each wake-up of the single-threaded executor costs more than a message, so it takes all that wait at once
+        self._drains = self._parameter_source.node.executor == "single"
         self._joint_states = self.create_subscription(
             JointState,
             "joint_states",
@@ -71,9 +70,7 @@ class OnlinePayloadEstimator(LifecycleNode):
         )
         self._descriptions = self.create_subscription(String, "robot_description", self._on_description, _LATCHED)
         services.create(self)
-        # on a steady clock, so that it says what is wrong when ROS time stands still
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._ticks = self.create_timer(_DIAGNOSTICS_PERIOD, self._on_tick, clock=clock)
+        self._reporter = Reporter(self, self._receive_clock, self._state_now)
         if self.get_parameter("autostart").value and self.trigger_configure() == _SUCCESS:
             self.trigger_activate()
 
@@ -115,7 +112,7 @@ class OnlinePayloadEstimator(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._state = "active"
-        self._timing = Timing()
+        self._reporter.timing = Timing()
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -139,7 +136,7 @@ class OnlinePayloadEstimator(LifecycleNode):
     def _free(self, state: str) -> None:
         self.live = None
         self._problem, self._state = "", state
-        self._told.clear()
+        self._reporter.forget()
 
     def _load(self, urdf: str) -> str:
         """Make the estimation for a URDF; returns what is wrong, or an empty string."""
@@ -173,6 +170,15 @@ class OnlinePayloadEstimator(LifecycleNode):
             self.get_logger().error(f"{self._descriptions.topic_name}: {self._problem}")
 
     def _on_joint_states(self, message: JointState) -> None:
+        self._handle(message)
+        for _ in range(_INPUT.depth if self._drains else 0):
+            with self._joint_states.handle:
+                taken = self._joint_states.handle.take_message(JointState, False)
+            if taken is None:
+                return
+            self._handle(taken[0])
+
+    def _handle(self, message: JointState) -> None:
         live = self.live
         if live is None or self._state != "active":
             return
@@ -188,7 +194,7 @@ class OnlinePayloadEstimator(LifecycleNode):
         record = self._read(message, received)
         estimate = live.take(record)
         done = self._receive_clock.now()
-        self._timing.add(done - (record.stamp or received), done - received)
+        self._reporter.timing.add(done - (record.stamp or received), done - received)
         if estimate is not None:
             self._publish(live, estimate, message.header.stamp if record.stamp else stamp_of(estimate.t))
 
@@ -196,14 +202,15 @@ class OnlinePayloadEstimator(LifecycleNode):
         if self._outputs.joints is not live.robot.joint_names:
             self._outputs.use_joints(live.robot.joint_names, live.settings.joint_names)
         self._outputs.publish(estimate, stamp)
-        self._timing.estimates += 1
+        self._reporter.timing.estimates += 1
         if (committed := live.offer_commit(estimate)) is not None:
             self.publish_committed(committed)
 
     def publish_committed(self, estimate: PayloadEstimate) -> None:
         """Publish an estimate that passed the commit gate, and say so."""
         self._outputs.publish_committed(estimate, stamp_of(estimate.t))
-        self.get_logger().info(f"Committed {estimate.mass:.3f} kg (std {estimate.mass_std:.3f} kg), status {estimate.status}.")
+        what = "no payload" if is_empty(estimate) else f"{estimate.mass:.3f} kg"
+        self.get_logger().info(f"Committed: {what} (std {estimate.mass_std:.3f} kg).")
 
     def _on_parameters(self) -> None:
         self._outputs.with_markers = self._parameter_source.node.publish_markers
@@ -217,49 +224,17 @@ class OnlinePayloadEstimator(LifecycleNode):
         )
         self.get_logger().error(self._qos_problem)
 
-    def _on_tick(self) -> None:
-        now = self._receive_clock.now()
-        live = self.live
-        health = live.health(now) if live is not None else None
-        ros_time = 1e-9 * self.get_clock().now().nanoseconds
-        self._receive_clock.follow(ros_time)
+    def _state_now(self) -> NodeState:
         topic = self._joint_states.topic_name
-        state = diagnostics.NodeState(
+        return NodeState(
             state=self._state,
             problem=self._problem,
             topic=topic,
             publishers=self.count_publishers(topic),
-            clock_problem="" if ros_time > 0.0 else "use_sim_time is set but nobody publishes /clock. Start the simulation, or unset it.",
             qos_problem=self._qos_problem,
             troubles=self._troubles,
+            published=self._outputs.published,
         )
-        age = health.age if health is not None else float("inf")
-        statuses = [
-            diagnostics.input_status(state, health if self.is_active else None),
-            diagnostics.estimator_status(state, live, age),
-            diagnostics.timing_status(self._timing.report(), self._outputs.published),
-        ]
-        name = live.robot.name if live is not None else ""
-        self._diagnostics.publish(diagnostics.diagnostic_array(stamp_of(max(ros_time, 0.0)), name, statuses))
-        if live is not None:
-            self._tell(live)
-
-    def _tell(self, live: LiveEstimation) -> None:
-        """Log each event, each warning and each reason for a rejection once."""
-        gate = live.gate
-        warnings = [*live.robot.notes, *live.estimation.warnings, *(gate.warnings if gate is not None else ())]
-        # a sentence that came before comes again with other numbers
-        news = {re.split(r"[\d(:]", sentence)[0]: sentence for sentence in warnings}
-        if gate is not None:
-            news |= {reason: f"Messages are rejected ({reason}): {gate.last_texts[reason]}" for reason in gate.counts}
-        for key in (key for key in news if key not in self._told):
-            self._told.add(key)
-            self.get_logger().warning(news[key])
-        for event in live.estimation.events:
-            key = f"event {event.t}"
-            if key not in self._told:
-                self._told.add(key)
-                self.get_logger().info(f"{event.kind} at {event.t:.3f} s: {event.mass_before:.2f} to {event.mass_after:.2f} kg")
 
 
 def main(args: list[str] | None = None) -> int:

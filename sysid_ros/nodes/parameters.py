@@ -30,11 +30,11 @@ class NodeSettings:
     """
 
     urdf_path: str = _setting("", "the robot's URDF; empty: it is taken from the topic robot_description")
-    model_path: str = _setting("", "model.yaml that 'sysid identify' wrote; empty: the URDF's links and <dynamics> are what is known")
+    model_path: str = _setting("", "model.yaml of 'sysid identify'; empty: the URDF's links and <dynamics> are what is known")
     autostart: bool = _setting(True, "configure and activate at the start, without a lifecycle manager", fixed=True)
     executor: str = _setting(
-        "single",
-        "'single' is rclpy's SingleThreadedExecutor; 'events' its experimental EventsExecutor, which needs less of the processor",
+        "events",
+        "rclpy's EventsExecutor, where this rclpy has it, or its SingleThreadedExecutor, which takes more than twice the load",
         choices=("single", "events"),
         fixed=True,
     )
@@ -47,7 +47,8 @@ class NodeSettings:
             if choices and value not in choices:
                 raise SettingsError(f"{f.name} is {value!r}; it must be one of {', '.join(choices)}.")
             if not isinstance(value, type(f.default)):
-                raise SettingsError(f"{f.name} is {value!r}; it must be {'true or false' if isinstance(f.default, bool) else 'a string'}.")
+                wanted = "true or false" if isinstance(f.default, bool) else "a string"
+                raise SettingsError(f"{f.name} is {value!r}; it must be {wanted}.")
 
 
 _GROUPS: tuple[tuple[str, type], ...] = (("", NodeSettings), ("", OnlineSettings), ("commit.", CommitSettings))
@@ -193,8 +194,8 @@ def _plain(value: Any) -> Any:
 def _problem(name: str, cls: type, f: Field[Any], p: Parameter) -> str:
     kind = _type_of(f)
     if p.type_ != kind:
-        wanted = kind.name.lower().replace("_", " ")
-        return f"{name} is {p.value!r}, of type {p.type_.name.lower().replace('_', ' ')}; it must be of type {wanted}. {_EXAMPLES[kind]}"
+        found, wanted = (k.name.lower().replace("_", " ") for k in (p.type_, kind))
+        return f"{name} is {p.value!r}, of type {found}; it must be of type {wanted}. {_EXAMPLES[kind]}"
     try:
         cls(**{f.name: _plain(p.value)})
     except SettingsError as error:

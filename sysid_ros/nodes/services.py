@@ -49,5 +49,6 @@ def create(node: OnlinePayloadEstimator) -> None:
             response.message = "The estimation goes on." if request.data else "The estimate is frozen and not published."
         return response
 
-    for kind, name, callback in ((Trigger, "reset", reset), (Trigger, "tare", tare), (Trigger, "commit", commit), (SetBool, "enable", enable)):
-        node.create_service(kind, f"~/{name}", callback)
+    for callback in (reset, tare, commit):
+        node.create_service(Trigger, f"~/{callback.__name__}", callback)
+    node.create_service(SetBool, "~/enable", enable)

@@ -1,0 +1,509 @@
+"""What every recursive estimator keeps to: one suite over all that are registered, on synthetic rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy import signal
+from sysid_ros.estimators import ESTIMATORS, ConstantForgetting, Estimator, JumpRule, LongRunVariance, VariableForgetting
+from sysid_ros.estimators.estimator import STATUSES
+from sysid_ros.estimators.kernels import joseph_update
+from sysid_ros.sample import FloatArray
+
+PERIOD = 0.01
+Factory = Callable[..., Estimator]
+
+
+def make_variable(
+    prior_std: FloatArray, variance: FloatArray, period: float = PERIOD, forgetting_time: float = 1e12, block: slice | None = None
+) -> VariableForgetting:
+    block = slice(0, len(prior_std)) if block is None else block
+    least = 0.01 * prior_std[block]
+    return VariableForgetting(prior_std, variance, period, forgetting_time, JumpRule(block, least, 0.1))
+
+
+def make_constant(
+    prior_std: FloatArray, variance: FloatArray, period: float = PERIOD, forgetting_time: float = 1e12
+) -> ConstantForgetting:
+    return ConstantForgetting(prior_std, variance, float(np.exp(-period / forgetting_time)))
+
+
+FACTORIES: dict[str, Factory] = {"variable": make_variable, "constant": make_constant}
+every_estimator = pytest.mark.parametrize("make", FACTORIES.values(), ids=FACTORIES)
+
+
+def smooth_rows(rng: np.random.Generator, count: int, m: int, p: int, highest: float = 0.4) -> FloatArray:
+    """Regressors like those of a robot that swings: sums of slow sines, shape (count, m, p)."""
+    t = PERIOD * np.arange(count)[:, None, None]
+    Y = np.zeros((count, m, p))
+    for _ in range(4):
+        frequency, phase = rng.uniform(0.05, highest, (m, p)), rng.uniform(0.0, 2.0 * np.pi, (m, p))
+        Y += 0.5 * rng.normal(size=(m, p)) * np.sin(2.0 * np.pi * frequency * t + phase)
+    return Y
+
+
+def coloured(rng: np.random.Generator, count: int, m: int, std: float, phi: float) -> FloatArray:
+    """AR(1) noise, shape (count, m)."""
+    white = rng.normal(size=(count + 1000, m)) * np.sqrt(1.0 - phi**2)
+    noise: FloatArray = std * signal.lfilter([1.0], [1.0, -phi], white, axis=0)[1000:]
+    return noise
+
+
+def problem(
+    seed: int = 0, count: int = 1500, m: int = 3, p: int = 5, std: float = 0.1, phi: float = 0.0
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    rng = np.random.default_rng(seed)
+    Y = smooth_rows(rng, count, m, p, highest=2.0)
+    theta = rng.normal(size=p)
+    return Y, Y @ theta + coloured(rng, count, m, std, phi), theta
+
+
+def feed(estimator: Estimator, Y: FloatArray, tau: FloatArray) -> Estimator:
+    for rows, values in zip(Y, tau, strict=True):
+        estimator.update(rows, values)
+    return estimator
+
+
+def batch(Y: FloatArray, tau: FloatArray, prior_std: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Least squares over all rows with the prior, theta and covariance."""
+    information = np.diag(1.0 / prior_std**2) + np.einsum("tja,j,tjb->ab", Y, 1.0 / variance, Y)
+    return np.linalg.solve(information, np.einsum("tja,j,tj->a", Y, 1.0 / variance, tau)), np.linalg.inv(information)
+
+
+def assert_positive_definite(covariance: FloatArray) -> None:
+    np.testing.assert_array_equal(covariance, covariance.T)
+    scale = np.sqrt(np.diag(covariance))
+    assert np.linalg.eigvalsh(covariance / np.outer(scale, scale))[0] > 0.0
+
+
+def test_every_registered_estimator_is_in_this_suite() -> None:
+    assert set(FACTORIES) == set(ESTIMATORS)
+    for name, make in FACTORIES.items():
+        assert type(make(np.ones(2), np.ones(1))) is ESTIMATORS[name]
+
+
+# With a noise larger than any that the residuals show, the weights of the rows are the given variance from the first row to the last:
+# what the estimators learn of the noise then plays no part, and the recursion must be the batch solution to rounding.
+LARGE = np.array([0.3, 0.5, 0.4])
+
+
+@every_estimator
+def test_without_forgetting_it_is_the_batch_solution(make: Factory) -> None:
+    Y, tau, _ = problem()
+    prior_std = np.array([2.0, 1.0, 0.5, 3.0, 1.0])
+    estimator = feed(make(prior_std, LARGE**2), Y, tau)
+    theta, covariance = batch(Y, tau, prior_std, LARGE**2)
+    np.testing.assert_allclose(estimator.theta, theta, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(estimator.covariance(), covariance, rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize("floor_std", [0.1, 0.001], ids=["floor is the noise", "floor is far below"])
+def test_with_noise_that_it_learned_it_is_near_the_batch_solution(floor_std: float) -> None:
+    """What learning costs is a small part of the uncertainty, and the covariance is that of the batch solution, or a little more."""
+    distances, prior_std = [], np.full(5, 3.0)
+    for seed in range(8):
+        Y, tau, _ = problem(seed, count=2000)
+        estimator = feed(make_variable(prior_std, np.full(3, floor_std**2)), Y, tau)
+        theta, covariance = batch(Y, tau, prior_std, np.full(3, 0.1**2))
+        std = np.sqrt(np.diag(covariance))
+        distances.append((estimator.theta - theta) / std)
+        ratio = np.sqrt(np.diag(estimator.covariance())) / std
+        assert np.all((ratio > 0.85) & (ratio < 1.6)), ratio
+    assert np.sqrt(np.mean(np.square(distances))) < 0.4
+
+
+@every_estimator
+def test_the_order_of_rows_does_not_matter(make: Factory) -> None:
+    Y, tau, _ = problem()
+    shuffled = np.random.default_rng(1).permutation(len(tau))
+    rows = np.array([2, 0, 1])
+    one = feed(make(np.ones(5), LARGE**2), Y, tau)
+    other = feed(make(np.ones(5), LARGE[rows] ** 2), Y[shuffled][:, rows], tau[shuffled][:, rows])
+    np.testing.assert_allclose(other.theta, one.theta, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(other.covariance(), one.covariance(), rtol=1e-6, atol=1e-12)
+
+
+@every_estimator
+def test_the_units_of_parameters_and_of_torque_do_not_matter(make: Factory) -> None:
+    """Also with forgetting and with noise that is learned."""
+    Y, tau, _ = problem(phi=0.9, std=0.2)
+    tau[700:] += Y[700:] @ np.full(5, 2.0)  # a jump, in the other units as well
+    units, torque_unit = np.array([1e3, 1e-3, 1.0, 50.0, 0.2]), 1e-2
+    prior_std, variance = np.full(5, 2.0), np.full(3, 0.02**2)
+    one = feed(make(prior_std, variance, forgetting_time=5.0), Y, tau)
+    other = feed(
+        make(prior_std * units, variance * torque_unit**2, forgetting_time=5.0), torque_unit * Y / units, torque_unit * tau
+    )
+    assert getattr(one, "jumps", 0) == getattr(other, "jumps", 0)
+    np.testing.assert_allclose(other.theta / units, one.theta, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(other.covariance() / np.outer(units, units), one.covariance(), rtol=1e-6, atol=1e-12)
+
+
+@every_estimator
+def test_how_rows_are_split_into_updates_does_not_matter(make: Factory) -> None:
+    Y, tau, _ = problem()
+    pairs = len(tau) // 2
+    one = feed(make(np.ones(5), LARGE**2), Y, tau)
+    together = feed(
+        make(np.ones(5), np.tile(LARGE**2, 2), period=2 * PERIOD), Y.reshape(pairs, 6, 5), tau.reshape(pairs, 6)
+    )
+    np.testing.assert_allclose(together.theta, one.theta, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(together.covariance(), one.covariance(), rtol=1e-6, atol=1e-12)
+
+
+@every_estimator
+def test_extra_variance_gives_a_row_less_weight(make: Factory) -> None:
+    Y, tau, _ = problem()
+    extra = np.array([0.2, 0.0, 3.0])
+    estimator = make(np.ones(5), LARGE**2)
+    for rows, values in zip(Y, tau, strict=True):
+        estimator.update(rows, values, extra_variance=extra)
+    theta, _ = batch(Y, tau, np.ones(5), LARGE**2 + extra)
+    np.testing.assert_allclose(estimator.theta, theta, rtol=1e-8, atol=1e-10)
+
+
+@every_estimator
+def test_errors_that_are_considered_are_in_the_covariance_and_not_in_the_estimate(make: Factory) -> None:
+    """theta of least squares has the bias -P sum Y' R^-1 Z z, whose covariance is added for z ~ N(0, 1)."""
+    Y, tau, _ = problem()
+    Z = smooth_rows(np.random.default_rng(9), len(tau), 3, 2)
+    estimator, plain = (make(np.ones(5), LARGE**2) for _ in range(2))
+    for k in range(len(tau)):
+        estimator.update(Y[k], tau[k], considered=Z[k])
+        plain.update(Y[k], tau[k])
+    np.testing.assert_array_equal(estimator.theta, plain.theta)
+    _, covariance = batch(Y, tau, np.ones(5), LARGE**2)
+    bias = covariance @ np.einsum("tja,j,tjc->ac", Y, 1.0 / LARGE**2, Z)
+    np.testing.assert_allclose(estimator.covariance(), covariance + bias @ bias.T, rtol=1e-6, atol=1e-12)
+    estimator.reset()
+    np.testing.assert_array_equal(estimator.covariance(), np.eye(5))
+
+
+def test_a_row_of_infinite_variance_changes_nothing() -> None:
+    rng = np.random.default_rng(0)
+    Y, tau = rng.normal(size=(3, 4)), rng.normal(size=3)
+    theta, P = np.zeros(4), np.eye(4)
+    joseph_update(theta, P, Y, tau, np.array([1.0, np.inf, 2.0]))
+    expected, covariance = batch(Y[None, [0, 2]], tau[None, [0, 2]], np.ones(4), np.array([1.0, 2.0]))
+    np.testing.assert_allclose(theta, expected, atol=1e-12)
+    np.testing.assert_allclose(P, covariance, atol=1e-12)
+
+
+@every_estimator
+@pytest.mark.parametrize("forgetting_time", [1e12, 2.0])
+def test_covariance_is_symmetric_and_positive_definite_whatever_comes(make: Factory, forgetting_time: float) -> None:
+    rng = np.random.default_rng(4)
+    Y, tau, _ = problem(count=4000, p=6)
+    Y[1000:1500] = 0.0  # nothing excites
+    Y[2000:2500] = Y[2000]  # one direction excites
+    tau[3000:3300] += Y[3000:3300] @ np.full(6, 5.0)  # a jump
+    Y[3400:3450] *= 1e4  # badly scaled
+    tau[rng.integers(0, 4000, 40)] = 1e4  # outliers
+    tau[3500, 1], Y[3600, 0, 2] = np.nan, np.inf
+    estimator = make(np.array([5.0, 1.0, 1.0, 0.1, 0.1, 0.01]), np.full(3, 1e-4), forgetting_time=forgetting_time)
+    for k in range(len(tau)):
+        estimate = estimator.update(Y[k], tau[k], hold=bool(k % 500 > 450))
+        assert estimate.status in STATUSES
+        if k % 20 == 0:
+            assert_positive_definite(estimate.covariance)
+            assert_positive_definite(estimator.covariance())
+        assert np.isfinite(estimate.theta).all()
+
+
+@every_estimator
+def test_the_estimate_is_a_value(make: Factory) -> None:
+    Y, tau, _ = problem(count=30)
+    estimator = make(np.ones(5), LARGE**2)
+    before = estimator.theta
+    estimate = estimator.update(Y[0], tau[0])
+    np.testing.assert_array_equal(estimate.innovation, tau[0] - Y[0] @ before)
+    np.testing.assert_array_equal(estimate.theta, estimator.theta)
+    np.testing.assert_array_equal(estimate.covariance, estimator.covariance())
+    kept = [np.copy(a) for a in (estimate.theta, estimate.covariance, estimate.innovation)]
+    assert estimate.theta.shape == (5,)
+    assert estimate.covariance.shape == (5, 5)
+    assert estimate.innovation.shape == (3,)
+    feed(estimator, Y[1:], tau[1:])
+    estimator.theta[:] = 7.0
+    estimator.covariance()[:] = 7.0
+    for array, copy in zip((estimate.theta, estimate.covariance, estimate.innovation), kept, strict=True):
+        np.testing.assert_array_equal(array, copy)
+    assert not np.any(estimator.theta == 7.0)
+
+
+@every_estimator
+def test_hold_changes_nothing(make: Factory) -> None:
+    Y, tau, _ = problem()
+    estimator = feed(make(np.ones(5), np.full(3, 1e-4), forgetting_time=3.0), Y, tau)
+    theta, covariance = estimator.theta, estimator.covariance()
+    for _ in range(2000):
+        estimate = estimator.update(Y[-1], tau[-1], hold=True)
+    assert estimate.status == "not_excited"
+    assert estimate.reason
+    np.testing.assert_array_equal(estimator.theta, theta)
+    np.testing.assert_array_equal(estimator.covariance(), covariance)
+
+
+@every_estimator
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("where", ["tau", "Y"])
+@pytest.mark.parametrize("early", [True, False])
+def test_rows_that_are_not_finite_never_enter(make: Factory, bad: float, where: str, early: bool) -> None:
+    Y, tau, _ = problem(count=600)
+    spoilt = 20 if early else 400
+    one, other = (make(np.ones(5), np.full(3, 1e-3)) for _ in range(2))
+    for k in range(len(tau)):
+        one.update(Y[k], tau[k])
+        other.update(Y[k], tau[k])
+        if k == spoilt:
+            rows, values = Y[k].copy(), tau[k].copy()
+            if where == "tau":
+                values[1] = bad
+            else:
+                rows[2, 0] = bad
+            estimate = other.update(rows, values)
+            assert estimate.status == "not_finite"
+            assert estimate.reason
+            np.testing.assert_array_equal(estimate.theta, one.theta)
+    np.testing.assert_array_equal(one.theta, other.theta)
+    np.testing.assert_array_equal(one.covariance(), other.covariance())
+
+
+@every_estimator
+def test_one_absurd_row_does_not_end_the_estimation(make: Factory) -> None:
+    """Finite rows whose squares overflow: what was known may be lost, but what follows is used again."""
+    Y, tau, theta = problem(count=3000)
+    estimator = make(np.full(5, 3.0), np.full(3, 0.1**2), forgetting_time=5.0)
+    feed(estimator, Y[:500], tau[:500])
+    estimator.update(1e160 * Y[500], tau[500])
+    estimator.update(Y[501], np.full(3, 1e160))
+    feed(estimator, Y[502:], tau[502:])
+    assert np.isfinite(estimator.theta).all()
+    assert np.all(np.abs(estimator.theta - theta) < 0.2)
+
+
+@every_estimator
+def test_reset_forgets_everything_but_the_prior(make: Factory) -> None:
+    Y, tau, _ = problem(phi=0.9)
+    tau[700:] += Y[700:] @ np.full(5, 3.0)
+    new, used = (make(np.full(5, 2.0), np.full(3, 1e-3), forgetting_time=5.0) for _ in range(2))
+    feed(used, Y[::-1], tau[::-1])
+    used.reset()
+    np.testing.assert_array_equal(used.theta, np.zeros(5))
+    np.testing.assert_array_equal(used.covariance(), 4.0 * np.eye(5))
+    for k in range(len(tau)):
+        a, b = new.update(Y[k], tau[k]), used.update(Y[k], tau[k])
+        assert a.status == b.status
+    np.testing.assert_array_equal(new.theta, used.theta)
+    np.testing.assert_array_equal(new.covariance(), used.covariance())
+
+
+def largest_part_of_prior(covariance: FloatArray, prior_std: FloatArray) -> float:
+    return float(np.linalg.eigvalsh(covariance / np.outer(prior_std, prior_std))[-1])
+
+
+@pytest.mark.parametrize("rank", [0, 3])
+def test_variable_forgetting_never_exceeds_its_prior(rank: int) -> None:
+    """100 000 updates with too little excitation, after some with enough."""
+    rng = np.random.default_rng(8)
+    prior_std = np.array([2.0, 0.3, 0.3, 0.3, 0.1, 0.1])
+    Y, tau, theta = problem(count=1000, m=2, p=6)
+    estimator = feed(make_variable(prior_std, np.full(2, 1e-4), forgetting_time=5.0), Y, tau)
+    basis = rng.normal(size=(rank, 6)) / prior_std
+    noise = 0.1 * rng.normal(size=(100_000, 2))
+    weights = rng.normal(size=(100_000, 2, rank))
+    for k in range(100_000):
+        row = weights[k] @ basis if rank else np.zeros((2, 6))
+        estimator.update(row, row @ theta + noise[k])
+        if k % 500 == 0:
+            assert largest_part_of_prior(estimator.covariance(), prior_std) <= 1.0 + 1e-9
+    covariance = estimator.covariance()
+    assert_positive_definite(covariance)
+    assert largest_part_of_prior(covariance, prior_std) > 0.99  # what nothing excites is forgotten, up to the prior
+    assert estimator.jumps == 0
+
+
+def test_constant_forgetting_winds_up() -> None:
+    """Why it is not the default: its covariance grows without bound where nothing excites the parameters."""
+    prior_std = np.ones(3)
+    estimator = make_constant(prior_std, np.array([0.01]), forgetting_time=1.0)
+    for _ in range(2000):
+        estimator.update(np.array([[1.0, 0.0, 0.0]]), np.array([1.0]))
+    assert largest_part_of_prior(estimator.covariance(), prior_std) > 1e8
+
+
+def test_constant_forgetting_has_the_weights_of_its_factor() -> None:
+    Y, tau, _ = problem(count=400)
+    factor = 0.99
+    estimator = feed(ConstantForgetting(np.full(5, 2.0), LARGE**2, factor), Y, tau)
+    weight = factor ** np.arange(len(tau) - 1, -1, -1.0)
+    information = factor ** len(tau) * np.eye(5) / 4.0 + np.einsum("t,tja,j,tjb->ab", weight, Y, 1.0 / LARGE**2, Y)
+    score = np.einsum("t,tja,j,tj->a", weight, Y, 1.0 / LARGE**2, tau)
+    np.testing.assert_allclose(estimator.theta, np.linalg.solve(information, score), rtol=1e-7)
+    np.testing.assert_allclose(estimator.covariance(), np.linalg.inv(information), rtol=1e-6)
+
+
+def test_constant_forgetting_starts_from_its_prior_mean() -> None:
+    mean = np.array([1.0, -2.0])
+    estimator = ConstantForgetting(np.ones(2), np.ones(1), prior_mean=mean)
+    np.testing.assert_array_equal(estimator.theta, mean)
+    estimator.update(np.array([[1.0, 0.0]]), np.array([5.0]))
+    np.testing.assert_allclose(estimator.theta, [3.0, -2.0])
+    estimator.reset()
+    np.testing.assert_array_equal(estimator.theta, mean)
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.9])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_jump_is_found_soon_and_measured(seed: int, phi: float) -> None:
+    rng = np.random.default_rng(seed)
+    Y, tau, theta = problem(seed, count=3000, m=5, p=6, phi=phi)
+    change = np.zeros(6)
+    change[:4] = rng.choice([-1.0, 1.0], 4)
+    tau[1500:] += Y[1500:] @ change
+    estimator = make_variable(np.full(6, 2.0), np.full(5, 0.1**2 * (1.0 - phi**2)), forgetting_time=60.0, block=slice(0, 4))
+    found = []
+    for k in range(len(tau)):
+        estimator.update(Y[k], tau[k])
+        if estimator.jumps > len(found):
+            found.append(k)
+            assert estimator.last_jump @ change[:4] > 0.0
+    assert len(found) == 1
+    assert 0 <= found[0] - 1500 <= 30
+    std = np.sqrt(np.diag(estimator.covariance()))
+    assert np.all(np.abs(estimator.theta - theta - change) < 5.0 * std)
+    assert np.all(std < 0.2)
+
+
+def test_after_a_jump_only_the_block_is_forgotten() -> None:
+    Y, tau, _ = problem(count=2000, m=5, p=6)
+    tau[1500:] += Y[1500:, :, :4] @ np.ones(4)
+    estimator = make_variable(np.full(6, 2.0), np.full(5, 0.1**2), block=slice(0, 4))
+    feed(estimator, Y[:1500], tau[:1500])
+    before = np.diag(estimator.covariance())
+    for k in range(1500, 2000):
+        estimator.update(Y[k], tau[k])
+        if estimator.jumps:
+            break
+    after = np.diag(estimator.covariance())
+    assert estimator.settling
+    assert np.all(after[4:] <= 1.1 * before[4:])
+    assert np.all(after[:4] > 10.0 * before[:4])
+
+
+def no_jump(estimator: VariableForgetting, Y: FloatArray, tau: FloatArray) -> None:
+    for k in range(len(tau)):
+        estimator.update(Y[k], tau[k])
+        assert estimator.jumps == 0, f"a jump of {estimator.last_jump} after {k * PERIOD:.2f} s"
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.5, 0.9, 0.98])
+@pytest.mark.parametrize("floor", ["white part", "far below"])
+def test_no_jump_is_found_in_noise(phi: float, floor: str) -> None:
+    for seed in range(6):
+        Y, tau, _ = problem(seed, count=3000, m=4, p=4, phi=phi)
+        variance = 0.1**2 * (1.0 - phi**2) if floor == "white part" else 1e-5
+        no_jump(make_variable(np.full(4, 3.0), np.full(4, variance), forgetting_time=60.0), Y, tau)
+
+
+def test_no_jump_is_found_where_another_parameter_changes() -> None:
+    Y, tau, _ = problem(count=3000, m=6, p=6)
+    tau[1500:, 2] += 0.7  # the offset of one row, in no column
+    no_jump(make_variable(np.full(6, 2.0), np.full(6, 0.1**2), block=slice(0, 2)), Y, tau)
+
+
+def test_no_jump_is_found_in_outliers_and_they_weigh_little() -> None:
+    Y, tau, theta = problem(count=3000, m=5, p=6)
+    rng = np.random.default_rng(0)
+    spikes = rng.choice(np.arange(300, 3000), 100, replace=False)
+    tau[spikes] += rng.choice([-20.0, 20.0], (100, 5))
+    estimator = make_variable(np.full(6, 2.0), np.full(5, 0.1**2))
+    statuses = []
+    for k in range(len(tau)):
+        statuses.append(estimator.update(Y[k], tau[k]).status)
+        assert estimator.jumps == 0
+    assert np.mean([statuses[k] == "outlier" for k in spikes]) > 0.95
+    assert np.max(np.abs(estimator.theta - theta)) < 0.05
+
+
+def test_a_change_below_the_least_is_no_jump() -> None:
+    Y, tau, _ = problem(count=3000, m=5, p=4)
+    tau[1500:] += Y[1500:] @ np.full(4, 0.5)
+    estimator = VariableForgetting(np.full(4, 2.0), np.full(5, 0.01), PERIOD, 60.0, JumpRule(slice(0, 4), np.full(4, 3.0), 0.1))
+    no_jump(estimator, Y, tau)
+
+
+def coverage(make: Factory, variance: float, phi: float, runs: int, highest: float, seconds: float = 30.0) -> float:
+    inside, total, count, m, p = 0, 0, round(seconds / PERIOD), 4, 4
+    for seed in range(runs):
+        rng = np.random.default_rng(seed)
+        Y, theta = smooth_rows(rng, count, m, p, highest), rng.normal(size=p)
+        tau = Y @ theta + coloured(rng, count, m, 0.1, phi)
+        estimator = feed(make(np.full(p, 3.0), np.full(m, variance), forgetting_time=60.0), Y, tau)
+        inside += int(np.sum(np.abs(estimator.theta - theta) < 1.96 * np.sqrt(np.diag(estimator.covariance()))))
+        total += p
+    return inside / total
+
+
+@pytest.mark.parametrize(("phi", "highest"), [(0.0, 2.0), (0.9, 0.4), (0.98, 0.2)])
+def test_intervals_cover_the_truth_under_coloured_noise(phi: float, highest: float) -> None:
+    """The rows move as slowly as the noise: here the plain variance of the residual makes intervals that are far too short."""
+    assert 0.88 <= coverage(make_variable, 0.1**2 * (1.0 - phi**2), phi, 40, highest) <= 0.99
+
+
+def test_the_plain_variance_would_make_intervals_far_too_short() -> None:
+    """That the test above can tell: the estimator that is told the variance of the noise, but not its colour."""
+    assert coverage(make_constant, 0.1**2, 0.98, 15, 0.2) < 0.6
+
+
+@pytest.mark.parametrize("period", [0.01, 0.004])
+@pytest.mark.parametrize("phi", [0.0, 0.5, 0.9, 0.97])
+def test_long_run_variance(period: float, phi: float) -> None:
+    """The spectral density at zero frequency: s^2 dt for white noise, s^2 dt (1 + phi) / (1 - phi) for AR(1)."""
+    noise = LongRunVariance(2, period, np.full(2, 1e-9), memory=1e9)
+    std = np.array([1.0, 3.0])
+    for row in coloured(np.random.default_rng(2), 60_000, 2, 1.0, phi) * std:
+        noise.add(row)
+    assert noise.known
+    expected = std**2 * period * (1.0 + phi) / (1.0 - phi)
+    np.testing.assert_allclose(noise.variance * period, expected, rtol=0.3)
+
+
+def test_long_run_variance_until_it_is_known() -> None:
+    floor = np.array([0.1, 0.2])
+    noise = LongRunVariance(2, PERIOD, floor)
+    rng = np.random.default_rng(0)
+    for _ in range(noise.fewest_updates - 1):
+        noise.add(rng.normal(size=2))
+        assert not noise.known
+        np.testing.assert_array_equal(noise.variance, noise.CAUTION * floor)
+    noise.add(rng.normal(size=2))
+    assert noise.known
+
+
+def test_long_run_variance_never_falls_below_the_floor() -> None:
+    noise = LongRunVariance(2, PERIOD, np.array([4.0, 1e-6]), memory=1e9)
+    for row in np.random.default_rng(0).normal(size=(5000, 2)):
+        noise.add(row)
+    assert noise.variance[0] == 4.0
+    assert 0.7 < noise.variance[1] < 1.5
+
+
+def test_long_run_variance_follows_the_noise() -> None:
+    noise = LongRunVariance(1, PERIOD, np.array([1e-6]), memory=20.0)
+    rng = np.random.default_rng(0)
+    for std in (1.0, 0.1):
+        for row in std * rng.normal(size=(12_000, 1)):
+            noise.add(row)
+    assert noise.variance[0] < 0.03
+
+
+def test_interrupted_blocks_do_not_count() -> None:
+    noise = LongRunVariance(1, PERIOD, np.array([1e-6]))
+    for _ in range(500):
+        for _ in range(20):
+            noise.add(np.array([100.0]))
+        noise.interrupt()
+    assert not noise.known

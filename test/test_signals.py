@@ -1,0 +1,161 @@
+"""Derivatives and low-pass: exact where mathematics says so, on the stamps as they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import signal
+from sysid_ros.sample import FloatArray, Measurement, Sample
+from sysid_ros.signals import CausalDerivative, LowPassBank, default_cutoff, window_half_width
+
+PERIOD = 0.004
+
+
+def cubic(t: FloatArray, order: int = 0) -> FloatArray:
+    """Two cubics, or a derivative of them, shape (len(t), 2)."""
+    polynomials = [np.polynomial.Polynomial(c) for c in ([0.3, -1.0, 2.0, -1.5], [-0.5, 0.7, -3.0, 2.0])]
+    return np.column_stack([p.deriv(order)(t) if order else p(t) for p in polynomials])
+
+
+def stamps(count: int, jitter: float = 0.0, lost: float = 0.0, seed: int = 0) -> FloatArray:
+    rng = np.random.default_rng(seed)
+    t = PERIOD * (np.arange(count) + jitter * rng.uniform(-1.0, 1.0, count))
+    kept: FloatArray = t[rng.uniform(size=count) >= lost]
+    return kept
+
+
+def push_all(derivative: CausalDerivative, t: FloatArray, q: FloatArray, v: FloatArray | None = None) -> list[Sample]:
+    tau = np.column_stack([np.sin(t), np.cos(t)])
+    out = [derivative.push(Measurement(t[k], q[k], None if v is None else v[k], tau[k])) for k in range(len(t))]
+    assert all(s is None for s in out[: derivative.width - 1])
+    return [s for s in out if s is not None]
+
+
+IRREGULAR = pytest.mark.parametrize(("jitter", "lost"), [(0.0, 0.0), (0.4, 0.0), (0.0, 0.2), (0.3, 0.3)])
+
+
+@IRREGULAR
+@pytest.mark.parametrize("half_width", [2, 3, 10])
+def test_position_and_velocity_of_a_cubic_are_exact_on_any_stamps(jitter: float, lost: float, half_width: int) -> None:
+    t = stamps(200, jitter, lost)
+    samples = push_all(CausalDerivative(2, PERIOD, half_width), t, cubic(t))
+    assert len(samples) == len(t) - 2 * half_width
+    for k, sample in enumerate(samples):
+        at = t[k + half_width]
+        assert sample.t == at
+        tolerance = 1e-9 if jitter or lost else 1e-12
+        np.testing.assert_allclose(sample.q, cubic(at[None])[0], atol=tolerance)
+        np.testing.assert_allclose(sample.v, cubic(at[None], 1)[0], atol=100 * tolerance)
+
+
+@IRREGULAR
+def test_the_acceleration_of_a_parabola_is_exact_on_any_stamps(jitter: float, lost: float) -> None:
+    t = stamps(200, jitter, lost)
+    q = np.column_stack([0.5 * t**2 - t, 2.0 - 1.5 * t**2])
+    for sample in push_all(CausalDerivative(2, PERIOD, 5), t, q):
+        np.testing.assert_allclose(sample.a, [1.0, -3.0], atol=1e-7)
+
+
+def test_the_acceleration_of_a_cubic_is_exact_on_even_stamps() -> None:
+    t = stamps(100)
+    for k, sample in enumerate(push_all(CausalDerivative(2, PERIOD, 5), t, cubic(t))):
+        np.testing.assert_allclose(sample.a, cubic(t[k + 5][None], 2)[0], atol=1e-7)
+
+
+@IRREGULAR
+def test_every_channel_belongs_to_the_same_instant(jitter: float, lost: float) -> None:
+    t = stamps(100, jitter, lost)
+    for sample in push_all(CausalDerivative(2, PERIOD, 4), t, cubic(t)):
+        np.testing.assert_array_equal(sample.tau, [np.sin(sample.t), np.cos(sample.t)])
+
+
+def test_stamps_of_today_cost_no_accuracy() -> None:
+    """Seconds since 1970 leave 0.2 microseconds of the 4 milliseconds."""
+    t = 1.7e9 + stamps(100)
+    for k, sample in enumerate(push_all(CausalDerivative(2, PERIOD, 5), t, cubic(t - 1.7e9))):
+        np.testing.assert_allclose(sample.v, cubic(np.array([t[k + 5] - 1.7e9]), 1)[0], atol=1e-3)
+        np.testing.assert_allclose(sample.a, cubic(np.array([t[k + 5] - 1.7e9]), 2)[0], atol=0.02)
+
+
+def test_the_velocity_is_smoother_than_a_difference() -> None:
+    rng = np.random.default_rng(0)
+    t = stamps(3000)
+    samples = push_all(CausalDerivative(2, PERIOD, 5), t, 1e-4 * rng.normal(size=(3000, 2)))
+    difference = 1e-4 / (np.sqrt(2.0) * PERIOD)  # standard deviation of a central difference
+    assert np.std([s.v for s in samples]) < 0.7 * difference
+
+
+def test_velocity_of_the_message_where_it_has_one() -> None:
+    t = stamps(60)
+    v = cubic(t, 1) + 7.0
+    samples = push_all(CausalDerivative(2, PERIOD, 5, use_message_velocity=True), t, cubic(t), v)
+    for k, sample in enumerate(samples):
+        np.testing.assert_array_equal(sample.v, v[k + 5])
+    ignored = push_all(CausalDerivative(2, PERIOD, 5), t, cubic(t), v)
+    np.testing.assert_allclose([s.v for s in ignored], cubic(t, 1)[5:-5], atol=1e-9)
+    without = push_all(CausalDerivative(2, PERIOD, 5, use_message_velocity=True), t, cubic(t), None)
+    np.testing.assert_allclose([s.v for s in without], cubic(t, 1)[5:-5], atol=1e-9)
+
+
+def test_samples_are_values() -> None:
+    t = stamps(40)
+    samples = push_all(CausalDerivative(2, PERIOD, 3), t, cubic(t))
+    np.testing.assert_allclose([s.q for s in samples], cubic(t)[3:-3], atol=1e-12)
+    with pytest.raises(ValueError, match="read-only"):
+        samples[0].q[0] = 1.0
+
+
+@pytest.mark.parametrize(("cutoff", "rate"), [(10.0, 1000.0), (10.0, 250.0), (5.0, 100.0), (0.5, 10.0)])
+def test_low_pass_is_scipys_primed_with_the_first_input(cutoff: float, rate: float) -> None:
+    x = np.random.default_rng(0).normal(size=(300, 2, 3)) + 5.0
+    sections = signal.butter(4, cutoff, output="sos", fs=rate)
+    state = signal.sosfilt_zi(sections)[:, :, None, None] * x[0]
+    expected, _ = signal.sosfilt(sections, x, axis=0, zi=state)
+    bank = LowPassBank((2, 3), cutoff, rate)
+    np.testing.assert_allclose([bank.push(row).copy() for row in x], expected, rtol=1e-9, atol=1e-9)
+    bank.reset()
+    np.testing.assert_allclose([bank.push(row).copy() for row in x], expected, rtol=1e-9, atol=1e-9)
+
+
+def test_low_pass_has_unit_gain_from_the_first_sample() -> None:
+    constant = np.array([[3.0, -7.0]])
+    bank = LowPassBank((1, 2), 10.0, 500.0)
+    for _ in range(200):
+        np.testing.assert_allclose(bank.push(constant), constant, rtol=1e-9)
+
+
+def test_low_pass_treats_every_channel_alike_and_is_linear() -> None:
+    rng = np.random.default_rng(1)
+    x = rng.normal(size=(100, 4))
+    mix = rng.normal(size=(4, 4))
+    one, other = LowPassBank((4,), 8.0, 200.0), LowPassBank((4,), 8.0, 200.0)
+    for row in x:
+        np.testing.assert_allclose(other.push(mix @ row), mix @ one.push(row), atol=1e-9)
+
+
+@pytest.mark.parametrize(("cutoff", "rate"), [(10.0, 1000.0), (10.0, 250.0), (5.0, 100.0)])
+def test_delay_is_the_group_delay(cutoff: float, rate: float) -> None:
+    bank = LowPassBank((1,), cutoff, rate)
+    t = np.arange(0.0, 3.0, 1.0 / rate)
+    out = np.array([bank.push(np.array([value]))[0] for value in t])  # a ramp comes out as late as the group delay
+    assert t[-1] - out[-1] == pytest.approx(bank.delay, rel=0.02)
+
+
+@pytest.mark.parametrize(("cutoff", "rate"), [(10.0, 1000.0), (5.0, 100.0)])
+def test_an_input_has_left_after_the_memory(cutoff: float, rate: float) -> None:
+    bank = LowPassBank((1,), cutoff, rate)
+    bank.push(np.zeros(1))
+    for _ in range(round(1.0 * rate)):
+        last = bank.push(np.ones(1))[0]
+    assert last == pytest.approx(1.0, abs=1e-3)
+    count = round(bank.memory * rate)
+    after = [bank.push(np.zeros(1))[0] for _ in range(count + 1)][-1]
+    assert abs(after) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("rate", "half_width", "cutoff"), [(1000.0, 10, 10.0), (250.0, 2, 10.0), (100.0, 2, 5.0), (4000.0, 15, 10.0), (10.0, 2, 0.5)]
+)
+def test_filters_for_a_rate(rate: float, half_width: int, cutoff: float) -> None:
+    assert window_half_width(rate) == half_width
+    assert default_cutoff(rate) == cutoff

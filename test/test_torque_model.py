@@ -1,0 +1,167 @@
+"""TorqueModel: what is measured is what is known plus Y theta, whichever effects are known and free."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from robots import ROBOTS, random_sample, robot, urdf
+from sysid_ros.effects import CoulombFriction, Effect, LinkInertia, Payload, RotorInertia, TorqueOffset, ViscousFriction
+from sysid_ros.exceptions import SysidError
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import Sample
+from sysid_ros.torque_model import KnownEffect, TorqueModel
+
+BESIDE = (Payload, ViscousFriction, CoulombFriction, RotorInertia, TorqueOffset)
+
+
+def with_torque(sample: Sample, torque: np.ndarray) -> Sample:
+    return Sample(sample.t, sample.q, sample.v, sample.a, torque)
+
+
+@pytest.mark.parametrize("robot_name", ROBOTS)
+@pytest.mark.parametrize("free", list(itertools.product([False, True], repeat=3)))
+def test_torque_is_known_plus_columns_times_theta(robot_name: str, free: tuple[bool, ...]) -> None:
+    model, rng = robot(robot_name), np.random.default_rng(0)
+    links_free, friction_free, others_free = free
+    effects: list[tuple[Effect, bool]] = [
+        (LinkInertia(model), links_free),
+        (ViscousFriction(model), friction_free),
+        (CoulombFriction(model, model.joint_names[:2]), friction_free),
+        (Payload(model), others_free),
+        (TorqueOffset(model), others_free),
+        (RotorInertia(model, model.joint_names[1:]), not others_free),
+    ]
+    theta = {id(e): rng.normal(size=e.p) for e, _ in effects}
+    known = [KnownEffect(e, theta[id(e)]) for e, is_free in effects if not is_free]
+    torque_model = TorqueModel(model, [e for e, is_free in effects if is_free], known)
+    free_theta = np.concatenate([theta[id(e)] for e, is_free in effects if is_free])
+    assert torque_model.p == free_theta.size
+    for _ in range(5):
+        sample = random_sample(model, rng)
+        total = np.sum([e.torque(sample, theta[id(e)]) for e, _ in effects], axis=0)
+        columns, rest = torque_model.split(with_torque(sample, total))
+        assert columns.shape == (model.n, torque_model.p)
+        np.testing.assert_allclose(columns @ free_theta, rest, atol=1e-8)
+        np.testing.assert_allclose(rest, total - torque_model.known_torque(sample), atol=1e-8)
+
+
+def test_names_units_and_slices_are_those_of_the_free_effects_side_by_side() -> None:
+    model = robot("small_arm")
+    effects = [kind(model) for kind in BESIDE]
+    torque_model = TorqueModel(model, effects)
+    assert torque_model.parameter_names == tuple(n for e in effects for n in e.parameter_names)
+    assert torque_model.units == tuple(u for e in effects for u in e.units)
+    sample = random_sample(model, np.random.default_rng(0))
+    columns, _ = torque_model.split(sample)
+    for effect, where in zip(effects, torque_model.slices, strict=True):
+        np.testing.assert_array_equal(columns[:, where], effect.columns(sample))
+
+
+def test_the_urdf_is_known_where_no_links_are_given_with_its_friction() -> None:
+    model = robot("tree_robot")
+    sample = random_sample(model, np.random.default_rng(1))
+    known = TorqueModel(model, [Payload(model)]).known_torque(sample)
+    j = model.joint_names.index("left_shoulder")
+    expected = model.rnea(sample.q, sample.v, sample.a)
+    expected[j] += 0.7 * sample.v[j] + 0.4 * np.sign(sample.v[j])
+    np.testing.assert_allclose(known, expected, atol=1e-3)
+
+
+def test_identified_links_replace_the_urdf_and_its_friction() -> None:
+    model = robot("tree_robot")
+    sample = random_sample(model, np.random.default_rng(1))
+    links = LinkInertia(model)
+    known = TorqueModel(model, [], [KnownEffect(links, links.nominal)]).known_torque(sample)
+    np.testing.assert_allclose(known, model.rnea(sample.q, sample.v, sample.a), atol=1e-9)
+
+
+def test_identified_links_of_some_joints_leave_the_urdf_for_the_others() -> None:
+    model, rng = robot("tree_robot"), np.random.default_rng(1)
+    sample = random_sample(model, rng)
+    part = LinkInertia(model, ("left_wrist", "lift"))
+    change = rng.normal(size=part.p)
+    known = TorqueModel(model, [], [KnownEffect(part, part.nominal + change)]).known_torque(sample)
+    np.testing.assert_allclose(known, model.rnea(sample.q, sample.v, sample.a) + part.torque(sample, change), atol=1e-9)
+
+
+def test_the_robot_itself_is_left_out_where_effort_is_external() -> None:
+    model, rng = robot("tree_robot"), np.random.default_rng(1)
+    sample = random_sample(model, rng)
+    links = LinkInertia(model)
+    for known in ([], [KnownEffect(links, links.nominal)]):
+        torque_model = TorqueModel(model, [Payload(model)], known, links=False)
+        assert not torque_model.known_torque(sample).any()
+        columns, rest = torque_model.split(sample)
+        np.testing.assert_array_equal(rest, sample.tau)
+        np.testing.assert_allclose(columns, Payload(model).columns(sample), atol=1e-12)
+
+
+def test_split_into_overwrites_what_was_there() -> None:
+    model, rng = robot("iiwa"), np.random.default_rng(2)
+    torque_model = TorqueModel(model, [kind(model) for kind in BESIDE])
+    columns, rest = np.zeros((7, torque_model.p)), np.zeros(7)
+    for _ in range(5):
+        sample = random_sample(model, rng)
+        torque_model.split_into(sample, columns, rest)
+        expected_columns, expected_rest = torque_model.split(sample)
+        np.testing.assert_array_equal(columns, expected_columns)
+        np.testing.assert_array_equal(rest, expected_rest)
+
+
+def test_known_parameters_by_joint() -> None:
+    model = robot("small_arm")
+    friction = CoulombFriction(model, ("lift", "slide"))
+    torque_model = TorqueModel(model, [], [KnownEffect(friction, np.array([3.0, 4.0]))])
+    np.testing.assert_array_equal(torque_model.known_theta("coulomb_friction"), [0.0, 3.0, 0.0, 4.0])
+    assert not torque_model.known_theta("viscous_friction").any()
+
+
+@pytest.mark.parametrize("std", [0.05, 0.3])
+def test_the_error_of_known_links_is_as_large_as_their_covariance_says(std: float) -> None:
+    """Z Z' against Y C Y', in the whole range of the robot: few directions stand for all that can be seen."""
+    model, rng = RobotModel.from_urdf(urdf("iiwa")), np.random.default_rng(0)
+    links = LinkInertia(model)
+    covariance = np.diag((std * np.maximum(np.abs(links.nominal), 0.01)) ** 2)
+    torque_model = TorqueModel(model, [Payload(model)], [KnownEffect(links, links.nominal, covariance)])
+    Z = np.zeros((7, torque_model.error.c))
+    ratios = []
+    for _ in range(50):
+        q = rng.uniform(model.position_lower, model.position_upper)
+        sample = Sample(0.0, q, 0.5 * rng.normal(size=7), rng.normal(size=7), np.zeros(7))
+        torque_model.split_into(sample, np.zeros((7, 10)), np.zeros(7), Z)
+        Y = links.columns(sample)
+        ratios.append(np.trace(Z @ Z.T) / np.trace(Y @ covariance @ Y.T))
+    assert 0.9 < np.mean(ratios) < 1.05
+
+
+def test_what_does_not_fit() -> None:
+    model = robot("small_arm")
+    links = LinkInertia(model)
+    with pytest.raises(SysidError, match=r"link_inertia.*both known and free"):
+        TorqueModel(model, [links], [KnownEffect(links, links.nominal)])
+    with pytest.raises(SysidError, match=r"viscous_friction.*4 parameters, 3"):
+        TorqueModel(model, [], [KnownEffect(ViscousFriction(model), np.ones(3))])
+
+
+def test_friction_may_be_known_and_corrected() -> None:
+    model = robot("small_arm")
+    friction = ViscousFriction(model)
+    torque_model = TorqueModel(model, [friction], [KnownEffect(friction, np.ones(4))])
+    sample = random_sample(model, np.random.default_rng(0))
+    columns, rest = torque_model.split(sample)
+    np.testing.assert_allclose(columns, np.diag(sample.v))
+    np.testing.assert_allclose(rest, sample.tau - model.rnea(sample.q, sample.v, sample.a) - sample.v, atol=1e-9)
+
+
+def test_links_that_are_known_in_two_parts() -> None:
+    model, rng = robot("iiwa"), np.random.default_rng(1)
+    sample = random_sample(model, rng)
+    parts = [LinkInertia(model, model.joint_names[:3]), LinkInertia(model, model.joint_names[3:])]
+    changes = [rng.normal(size=part.p) for part in parts]
+    known = [KnownEffect(part, part.nominal + change) for part, change in zip(parts, changes, strict=True)]
+    expected = model.rnea(sample.q, sample.v, sample.a)
+    for part, change in zip(parts, changes, strict=True):
+        expected = expected + part.torque(sample, change)
+    np.testing.assert_allclose(TorqueModel(model, [], known).known_torque(sample), expected, atol=1e-9)
