@@ -8,6 +8,7 @@ import numpy as np
 
 from sysid_ros.effects import CoulombFriction, Effect, Payload, TorqueOffset, ViscousFriction
 from sysid_ros.estimators import ConstantForgetting, Estimator, JumpRule, VariableForgetting
+from sysid_ros.exceptions import SettingsError
 from sysid_ros.front_end import FrontEnd, Rows, white_noise_variance
 from sysid_ros.model_file import ModelFile
 from sysid_ros.robot_model import RobotModel
@@ -32,10 +33,18 @@ class FreeParameters:
         payload: the effect whose columns come first.
         model: known and free effects.
         prior_std: standard deviation of the free parameters before any data, shape (p,).
+
+    Raises:
+        SettingsError: ``torque_std`` does not fit the robot.
     """
 
     def __init__(self, robot: RobotModel, settings: OnlineSettings, known: ModelFile | None) -> None:
         self._robot, self._settings, self._known = robot, settings, known
+        if len(settings.torque_std) not in (0, 1, robot.n):
+            raise SettingsError(
+                f"torque_std has {len(settings.torque_std)} values; it must have one for all joints or {robot.n}, "
+                f"one for each of {', '.join(robot.joint_names)}."
+            )
         self.payload = Payload(robot, frame=settings.frame_id)
         effects: list[Effect] = [self.payload]
         if settings.estimate_friction:

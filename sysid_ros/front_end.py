@@ -11,7 +11,6 @@ from sysid_ros.sample import FloatArray, Measurement, Sample
 from sysid_ros.signals import CausalDerivative, LowPassBank, default_cutoff, window_half_width
 from sysid_ros.torque_model import TorqueModel
 
-
 _SLOW = 0.06
 """Speed of a joint below which dry friction is not what a model says [rad/s]."""
 
@@ -24,7 +23,7 @@ class Rows:
         Y: columns of the free effects, shape (n, p).
         y: torque left for them, shape (n,) [N m].
         speed: absolute joint velocities, shape (n,) [rad/s].
-        slow: part of the row that comes from a joint hardly moving, where dry friction is not what a model says, shape (n,), 0 to 1.
+        slow: part of the row from when the joint hardly moved, where dry friction is not what a model says, shape (n,), 0 to 1.
         acceleration: shape (n,) [rad/s^2].
         tau: measured torque, shape (n,) [N m].
         considered: torque of the errors of what is known, shape (n, c) [N m], see :class:`sysid_ros.known_error.KnownError`.
@@ -70,13 +69,19 @@ class FrontEnd:
         self.period = self._every * period
         self.memory = self._bank.memory
         self.delay = self._bank.delay
-        self._tick = -max(round(self.memory * self.rate), self._every)
+        self._tick = -max(round(2.0 * self.memory * self.rate), self._every)
 
-    def push(self, measurement: Measurement) -> Rows | None:
-        """Rows when they are due, else None: while the filters fill, and between updates."""
-        sample = self._derivative.push(measurement)
-        if sample is None:
-            return None
+    @property
+    def filled(self) -> int:
+        """Samples that were interpolated over lost measurements so far."""
+        return self._derivative.resampler.filled
+
+    def push(self, measurement: Measurement) -> list[Rows]:
+        """Rows that are due: none while the filters fill and between updates, seldom more than one."""
+        rows = [self._filter(sample) for sample in self._derivative.push(measurement)]
+        return [r for r in rows if r is not None]
+
+    def _filter(self, sample: Sample) -> Rows | None:
         p = self._model.p
         self._model.split_into(sample, self._columns, self._rest, self._considered)
         _fill_beside(self._raw, p + 1, sample.v, sample.a, sample.tau)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid_ros.effects import LinkInertia, RotorInertia
+from sysid_ros.known_effect import KnownEffect
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.known_effect import KnownEffect
 
 _POSTURES = 200
 _LEFT_OUT = 1e-3

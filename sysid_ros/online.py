@@ -25,6 +25,10 @@ _FIRST = 25
 """Measurements from which rate and noise of the torque are read before anything is estimated."""
 _LONGEST_STEP = 1.0
 """Longest time between measurements while the rate is not known [s]."""
+_CHECK_EVERY = 300
+"""Measurements after which the rate is looked at again."""
+_LONGEST_FILL = 10.5
+"""Longest step that is interpolated over [periods]."""
 _STANDS = 0.15
 """Time below the standstill velocity after which the robot stands [s]."""
 _NOT_A_BODY = 29.6
@@ -47,7 +51,7 @@ class OnlineEstimation:
         estimator: the recursion, once the first measurements are in.
 
     Raises:
-        RobotModelError, ModelFileError: the frame or the model does not fit the robot.
+        RobotModelError, ModelFileError, SettingsError: the frame, the model or a setting does not fit the robot.
     """
 
     def __init__(self, robot: RobotModel, settings: OnlineSettings, known: ModelFile | None = None) -> None:
@@ -60,11 +64,11 @@ class OnlineEstimation:
         self.latest: PayloadEstimate | None = None
         self.estimator: Estimator | None = None
         self._judgement: Judgement | None = None
-        self._updates = 0
-        self._publish_every = 1
+        self._next_publish = -math.inf
         self._front_end: FrontEnd | None = None
         self._first: list[Measurement] = []
         self._last_t = -math.inf
+        self._since_check, self._checked_t = 0, 0.0
         self._longest_step = math.inf
         self._still = 0.0
 
@@ -131,6 +135,8 @@ class OnlineEstimation:
             self._forget_filters()
         self._last_t = measurement.t
         if self._front_end is not None:
+            self._check_rate(self._front_end, measurement.t)
+        if self._front_end is not None:
             return self._take(self._front_end, measurement)
         self._longest_step = _LONGEST_STEP
         self._first.append(measurement)
@@ -141,18 +147,29 @@ class OnlineEstimation:
         estimates = [self._take(front_end, m) for m in first]
         return next((e for e in reversed(estimates) if e is not None), None)
 
+    def _check_rate(self, front_end: FrontEnd, t: float) -> None:
+        """The first measurements may have come in a burst: filters made for another rate than there is are made again."""
+        self._since_check += 1
+        if self._since_check < _CHECK_EVERY:
+            return
+        faster = self._since_check / ((t - self._checked_t) * front_end.rate)
+        self._since_check, self._checked_t = 0, t
+        if not 0.6 < faster < 1.4:
+            self._forget_filters()
+
     def _forget_filters(self) -> None:
         self._first = []
         self._front_end = None
+        self._next_publish = -math.inf
         self._longest_step = math.inf
         self._still = 0.0
 
     def _make_front_end(self, measurements: list[Measurement]) -> FrontEnd:
         s = self.settings
         sample_period = float(np.median(np.diff([m.t for m in measurements])))
-        self._longest_step = max(s.max_gap, 3.0 * sample_period)
+        self._since_check, self._checked_t = 0, measurements[-1].t
+        self._longest_step = max(min(s.max_gap, _LONGEST_FILL * sample_period), 3.5 * sample_period)
         front_end = FrontEnd(self._free.model, sample_period, s.update_rate, s.cutoff_hz, s.velocity_source == "message")
-        self._publish_every = max(1, round(1.0 / (s.publish_rate * front_end.period)))
         if front_end.rate < 20.0:
             self._warnings["rate"] = (
                 f"The joint states come at {front_end.rate:.1f} Hz; below 20 Hz the accelerations are lost. Publish them faster."
@@ -164,18 +181,17 @@ class OnlineEstimation:
         return front_end
 
     def _take(self, front_end: FrontEnd, measurement: Measurement) -> PayloadEstimate | None:
-        rows = front_end.push(measurement)
-        if rows is None or self.estimator is None:
-            return None
-        estimate = self._update(rows, front_end, self.estimator)
-        if estimate.status == "not_finite":
-            self._forget_filters()
-            return None
-        self._updates += 1
-        if self._updates % self._publish_every:
-            return None
-        self.latest = self._publish(estimate, rows, measurement.t, self.estimator)
-        return self.latest
+        published = None
+        for rows in front_end.push(measurement):
+            assert self.estimator is not None
+            estimate = self._update(rows, front_end, self.estimator)
+            if estimate.status == "not_finite":
+                self._forget_filters()
+                return None
+            if rows.sample.t >= self._next_publish:
+                self._next_publish = max(self._next_publish, rows.sample.t - front_end.period) + 1.0 / self.settings.publish_rate
+                published = self.latest = self._publish(estimate, rows, measurement.t, self.estimator)
+        return published
 
     def _update(self, rows: Rows, front_end: FrontEnd, estimator: Estimator) -> Estimate:
         stands = float(rows.speed.max()) < self.settings.standstill_velocity

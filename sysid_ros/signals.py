@@ -19,106 +19,132 @@ _JIT = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def _window_weights(t: FloatArray, first: int, centre: float, weights: FloatArray) -> None:
-    """Weights of the value and the slope at ``centre`` of the cubic that fits best through a ring of stamps."""
-    width = t.size
-    moments = np.zeros(7)
-    scale = 0.0
-    for k in range(width):
-        scale = max(scale, abs(t[k] - centre))
-    for k in range(width):
-        u = (t[(first + k) % width] - centre) / scale
-        power = 1.0
-        for i in range(7):
-            moments[i] += power
-            power *= u
-    normal = np.empty((4, 4))
+def _interpolate(t: FloatArray, channels: FloatArray, at: float, linear_from: int, out: FloatArray) -> None:
+    """Channels (4, c) known at four times (4,), at a time between the middle two: cubic, and linear from one channel on."""
+    for c in range(channels.shape[1]):
+        out[c] = 0.0
     for i in range(4):
+        weight = 1.0
         for j in range(4):
-            normal[i, j] = moments[i + j]
-    inverse = np.linalg.inv(normal)
-    for k in range(width):
-        u = (t[(first + k) % width] - centre) / scale
-        weights[0, k] = inverse[0, 0] + u * (inverse[0, 1] + u * (inverse[0, 2] + u * inverse[0, 3]))
-        weights[1, k] = (inverse[1, 0] + u * (inverse[1, 1] + u * (inverse[1, 2] + u * inverse[1, 3]))) / scale
+            if j != i:
+                weight *= (at - t[j]) / (t[i] - t[j])
+        for c in range(linear_from):
+            out[c] += weight * channels[i, c]
+    part = (at - t[1]) / (t[2] - t[1])
+    for c in range(linear_from, channels.shape[1]):
+        out[c] = (1.0 - part) * channels[1, c] + part * channels[2, c]
+
+
+class Resampler:
+    """Puts measurements on an even grid of times, one measurement late.
+
+    Stamps jitter and messages get lost, while the low-pass works on even samples: noise of the positions cancels in it only as
+    long as each acceleration is the second difference of the same, evenly spaced positions. Between two measurements the
+    channels are interpolated by the cubic through the two on each side; over a gap the torque goes in a straight line, because
+    its noise would bend the cubic. On stamps that are even already nothing changes.
+
+    Args:
+        n: number of joints. period: spacing of the grid [s].
+
+    Attributes:
+        filled: grid points that lie in a gap of more than 1.6 periods.
+    """
+
+    _GAP = 1.6
+
+    def __init__(self, n: int, period: float) -> None:
+        self._n, self._period = n, period
+        self._t = np.zeros(4)
+        self._channels = np.zeros((4, 3 * n))
+        self._count = 0
+        self._next = 0.0
+        self.filled = 0
+
+    def push(self, measurement: Measurement) -> list[tuple[float, FloatArray]]:
+        """Time and channels (q, v, tau side by side, shape (3 n,); v is NaN where it was not measured) of each grid point that is
+        known now."""
+        n = self._n
+        self._t[:3], self._channels[:3] = self._t[1:], self._channels[1:]
+        self._t[3] = measurement.t
+        row = self._channels[3]
+        row[:n], row[2 * n :] = measurement.q, measurement.tau
+        row[n : 2 * n] = np.nan if measurement.v is None else measurement.v
+        self._count += 1
+        if self._count < 4:
+            self._next = self._t[3] - self._period if self._count == 3 else 0.0
+            return []
+        out = []
+        gap = self._t[2] - self._t[1] > self._GAP * self._period
+        while self._next <= self._t[2] + 1e-3 * self._period:
+            values = np.empty(3 * n)
+            _interpolate(self._t, self._channels, self._next, n if gap else 3 * n, values)
+            out.append((self._next, values))
+            self._next += self._period
+        if gap:
+            self.filled += max(len(out) - 1, 0)
+        return out
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def _push(t: FloatArray, q: FloatArray, weights: FloatArray, first: int, period: float, out: FloatArray, smooth: bool) -> None:
-    """Rows of ``out``: q, v (smooth) and a (raw) at the middle of the ring whose oldest entry is ``first``."""
+def _differentiate(q: FloatArray, slope: FloatArray, first: int, period: float, out: FloatArray) -> None:
+    """Rows of ``out``: q, v (smooth) and a (raw) in the middle of a ring of even samples whose oldest entry is ``first``."""
     width, n = q.shape
     half = width // 2
     middle = (first + half) % width
     before, after = (first + half - 1) % width, (first + half + 1) % width
-    centre = t[middle]
-    uniform = True
-    for k in range(width):
-        if abs(t[(first + k) % width] - centre - (k - half) * period) > 0.02 * period:
-            uniform = False
-            break
-    if not uniform:
-        local = np.empty_like(weights)
-        _window_weights(t, first, centre, local)
-    else:
-        local = weights
-    h0, h1 = centre - t[before], t[after] - centre
     for j in range(n):
-        value, slope = 0.0, 0.0
-        origin = q[middle, j]
+        v = 0.0
         for k in range(width):
-            x = q[(first + k) % width, j] - origin
-            value += local[0, k] * x
-            slope += local[1, k] * x
-        out[0, j] = origin + value if smooth else origin
-        out[1, j] = slope
-        out[2, j] = 2.0 * ((q[after, j] - origin) / h1 - (origin - q[before, j]) / h0) / (h0 + h1)
+            v += slope[k] * q[(first + k) % width, j]
+        out[0, j] = q[middle, j]
+        out[1, j] = v
+        out[2, j] = (q[after, j] - 2.0 * q[middle, j] + q[before, j]) / (period * period)
 
 
 class CausalDerivative:
-    """Position, velocity and acceleration with a fixed lag: ``half_width`` samples behind the newest measurement.
+    """Position, velocity and acceleration with a fixed lag: ``half_width`` samples behind the newest one.
 
-    A cubic is fitted to the actual stamps in a window of ``2 half_width + 1`` samples (Savitzky, Golay 1964), so jitter and
-    lost messages do no harm; the acceleration is the raw second difference of the same positions; the torque is delayed to the
-    same instant.
+    On the even grid of :class:`Resampler`, the velocity is the slope of the cubic that fits best in a window of
+    ``2 half_width + 1`` samples (Savitzky, Golay 1964); the acceleration is the raw second difference of the positions; position
+    and torque are delayed to the same instant.
 
     Args:
         n: number of joints.
-        period: usual time between samples [s].
+        period: usual time between measurements [s].
         half_width: samples on each side; at least 2.
-        use_message_velocity: take the velocity of the message, delayed alike, in place of the slope of the cubic, where it has
-            one.
+        use_message_velocity: take the velocity of the message, delayed alike, where it has one.
     """
 
     def __init__(self, n: int, period: float, half_width: int, use_message_velocity: bool = False) -> None:
         self.half_width = half_width
         self.width = 2 * half_width + 1
         self.period = period
-        self._t = np.zeros(self.width)
+        self.resampler = Resampler(n, period)
         self._q = np.zeros((self.width, n))
         self._v = np.zeros((self.width, n))
         self._tau = np.zeros((self.width, n))
-        self._weights = np.empty((2, self.width))
-        _window_weights((np.arange(self.width) - half_width) * period, 0, 0.0, self._weights)
+        self._t = np.zeros(self.width)
+        self._slope = signal.savgol_coeffs(self.width, 3, deriv=1, delta=period, use="dot")
         self._use_message_velocity = use_message_velocity
         self._n = n
         self._next = 0
         self._filled = 0
 
-    def push(self, measurement: Measurement) -> Sample | None:
-        """The sample in the middle of the window, or None while it fills."""
-        i = self._next
-        self._t[i] = measurement.t
-        self._q[i] = measurement.q
-        self._tau[i] = measurement.tau
-        if self._use_message_velocity:
-            self._v[i] = np.nan if measurement.v is None else measurement.v
+    def push(self, measurement: Measurement) -> list[Sample]:
+        """The samples that a measurement completes: usually one, none while the window fills, a few after a gap."""
+        return [sample for t, values in self.resampler.push(measurement) if (sample := self._push(t, values)) is not None]
+
+    def _push(self, t: float, values: FloatArray) -> Sample | None:
+        n, i = self._n, self._next
+        self._t[i] = t
+        self._q[i], self._v[i], self._tau[i] = values[:n], values[n : 2 * n], values[2 * n :]
         self._next = first = (i + 1) % self.width
         if self._filled < self.width:
             self._filled += 1
             if self._filled < self.width:
                 return None
-        out = np.empty((3, self._n))
-        _push(self._t, self._q, self._weights, first, self.period, out, True)
+        out = np.empty((3, n))
+        _differentiate(self._q, self._slope, first, self.period, out)
         middle = (first + self.half_width) % self.width
         measured = self._use_message_velocity and not np.isnan(self._v[middle, 0])
         v = self._v[middle].copy() if measured else out[1]

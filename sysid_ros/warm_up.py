@@ -6,6 +6,7 @@ import numpy as np
 
 from sysid_ros.input_gate import InputGate
 from sysid_ros.online import OnlineEstimation
+from sysid_ros.physical_projection import project
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import JointStateRecord, Measurement
 from sysid_ros.settings import OnlineSettings
@@ -14,7 +15,7 @@ RATE = 250.0
 """Samples a second of the made-up motion [Hz]."""
 
 
-def warm_up(robot: RobotModel, settings: OnlineSettings, duration: float = 3.0) -> int:
+def warm_up(robot: RobotModel, settings: OnlineSettings, duration: float = 6.0) -> int:
     """Compile, or load from the cache, what a message will call; returns how many estimates came out.
 
     The robot moves sinusoidally, picks up a kilogram half-way (so that the search for jumps runs too), and a gap follows;
@@ -26,7 +27,12 @@ def warm_up(robot: RobotModel, settings: OnlineSettings, duration: float = 3.0) 
         duration: of the motion [s].
     """
     # per-joint settings may belong to fewer joints than the robot has before the messages have said which are used
-    free = OnlineSettings(update_rate=RATE / 2, effort_type=settings.effort_type, estimator=settings.estimator)
+    free = OnlineSettings(
+        update_rate=RATE / 2,
+        effort_type=settings.effort_type,
+        estimator=settings.estimator,
+        estimate_friction=settings.estimate_friction,
+    )
     gate, estimation = InputGate(robot, free), OnlineEstimation(robot, free)
     frame = robot.frame_id(robot.default_frame)
     payload = np.array([1.0, 0.0, 0.0, 0.1, 0.02, 0.0, 0.02, 0.0, 0.0, 0.02])
@@ -45,5 +51,6 @@ def warm_up(robot: RobotModel, settings: OnlineSettings, duration: float = 3.0) 
         measurement = gate.accept(JointStateRecord(stamp, stamp, robot.joint_names, q, v, tau))
         if isinstance(measurement, Measurement) and estimation.step(measurement) is not None:
             estimates += 1
+    project(np.concatenate([payload[:4], -payload[4:]]), np.eye(10))
     gate.health(1.0 + duration)
     return estimates

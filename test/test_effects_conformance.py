@@ -102,9 +102,7 @@ def test_columns_do_not_depend_on_what_was_asked_before(effect_id: str, robot_na
 @every_robot
 def test_settings_make_the_effect_again_also_through_yaml(effect_id: str, robot_name: str) -> None:
     effect = make(effect_id, robot_name)
-    again = EFFECTS[effect_id].from_settings(
-        effect.robot, effect.joint_names, yaml.safe_load(yaml.safe_dump(effect.settings))
-    )
+    again = EFFECTS[effect_id].from_settings(effect.robot, effect.joint_names, yaml.safe_load(yaml.safe_dump(effect.settings)))
     assert again.settings == effect.settings
     assert again.parameter_names == effect.parameter_names
     assert again.units == effect.units

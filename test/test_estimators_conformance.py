@@ -146,9 +146,7 @@ def test_how_rows_are_split_into_updates_does_not_matter(make: Factory) -> None:
     Y, tau, _ = problem()
     pairs = len(tau) // 2
     one = feed(make(np.ones(5), LARGE**2), Y, tau)
-    together = feed(
-        make(np.ones(5), np.tile(LARGE**2, 2), period=2 * PERIOD), Y.reshape(pairs, 6, 5), tau.reshape(pairs, 6)
-    )
+    together = feed(make(np.ones(5), np.tile(LARGE**2, 2), period=2 * PERIOD), Y.reshape(pairs, 6, 5), tau.reshape(pairs, 6))
     np.testing.assert_allclose(together.theta, one.theta, rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(together.covariance(), one.covariance(), rtol=1e-6, atol=1e-12)
 

@@ -117,9 +117,9 @@ def test_the_identified_model_predicts_what_it_has_not_seen(result: Identificati
     (validation,) = result.validation
     for error in (*result.errors, validation):
         assert error.residual.shape == error.torque.shape == error.nominal.shape == (7,)
-        assert np.all(error.residual < 0.15)  # the filtered noise and the smooth sign function
         assert np.all(error.residual < 0.5 * error.nominal)
-        assert np.all(error.residual < error.torque)
+        assert np.all(error.residual < 0.1 * error.torque + 0.1)
+    assert np.all(validation.residual < 0.15)  # the filtered noise and what the smooth sign function leaves
 
 
 def test_what_is_found_is_consistent(result: Identification) -> None:
@@ -221,9 +221,9 @@ def test_rows_are_not_taken_across_gaps_and_jumps_of_time() -> None:
 
 
 def test_a_recording_that_is_too_short() -> None:
-    stream = measurements(Motion(MODEL, 1), 0.2, 250.0, [])
-    with pytest.raises(DataError, match=r"short\.mcap.*long enough"):
-        collect_rows(free_model(MODEL), stream, "short.mcap")
+    for seconds in (0.05, 0.2, 1.0):
+        with pytest.raises(DataError, match=r"short\.mcap.*Record at least 10 s"):
+            collect_rows(free_model(MODEL), measurements(Motion(MODEL, 1), seconds, 250.0, []), "short.mcap")
     with pytest.raises(DataError, match=r"empty\.mcap"):
         collect_rows(free_model(MODEL), [], "empty.mcap")
 
@@ -269,5 +269,11 @@ def test_the_prior_decides_what_the_data_leave_open() -> None:
 
 def test_free_model_has_links_friction_rotors_and_offsets() -> None:
     model = free_model(RobotModel.from_urdf(urdf("small_arm")))
-    assert [e.id for e in model.free] == ["link_inertia", "viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"]
+    assert [e.id for e in model.free] == [
+        "link_inertia",
+        "viscous_friction",
+        "coulomb_friction",
+        "rotor_inertia",
+        "torque_offset",
+    ]
     assert model.p == 14 * 4

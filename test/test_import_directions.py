@@ -14,9 +14,9 @@ PACKAGE = Path(__file__).resolve().parents[1] / "sysid_ros"
 LEVELS = (
     {"exceptions"},
     {"sample", "settings"},
-    {"inertial_parameters"},
+    {"inertial_parameters", "joint_choice", "equivalent_box"},
     {"payload_estimate", "physical_projection", "robot_model"},
-    {"effects"},
+    {"effects", "commit_gate"},
     {"known_effect"},
     {"known_error"},
     {"torque_model"},
@@ -25,12 +25,13 @@ LEVELS = (
     {"free_parameters"},
     {"judgement", "identification"},
     {"online"},
-    {"replay"},
+    {"live_estimation", "replay", "warm_up"},
     {"control"},
     {"simulation"},
     {"diagnosis"},
     {"plots", "sources"},
-    {"cli", "nodes"},
+    {"nodes"},
+    {"cli"},
 )
 LEVEL_OF = {unit: level for level, units in enumerate(LEVELS) for unit in units}
 

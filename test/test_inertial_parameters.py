@@ -20,7 +20,9 @@ def cloud(seed: int) -> tuple[FloatArray, FloatArray]:
 def theta_of(masses: FloatArray, points: FloatArray) -> FloatArray:
     """By definition: sums over the points."""
     inertia = sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, points, strict=True))
-    return np.array([masses.sum(), *(masses @ points), *(inertia[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)))])
+    return np.array(
+        [masses.sum(), *(masses @ points), *(inertia[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)))]
+    )
 
 
 seeds = pytest.mark.parametrize("seed", range(5))
@@ -49,7 +51,9 @@ def test_the_order_of_messages(seed: int) -> None:
     theta = theta_of(*cloud(seed))
     by_name = dict(zip(ip.NAMES, theta, strict=True))
     message = dict(zip(ip.MESSAGE_NAMES, theta[ip.TO_MESSAGE_ORDER], strict=True))
-    renamed = {"m": "m", "mx": "mc_x", "my": "mc_y", "mz": "mc_z"} | {f"I{a}": f"I_{a}" for a in ("xx", "xy", "xz", "yy", "yz", "zz")}
+    renamed = {"m": "m", "mx": "mc_x", "my": "mc_y", "mz": "mc_z"} | {
+        f"I{a}": f"I_{a}" for a in ("xx", "xy", "xz", "yy", "yz", "zz")
+    }
     assert {renamed[name]: value for name, value in message.items()} == by_name
     np.testing.assert_array_equal(theta[ip.TO_MESSAGE_ORDER][ip.TO_MESSAGE_ORDER], theta)
 

@@ -191,7 +191,8 @@ def test_every_damage_is_named_with_the_file(tmp_path: Path, damage: Damage) -> 
 
 
 @pytest.mark.parametrize(
-    "content", [b"\x00\xff\xfe\x80 binary", b"effects: [1, 2", b"a: b: c", b"", b"!!python/object:os.system {}", b"\x89PNG\r\n\x1a\n"]
+    "content",
+    [b"\x00\xff\xfe\x80 binary", b"effects: [1, 2", b"a: b: c", b"", b"!!python/object:os.system {}", b"\x89PNG\r\n\x1a\n"],
 )
 def test_what_is_no_model_at_all(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "model.yaml"

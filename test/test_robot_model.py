@@ -51,7 +51,15 @@ def test_a_limit_that_is_not_stated_is_infinite() -> None:
 def test_arrays_have_the_shapes_that_are_stated(robot_name: str) -> None:
     model, sample = robot(robot_name), random_sample(robot(robot_name), np.random.default_rng(0))
     n, state = model.n, (sample.q, sample.v, sample.a)
-    for name in ("position_lower", "position_upper", "velocity_limit", "effort_limit", "is_prismatic", "is_continuous", "damping"):
+    for name in (
+        "position_lower",
+        "position_upper",
+        "velocity_limit",
+        "effort_limit",
+        "is_prismatic",
+        "is_continuous",
+        "damping",
+    ):
         assert getattr(model, name).shape == (n,), name
     assert len(model.body_names) == n
     assert model.pi.shape == (10 * n,)

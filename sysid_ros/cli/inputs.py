@@ -36,7 +36,7 @@ def read_config(path: Path | None) -> dict[str, Any]:
         document = yaml.safe_load(path.read_text())
     except OSError as error:
         raise SettingsError(f"configuration '{path}' can't be read: {error.strerror}.") from None
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise SettingsError(f"configuration '{path}' is not YAML: {error}.") from None
     found: dict[str, Any] = {}
     for node in _parameter_blocks(document):

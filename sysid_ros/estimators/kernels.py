@@ -14,7 +14,7 @@ _JIT = {"cache": True, "error_model": "numpy", "nogil": True}
 def joseph_update_considering(
     theta: FloatArray, P: FloatArray, Y: FloatArray, tau: FloatArray, variance: FloatArray, S: FloatArray, Z: FloatArray
 ) -> None:
-    """Measurement update of :func:`joseph_update` for ``tau = Y theta + Z z + noise``, where z is not estimated but its effect on theta is kept.
+    """Measurement update of :func:`joseph_update` for ``tau = Y theta + Z z + noise``: z is not estimated, its effect is kept.
 
     ``S <- (1 - K y') S - K z'`` is the derivative of the estimate by -z (Schmidt 1966: consider parameters).
 

@@ -271,12 +271,12 @@ class VariableForgetting(Estimator):
         if self.settling:
             self.noise.interrupt()
             return
-        residual = np.asarray(residual * np.sqrt(self._spread / (self._spread + extra)))
-        squared = residual * residual
+        weighted: FloatArray = residual * np.sqrt(self._spread / (self._spread + extra))
+        squared: FloatArray = weighted * weighted
         if self._spread_count * self._period > 0.5:
             squared = np.minimum(squared, 9.0 * self._spread)
         self._spread_count += 1
         rate = max(1.0 / self._spread_count, self._period / 10.0)
         self._spread = np.maximum((1.0 - rate) * self._spread + rate * squared, self._floor)
         if learn_colour and not outlier:
-            self.noise.add(residual)
+            self.noise.add(weighted)

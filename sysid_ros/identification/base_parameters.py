@@ -25,16 +25,15 @@ class BaseParameters:
     """
 
     def __init__(self, information: FloatArray, tolerance: float = 1e-7) -> None:
-        scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-        scaled = information / np.outer(scale, scale)
+        power = np.diag(information)
+        zero = power <= 1e-12 * float(np.max(power))
+        scale = np.where(zero, 1.0, np.sqrt(np.maximum(power, 0.0)))
+        scaled = np.where(zero[:, None] | zero, 0.0, information / np.outer(scale, scale))
         values, vectors = np.linalg.eigh(scaled)
         root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
         _, triangular, pivots = linalg.qr(root, mode="economic", pivoting=True)
         diagonal = np.abs(np.diag(triangular))
-        zero = np.diag(information) <= 1e-12 * float(np.max(np.diag(information)))
         rank = int(np.sum(diagonal > tolerance * diagonal[0]))
-        keep = [i for i in range(rank) if not zero[pivots[i]]]
-        rank = len(keep)
         independent, dependent = pivots[:rank], pivots[rank:]
         solved = linalg.solve_triangular(triangular[:rank, :rank], triangular[:rank, rank:])
         self.combination: FloatArray = solved * scale[dependent] / scale[independent][:, None]

@@ -84,14 +84,14 @@ def identify(
     parts = list(bags) if len(bags) > 1 else _halves(bags[0])
     whole = fit(bags, mean, std)
     errors, density, square = [], [], []
+    seconds = [part.period * part.moving.sum(axis=0) for part in parts]
     for i, part in enumerate(parts):
         rest = fit([p for k, p in enumerate(parts) if k != i], mean, std)
         errors.append(_error(model, part, rest.theta, mean))
-        density.append(noise_density([part], rest.theta) * part.seconds)
-        square.append(errors[-1].residual ** 2 * part.seconds)
-    seconds = sum(p.seconds for p in parts)
-    torque_std = np.sqrt(np.sum(square, axis=0) / seconds)
-    correlation_time = np.sum(density, axis=0) / seconds / (2.0 * torque_std**2)
+        density.append(noise_density([part], rest.theta) * seconds[i])
+        square.append(errors[-1].residual ** 2 * seconds[i])
+    torque_std = np.sqrt(np.sum(square, axis=0) / np.sum(seconds, axis=0))
+    correlation_time = np.sum(density, axis=0) / np.sum(seconds, axis=0) / (2.0 * torque_std**2)
     return Identification(
         theta=whole.theta,
         covariance=whole.covariance,
@@ -112,7 +112,8 @@ def _require_motion(robot: RobotModel, bags: Sequence[BagRows]) -> None:
     if still:
         raise DataError(
             f"joints that hardly move in these recordings: {', '.join(still)}. "
-            "Each joint must move for at least 5 % of the time; record a motion that moves all of them, or leave the joint out of the URDF."
+            "Each joint must move for at least 5 % of the time; record a motion that moves all of them, or leave the joint out "
+            "of the URDF."
         )
 
 

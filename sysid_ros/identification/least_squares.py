@@ -49,7 +49,7 @@ def fit(bags: Sequence[BagRows], prior_mean: FloatArray, prior_std: FloatArray, 
     for _ in range(iterations):
         information = prior + np.einsum("j,jab->ab", 1.0 / density, normal)
         theta = np.linalg.solve(information, prior @ prior_mean + (score / density[:, None]).sum(axis=0))
-        density = noise_density(bags, theta)
+        density = np.maximum(noise_density(bags, theta), 1e-12)
     covariance = np.linalg.inv(prior + np.einsum("j,jab->ab", 1.0 / density, normal))
     return Fit(theta, 0.5 * (covariance + covariance.T), density)
 
@@ -60,18 +60,25 @@ def residuals(bag: BagRows, theta: FloatArray) -> FloatArray:
 
 
 def noise_density(bags: Sequence[BagRows], theta: FloatArray) -> FloatArray:
-    """Spectral density of the residual at zero frequency, a joint, shape (n,) [(N m)^2 s], by batch means over moving rows."""
+    """Spectral density of the residual at zero frequency, a joint, shape (n,) [(N m)^2 s], by batch means over moving rows.
+
+    A joint that moves too little for batch means is taken to keep its error for half a second; 0 where it never moves.
+    """
     n = bags[0].y.shape[1]
-    total, seconds = np.zeros(n), 0.0
+    total, seconds = np.zeros(n), np.zeros(n)
     for bag in bags:
         residual = residuals(bag, theta)
         for j in range(n):
+            moving = residual[bag.moving[:, j], j]
             noise = LongRunVariance(1, bag.period, np.array([1e-12]), memory=1e9)
-            for value in residual[bag.moving[:, j], j]:
+            for value in moving:
                 noise.add(np.array([value]))
-            total[j] += float(noise.variance[0]) * bag.period * bag.seconds
-        seconds += bag.seconds
-    return total / seconds
+            density = (
+                float(noise.variance[0]) * bag.period if noise.known else 0.5 * float(np.sum(moving**2)) / max(moving.size, 1)
+            )
+            total[j] += density * moving.size * bag.period
+            seconds[j] += moving.size * bag.period
+    return total / np.maximum(seconds, 1e-9)
 
 
 def rms(values: FloatArray, where: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> FloatArray:

@@ -16,6 +16,9 @@ from sysid_ros.torque_model import TorqueModel
 STANDSTILL = 0.03
 """Speed below which dry friction leaves a joint's torque undetermined [rad/s]."""
 
+_SHORTEST = 2.0
+"""Rows of a recording must cover at least this [s]."""
+
 
 @dataclass(frozen=True, slots=True)
 class BagRows:
@@ -65,10 +68,13 @@ def collect_rows(
         period = float(np.median(np.diff([m.t for m in stretch])))
         cutoff = cutoff_hz or default_cutoff(1.0 / period)
         front_end = FrontEnd(model, period, 4.0 * cutoff, cutoff)
-        found = [r for r in (front_end.push(m) for m in stretch) if r is not None]
-        rows += found
-    if not rows:
-        raise DataError(f"{name}: no stretch of joint states is long enough to filter. Record at least 10 s without gaps.")
+        rows += [r for m in stretch for r in front_end.push(m)]
+    seconds = len(rows) * front_end.period if rows else 0.0
+    if seconds < _SHORTEST:
+        raise DataError(
+            f"{name}: {seconds:.1f} s are left once the filters are full; {_SHORTEST:g} s are the least that can be used. "
+            "Record at least 10 s without gaps."
+        )
     return BagRows(
         name=name,
         t=np.array([r.sample.t for r in rows]),

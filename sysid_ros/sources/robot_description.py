@@ -30,6 +30,6 @@ def urdf_text(urdf_path: str | Path | None, source: Source | None = None) -> str
         raise RobotModelError(
             f"URDF '{path}' can't be read as text: {error}. Give the path of the robot's .urdf file."
         ) from error
-    if "xacro:" in text or path.suffix == ".xacro":
+    if "<xacro:" in text or path.suffix == ".xacro":
         raise RobotModelError(f"URDF '{path}' is a xacro file. Expand it first: xacro {path.name} > robot.urdf")
     return text

@@ -1,0 +1,121 @@
+"""Logs of real robots, kept beside the project: what was measured by their owners must be found. Skipped where they are not there."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from sysid_ros.cli.main import run
+
+DATA = Path(__file__).parents[2] / "shared" / "data"
+UR10E = DATA / "ur10e"
+
+pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"the measured robot data are not in {DATA}")
+
+
+def replayed(folder: Path, bag: Path, *arguments: str | Path) -> tuple[dict[str, Any], list[dict[str, str]]]:
+    out, series = folder / "out.json", folder / "series.csv"
+    assert run(["replay", str(bag), *map(str, arguments), "--json", str(out), "--series", str(series)]) == 0
+    with series.open(newline="") as file:
+        return json.loads(out.read_text()), list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The UR10e, identified on the two runs in which it carries nothing."""
+    path = tmp_path_factory.mktemp("ur10e") / "model.yaml"
+    bags = [str(UR10E / name) for name in ("fourier14_noload", "fast20_noload")]
+    assert run(["identify", *bags, "--urdf", str(UR10E / "ur10e.urdf"), "--out", str(path)]) == 0
+    return path
+
+
+def with_model(folder: Path, bag: str, model: Path) -> tuple[dict[str, Any], list[dict[str, str]]]:
+    return replayed(folder, UR10E / bag, "--urdf", UR10E / "ur10e.urdf", "--model", model)
+
+
+@pytest.mark.parametrize(("bag", "mass", "part"), [("fourier14_load", 2.805, 0.06), ("fast20_load", 1.069, 0.08)])
+def test_the_payload_of_a_ur10e(tmp_path: Path, model: Path, bag: str, mass: float, part: float) -> None:
+    document, rows = with_model(tmp_path, bag, model)
+    payload = document["payload"]
+    assert document["status"] == "ok", document["warnings"]
+    assert abs(payload["mass"] - mass) < part * mass
+    assert abs(payload["mass"] - mass) < 1.96 * payload["mass_std"]
+    assert payload["mass_std"] < 0.1 * mass + 0.05  # an interval that says something
+    assert not [e for e in document["events"] if e["kind"] == "drop"]
+    first = float(rows[0]["t"])
+    for row in rows:
+        if float(row["t"]) - first < 3.0:
+            assert row["status"] == "warming_up"
+
+
+def test_a_ur10e_without_payload(tmp_path: Path, model: Path) -> None:
+    document, _ = with_model(tmp_path, "ptp_noload", model)
+    assert document["status"] == "no_payload", document["warnings"]
+    assert abs(document["payload"]["mass"]) < 0.15
+    assert document["events"] == []
+
+
+@pytest.mark.parametrize("bag", ["fourier14_noload", "fast20_noload"])
+def test_the_runs_it_was_identified_on(tmp_path: Path, model: Path, bag: str) -> None:
+    document, _ = with_model(tmp_path, bag, model)
+    assert document["status"] == "no_payload"
+    assert abs(document["payload"]["mass"]) < max(0.15, 1.96 * document["payload"]["mass_std"])
+
+
+@pytest.mark.parametrize("bag", ["fourier14_load", "fast20_load", "fourier14_noload", "ptp_noload"])
+def test_the_plain_urdf_is_called_inconsistent(tmp_path: Path, bag: str) -> None:
+    document, rows = replayed(tmp_path, UR10E / bag, "--urdf", UR10E / "ur10e.urdf")
+    assert document["status"] == "inconsistent"
+    assert any("residual is far above any noise" in w for w in document["warnings"])
+    assert document["events"] == []
+    assert np.mean([r["status"] == "ok" for r in rows]) < 0.05
+
+
+def test_the_ur10e_held_out_torque_error(tmp_path: Path) -> None:
+    out = tmp_path / "out.json"
+    arguments = [str(UR10E / "fourier14_noload"), "--validate", str(UR10E / "fast20_noload"), "--urdf", str(UR10E / "ur10e.urdf")]
+    assert run(["identify", *arguments, "--out", str(tmp_path / "m.yaml"), "--json", str(out)]) == 0
+    (error,) = json.loads(out.read_text())["torque_error"]["validation"]
+    assert np.all(np.array(error["relative"]) < 0.4)
+    assert np.all(np.array(error["residual_rms"]) < np.array(error["nominal_residual_rms"]))
+
+
+def ur10_description() -> Path:
+    """Of the package example-robot-data, which pinocchio brings along."""
+    pinocchio = pytest.importorskip("pinocchio")
+    site = next(p for p in Path(pinocchio.__file__).parents if p.name == "site-packages")
+    found = site / "cmeel.prefix/share/example-robot-data/robots/ur_description/urdf/ur10_robot.urdf"
+    if not found.is_file():
+        pytest.skip(f"the UR10's description is not in {found}")
+    return found
+
+
+def test_a_db3_file_without_metadata(tmp_path: Path) -> None:
+    bag = DATA / "unisa_ur10" / "ur10_exciting_trajectory.db3"
+    document, rows = replayed(tmp_path, bag, "--urdf", ur10_description())
+    assert document["samples"]["used"] > 0.9 * document["samples"]["read"] > 3000
+    assert document["duration_s"] == pytest.approx(27.5, abs=1.0)
+    assert rows
+    assert document["status"] != "ok" or abs(document["payload"]["mass"]) < 1.0  # it carries nothing
+
+
+def test_a_log_without_velocity(tmp_path: Path) -> None:
+    document, rows = replayed(tmp_path, DATA / "staubli_tx40" / "excitation", "--urdf", DATA / "staubli_tx40" / "tx40.urdf")
+    assert document["samples"]["used"] > 0.9 * document["samples"]["read"] > 8000
+    assert document["duration_s"] == pytest.approx(9.0, abs=0.5)
+    assert len(rows) > 300
+
+
+def test_friction_of_a_staubli_is_near_what_was_published(tmp_path: Path) -> None:
+    bag, description = DATA / "staubli_tx40" / "excitation", DATA / "staubli_tx40" / "tx40.urdf"
+    out = tmp_path / "model.yaml"
+    assert run(["identify", str(bag), "--urdf", str(description), "--out", str(out)]) == 0
+    from sysid_ros.model_file import ModelFile
+
+    theta = {b.effect: b.theta for b in ModelFile.read(out).effects}
+    np.testing.assert_allclose(theta["viscous_friction"][:4], [8.05, 5.53, 1.97, 1.11], rtol=0.25)
+    np.testing.assert_allclose(theta["coulomb_friction"][:4], [7.14, 8.26, 6.34, 2.48], rtol=0.35)
