@@ -40,10 +40,7 @@ def _on_filtered_rows(model: TorqueModel, measurements: list[Measurement], perio
     kalman = KalmanFilter(dim_x=10, dim_z=model.robot.n)
     kalman.x, kalman.P, kalman.R = np.zeros(10), np.diag(PRIOR_STD**2), TORQUE_STD**2 * np.eye(model.robot.n)
     kalman.Q = np.diag(PRIOR_STD**2) * 1e-2 * front_end.period
-    for m in measurements:
-        rows = front_end.push(m)
-        if rows is None:
-            continue
+    for rows in (rows for m in measurements for rows in front_end.push(m)):
         constant.update(rows.Y, rows.y)
         for Y, y in zip(rows.Y * PRIOR_STD / TORQUE_STD, rows.y / TORQUE_STD, strict=True):
             rls.adapt(y, Y)

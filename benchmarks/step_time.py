@@ -165,7 +165,7 @@ def time_steps(robot: RobotModel, measurements: list[Measurement], rounds: int) 
 
 def rows_of(robot: RobotModel, measurements: list[Measurement]) -> list[Rows]:
     front_end = FrontEnd(TorqueModel(robot, [Payload(robot)]), 1e-3, 100.0)
-    return [rows for m in measurements if (rows := front_end.push(m)) is not None]
+    return [rows for m in measurements for rows in front_end.push(m)]
 
 
 def _summary(nanoseconds: FloatArray) -> dict[str, float]:

@@ -50,7 +50,9 @@ class FreeParameters:
         if settings.estimate_friction:
             effects += [TorqueOffset(robot), CoulombFriction(robot), ViscousFriction(robot)]
         known_effects = known.known_effects(robot) if known else []
-        self.model = TorqueModel(robot, effects, known_effects, links=settings.effort_type == "total")
+        self.model = TorqueModel(
+            robot, effects, known_effects, settings.effort_type == "total", known.uncertainty if known else None
+        )
         self._coulomb = np.abs(self.model.known_theta("coulomb_friction"))
         self._viscous = np.abs(self.model.known_theta("viscous_friction"))
         self.prior_std = np.concatenate([self._payload_prior(), *self._friction_prior()])

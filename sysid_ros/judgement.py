@@ -10,6 +10,10 @@ from sysid_ros.sample import FloatArray
 from sysid_ros.settings import OnlineSettings
 
 
+_STAYS_KNOWN = 1.5
+"""A mass that was known stays known up to so many times the limit, or the status would flicker at it."""
+
+
 class Judgement:
     """Turns what estimator and model check know into one of the statuses of :mod:`sysid_ros.payload_estimate`.
 
@@ -21,6 +25,7 @@ class Judgement:
         self._settings = settings
         self._floor = floor
         self._check = ModelCheck(robot)
+        self._known = False
 
     def add(self, rows: Rows, payload_torque: FloatArray, estimator: Estimator) -> None:
         """Take in rows of a moving robot and the payload's part in them, shape (n,) [N m]."""
@@ -34,7 +39,9 @@ class Judgement:
             wrong = self._check.verdict(estimator.noise.variance, self._floor)
             if wrong:
                 return "inconsistent", wrong
-        unknown = mass_std > max(s.mass_std_limit, 0.05 * abs(mass))
+        limit = max(s.mass_std_limit, 0.05 * abs(mass))
+        self._known = mass_std <= (_STAYS_KNOWN if self._known else 1.0) * limit
+        unknown = not self._known
         if estimate.status == "not_excited" and (unknown or not _noise_known(estimator)):
             known_to = f"the mass is known to {mass_std:.2g} kg only" if unknown else "the noise of the torques is not known yet"
             return "not_excited", f"The robot stands; {known_to}. Move the joints that carry the payload."

@@ -6,65 +6,54 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid_ros.effects import LinkInertia, RotorInertia
+from sysid_ros.effects import JointEffect, LinkInertia
+from sysid_ros.exceptions import ModelFileError
 from sysid_ros.known_effect import KnownEffect
 from sysid_ros.robot_model import RobotModel
-from sysid_ros.sample import FloatArray
-
-_POSTURES = 200
-_LEFT_OUT = 1e-3
+from sysid_ros.sample import FloatArray, Sample
 
 
 class KnownError:
-    """``error of the known torque = Z z``, z ~ N(0, 1): link and rotor inertias as uncertain as their covariance says.
-
-    Only the directions of the covariance that make torque in the robot's range are kept; those that no motion shows make none.
-    Friction is not in it: the online estimation corrects that itself.
+    """``error of the known torque = Z z``, z ~ N(0, 1), with Z = Y L and ``L L'`` the covariance of the known parameters.
 
     Args:
-        robot: the arm. known: effects with their covariance.
+        robot: the arm.
+        known: its known effects.
+        directions: L, shape (number of known parameters, c), rows in the order of the effects; None where it is not known.
 
     Attributes:
-        c: number of directions kept; 0 where nothing is known to be uncertain.
+        c: number of directions.
+
+    Raises:
+        ModelFileError: L does not fit the effects.
     """
 
-    def __init__(self, robot: RobotModel, known: Sequence[KnownEffect]) -> None:
+    def __init__(self, robot: RobotModel, known: Sequence[KnownEffect], directions: FloatArray | None) -> None:
         n = robot.n
-        self.c = 0
-        self._links = np.zeros((10 * n, 0))
-        self._rotors = np.zeros((n, 0))
-        links = [k for k in known if isinstance(k.effect, LinkInertia) and k.covariance is not None]
-        if not links:
+        count = sum(k.effect.p for k in known)
+        if directions is not None and directions.shape[0] != count:
+            raise ModelFileError(
+                f"the model's uncertainty has {directions.shape[0]} rows, its effects have {count} parameters. "
+                "Write the model again with 'sysid identify'."
+            )
+        self.c = 0 if directions is None else directions.shape[1]
+        self._links = np.zeros((10 * n, self.c))
+        self._joints: list[tuple[JointEffect, FloatArray]] = []
+        if directions is None:
             return
-        rotors = [k for k in known if isinstance(k.effect, RotorInertia) and k.covariance is not None]
-        covariance = np.zeros((11 * n, 11 * n))
-        places = [np.array([10 * j + i for j in k.effect.joints for i in range(10)]) for k in links]
-        for k, place in zip([*links, *rotors], [*places, *(10 * n + k.effect.joints for k in rotors)], strict=True):
-            assert k.covariance is not None
-            covariance[np.ix_(place, place)] = k.covariance
-        values, vectors = np.linalg.eigh(covariance)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
-        seen = self._information(robot)
-        power, mix = np.linalg.eigh(root.T @ seen @ root)
-        kept = power > _LEFT_OUT * power.sum()
-        directions = root @ mix[:, kept]
-        self.c = directions.shape[1]
-        self._links, self._rotors = directions[: 10 * n], directions[10 * n :]
+        start = 0
+        for k in known:
+            rows = directions[start : start + k.effect.p]
+            start += k.effect.p
+            if isinstance(k.effect, LinkInertia):
+                self._links.reshape(n, 10, self.c)[k.effect.joints] = rows.reshape(-1, 10, self.c)
+            elif isinstance(k.effect, JointEffect):
+                spread = np.zeros((n, self.c))
+                spread[k.effect.joints] = rows
+                self._joints.append((k.effect, spread))
 
-    @staticmethod
-    def _information(robot: RobotModel) -> FloatArray:
-        """Mean of Y' Y of links and rotors over postures in the robot's range, shape (11 n, 11 n)."""
-        n = robot.n
-        random = np.random.default_rng(0)
-        low, high = np.maximum(robot.position_lower, -np.pi), np.minimum(robot.position_upper, np.pi)
-        information = np.zeros((11 * n, 11 * n))
-        for _ in range(_POSTURES):
-            q, v, a = random.uniform(low, high), random.normal(0.0, 0.5, n), random.normal(0.0, 1.0, n)
-            Y = np.hstack([robot.regressor(q, v, a), np.diag(a)])
-            information += Y.T @ Y / _POSTURES
-        return information
-
-    def fill(self, regressor: FloatArray, a: FloatArray, out: FloatArray) -> None:
-        """Write Z into ``out`` of shape (n, c), from the links' regressor (n, 10 n) and the accelerations (n,)."""
-        np.matmul(regressor, self._links, out=out)
-        out += a[:, None] * self._rotors
+    def fill(self, sample: Sample, regressor: FloatArray, out: FloatArray) -> None:
+        """Write Z into ``out`` of shape (n, c), given the links' regressor (n, 10 n) at the sample."""
+        out[:] = regressor @ self._links
+        for effect, spread in self._joints:
+            out += effect.curve(sample)[:, None] * spread

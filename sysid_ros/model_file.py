@@ -47,6 +47,8 @@ class ModelFile:
         torque_std: what the model leaves unexplained below ``cutoff_hz``, a joint, shape (n,) [N m].
         correlation_time: for how long that error keeps its sign, a joint, shape (n,) [s]; twice the product with the variance
             is its spectral density at zero frequency.
+        uncertainty: directions of the error of all parameters together, shape (number of parameters, c), or None; their product
+            with itself transposed is the covariance as far as it makes torque.
         provenance: bags, command and version it came from.
         source: the file that it was read from, for messages.
     """
@@ -57,6 +59,7 @@ class ModelFile:
     effects: tuple[EffectBlock, ...]
     torque_std: FloatArray
     correlation_time: FloatArray
+    uncertainty: FloatArray | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
     source: str = "the model"
 
@@ -122,6 +125,7 @@ class ModelFile:
                 for b in self.effects
             ],
             "noise": {"torque_std": self.torque_std.tolist(), "correlation_time": self.correlation_time.tolist()},
+            "uncertainty": None if self.uncertainty is None else {"directions": self.uncertainty.tolist()},
             "provenance": self.provenance,
         }
         path.write_text(yaml.dump(document, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=130))
@@ -159,16 +163,27 @@ class ModelFile:
         nothing = [0.0] * len(joints)
         if not isinstance(document["effects"], list):
             raise ValueError(f"effects is {document['effects']!r}, not a list")
+        effects = tuple(_block(_mapping(entry, "an effect")) for entry in document["effects"])
         return cls(
             robot_name=str(robot["name"]),
             joints=joints,
             urdf_sha256=str(robot.get("urdf_sha256", "")),
-            effects=tuple(_block(_mapping(entry, "an effect")) for entry in document["effects"]),
+            effects=effects,
             torque_std=_numbers(noise.get("torque_std", nothing), "noise.torque_std", (len(joints),), 0.0),
             correlation_time=_numbers(noise.get("correlation_time", nothing), "noise.correlation_time", (len(joints),), 0.0),
+            uncertainty=_uncertainty(_mapping(document.get("uncertainty"), "uncertainty"), sum(b.theta.size for b in effects)),
             provenance=_mapping(document.get("provenance"), "provenance"),
             source=source,
         )
+
+
+def _uncertainty(entry: dict[str, Any], count: int) -> FloatArray | None:
+    if not entry:
+        return None
+    directions = np.asarray(entry["directions"], dtype=float)
+    if directions.ndim != 2 or len(directions) != count or not np.isfinite(directions).all():
+        raise ValueError(f"uncertainty.directions needs {count} rows of as many finite numbers each")
+    return directions
 
 
 def _block(entry: dict[str, Any]) -> EffectBlock:

@@ -25,6 +25,8 @@ class TorqueModel:
             ``links`` is False, the URDF's links and its ``<dynamics>`` (damping, friction) are known.
         links: False where the measured torque is already free of the robot's own torque.
 
+        uncertainty: of the known effects, see :class:`sysid_ros.known_error.KnownError`.
+
     Attributes:
         p, parameter_names, units: of the free effects. slices: where each of them stands.
         error: what the uncertainty of the known effects does to the torque.
@@ -33,7 +35,14 @@ class TorqueModel:
         SysidError: an effect is both known and free, or parameters have the wrong length.
     """
 
-    def __init__(self, robot: RobotModel, free: Sequence[Effect], known: Sequence[KnownEffect] = (), links: bool = True) -> None:
+    def __init__(
+        self,
+        robot: RobotModel,
+        free: Sequence[Effect],
+        known: Sequence[KnownEffect] = (),
+        links: bool = True,
+        uncertainty: FloatArray | None = None,
+    ) -> None:
         self.robot = robot
         self.free = tuple(free)
         self.known = tuple(known)
@@ -53,7 +62,7 @@ class TorqueModel:
         self._urdf_links = links and not inertia_free
         self._dynamics = self._urdf_links and not inertia_known and bool(np.any(robot.damping) or np.any(robot.friction))
         self._link_correction = self._correction(inertia_known) if self._urdf_links else None
-        self.error = KnownError(robot, self.known if self._urdf_links else ())
+        self.error = KnownError(robot, self.known, uncertainty if self._urdf_links else None)
         self._others = tuple(k for k in self.known if not isinstance(k.effect, LinkInertia))
 
     def _write_joint_effects_together(self) -> None:
@@ -102,7 +111,7 @@ class TorqueModel:
             if self._link_correction is not None:
                 tau += regressor @ self._link_correction
             if considered is not None:
-                self.error.fill(regressor, sample.a, considered)
+                self.error.fill(sample, regressor, considered)
             robot.rnea(sample.q, sample.v, sample.a)
         if self._dynamics:
             tau += robot.damping * sample.v + robot.friction * np.tanh(sample.v / 0.02)

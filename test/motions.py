@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+
 from sysid_ros.effects import Effect
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement, Sample
@@ -55,7 +56,7 @@ def measurements(
     """What the sensors of a robot measure.
 
     Args:
-        effects: causes of torque beside the links, each with its parameters and, if it is not always there, from when till when [s].
+        effects: causes of torque beside the links, each with its parameters, and from when till when [s] if not always.
         jitter: of the stamps, as a part of the period. start: stamp of the first [s].
         links: False for robots that publish the external torque.
     """

@@ -7,6 +7,8 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pytest
+
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 
@@ -17,6 +19,7 @@ DATA = Path(__file__).parent / "data"
 def urdf(name: str) -> str:
     """The URDF's text: 'iiwa' is the simulated arm, from pybullet_data; the others are in test/data."""
     if name == "iiwa":
+        pytest.importorskip("pybullet_data", reason="PyBullet, which brings the arm, is not installed")
         from sysid_ros.simulation.description import arm_description
 
         return arm_description()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from robots import urdf
+
 from sysid_ros.cli.main import run
 from sysid_ros.model_file import ModelFile, urdf_digest
 from sysid_ros.robot_model import RobotModel
@@ -129,6 +130,7 @@ def test_bad_input_is_a_message_and_exit_code_2(
 def test_a_joint_that_never_moves_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from motions import Motion, measurements
     from robots import robot
+
     from sysid_ros.sample import JointStateRecord
     from sysid_ros.sources import BagRecorder
 
@@ -144,6 +146,7 @@ def test_a_joint_that_never_moves_is_named(tmp_path: Path, capsys: pytest.Captur
 def test_bags_of_different_robots(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from motions import Motion, measurements
     from robots import robot
+
     from sysid_ros.sample import JointStateRecord
     from sysid_ros.sources import BagRecorder
 

@@ -1,4 +1,4 @@
-"""``sysid replay`` on the bags of the repository: what the contract promises of exit codes, JSON, CSV, and every way a bag comes."""
+"""``sysid replay`` on the bags of the repository: exit codes, JSON, CSV, and every way a bag comes."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import yaml
 from robots import urdf
+
 from sysid_ros import inertial_parameters
 from sysid_ros.cli.main import run
 from sysid_ros.input_gate import InputGate

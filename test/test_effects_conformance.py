@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from robots import ROBOTS, random_body, random_sample, robot, urdf, with_body
+
 from sysid_ros import effects, inertial_parameters
 from sysid_ros.effects import EFFECTS, Effect, LinkInertia, Payload
 from sysid_ros.exceptions import ModelFileError, RobotModelError

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from scipy import signal
+
 from sysid_ros.estimators import ESTIMATORS, ConstantForgetting, Estimator, JumpRule, LongRunVariance, VariableForgetting
 from sysid_ros.estimators.estimator import STATUSES
 from sysid_ros.estimators.kernels import joseph_update
@@ -84,8 +85,8 @@ def test_every_registered_estimator_is_in_this_suite() -> None:
         assert type(make(np.ones(2), np.ones(1))) is ESTIMATORS[name]
 
 
-# With a noise larger than any that the residuals show, the weights of the rows are the given variance from the first row to the last:
-# what the estimators learn of the noise then plays no part, and the recursion must be the batch solution to rounding.
+# With a noise larger than any that the residuals show, the weights of the rows are the given variance from the first row to the
+# last: what the estimators learn of the noise then plays no part, and the recursion must be the batch solution to rounding.
 LARGE = np.array([0.3, 0.5, 0.4])
 
 
@@ -101,7 +102,7 @@ def test_without_forgetting_it_is_the_batch_solution(make: Factory) -> None:
 
 @pytest.mark.parametrize("floor_std", [0.1, 0.001], ids=["floor is the noise", "floor is far below"])
 def test_with_noise_that_it_learned_it_is_near_the_batch_solution(floor_std: float) -> None:
-    """What learning costs is a small part of the uncertainty, and the covariance is that of the batch solution, or a little more."""
+    """What learning costs is a small part of the uncertainty; the covariance is that of the batch solution, or a little more."""
     distances, prior_std = [], np.full(5, 3.0)
     for seed in range(8):
         Y, tau, _ = problem(seed, count=2000)
@@ -316,11 +317,27 @@ def test_variable_forgetting_never_exceeds_its_prior(rank: int) -> None:
         row = weights[k] @ basis if rank else np.zeros((2, 6))
         estimator.update(row, row @ theta + noise[k])
         if k % 500 == 0:
-            assert largest_part_of_prior(estimator.covariance(), prior_std) <= 1.0 + 1e-9
+            assert largest_part_of_prior(estimator.covariance(), prior_std) <= 1.0 + 1e-6
     covariance = estimator.covariance()
     assert_positive_definite(covariance)
     assert largest_part_of_prior(covariance, prior_std) > 0.99  # what nothing excites is forgotten, up to the prior
     assert estimator.jumps == 0
+
+
+@pytest.mark.parametrize("floor", [1e-16, 1e-5, 1e-3])
+@pytest.mark.parametrize("phi", [0.0, 0.9])
+def test_the_bound_holds_while_the_noise_is_learned(floor: float, phi: float) -> None:
+    """Also where the first weights were far too high, in every direction and not only along the axes."""
+    prior_std = np.full(6, 0.3)
+    for seed in range(3):
+        Y, tau, _ = problem(seed, count=600, m=3, p=6, phi=phi, std=1.0)
+        estimator = make_variable(prior_std, np.full(3, floor), forgetting_time=60.0)
+        for k in range(len(tau)):
+            estimator.update(Y[k], tau[k])
+            if k % 10 == 0:
+                covariance = estimator.covariance()
+                assert_positive_definite(covariance)
+                assert largest_part_of_prior(covariance, prior_std) <= 1.0 + 1e-6
 
 
 def test_constant_forgetting_winds_up() -> None:

@@ -1,4 +1,4 @@
-"""FrontEnd and what stands beside it: the filtered equation holds, rows come when they are due, noise is read from the torques."""
+"""FrontEnd and what stands beside it: the filtered equation holds, rows come when due, noise is read from the torques."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from motions import Motion, measurements
 from robots import random_body, robot
+
 from sysid_ros import inertial_parameters
 from sysid_ros.effects import CoulombFriction, LinkInertia, Payload, TorqueOffset, ViscousFriction
 from sysid_ros.front_end import FrontEnd, Rows, white_noise_variance
@@ -16,7 +17,7 @@ from sysid_ros.torque_model import TorqueModel
 
 
 def rows_of(front_end: FrontEnd, stream: list[Measurement]) -> list[Rows]:
-    return [r for r in (front_end.push(m) for m in stream) if r is not None]
+    return [r for m in stream for r in front_end.push(m)]
 
 
 @pytest.mark.parametrize(("rate", "jitter"), [(1000.0, 0.0), (250.0, 0.0), (100.0, 0.0), (250.0, 0.2)])

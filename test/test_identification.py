@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from motions import Motion, measurements
 from robots import ROBOTS, random_sample, robot, urdf
+
 from sysid_ros.effects import CoulombFriction, Effect, LinkInertia, Payload, RotorInertia, TorqueOffset, ViscousFriction
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification import BagRows, BaseParameters, Identification, collect_rows, free_model, identify
@@ -62,7 +63,7 @@ def test_number_of_base_parameters_against_the_singular_values(robot_name: str) 
 
 
 def test_an_arm_of_the_kukas_kind_has_43() -> None:
-    """Seven revolute joints, the first vertical, neighbours at right angles and crossing: 10 n less what Gautier and Khalil 1990 group."""
+    """Seven revolute joints, the first vertical, neighbours at right angles (Gautier, Khalil 1990)."""
     assert BaseParameters(information(link_columns(MODEL))).rank == 43
 
 

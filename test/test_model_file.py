@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from robots import random_sample, robot, urdf
+
 from sysid_ros.effects import EFFECTS
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.model_file import EffectBlock, ModelFile, urdf_digest
@@ -40,7 +41,8 @@ def example(covariance: bool = True) -> ModelFile:
         tuple(blocks),
         np.array([0.1, 1e-12, 3.0, 0.25]),
         np.array([0.5, 0.0, 0.1, 2.0]),
-        {"bags": ["a/", "b.mcap"], "command": "sysid identify a/ b.mcap", "version": "0.1.0"},
+        uncertainty=rng.normal(size=(sum(b.theta.size for b in blocks), 3)) if covariance else None,
+        provenance={"bags": ["a/", "b.mcap"], "command": "sysid identify a/ b.mcap", "version": "0.1.0"},
     )
 
 
@@ -53,6 +55,9 @@ def test_what_is_written_comes_back(tmp_path: Path, covariance: bool) -> None:
         assert getattr(read, name) == getattr(written, name)
     np.testing.assert_array_equal(read.torque_std, written.torque_std)
     np.testing.assert_array_equal(read.correlation_time, written.correlation_time)
+    assert (read.uncertainty is None) == (written.uncertainty is None) == (not covariance)
+    if read.uncertainty is not None and written.uncertainty is not None:
+        np.testing.assert_array_equal(read.uncertainty, written.uncertainty)
     assert len(read.effects) == len(written.effects)
     for a, b in zip(read.effects, written.effects, strict=True):
         assert (a.effect, a.joints, a.settings, a.names, a.units) == (b.effect, b.joints, b.settings, b.names, b.units)
@@ -176,7 +181,14 @@ DAMAGES: dict[str, Damage] = {
     "correlation too short": lambda d: d["noise"].update(correlation_time=[1.0]) or d,
     "correlation not finite": lambda d: d["noise"].update(correlation_time=[float("nan")] * 4) or d,
     "correlation negative": lambda d: d["noise"].update(correlation_time=[-1.0] * 4) or d,
-    "provenance is a word": lambda d: d | {"noise": "none"},
+    "noise is no mapping": lambda d: d | {"noise": "none"},
+    "provenance is a word": lambda d: d | {"provenance": "none"},
+    "uncertainty is a word": lambda d: d | {"uncertainty": "small"},
+    "uncertainty lacks directions": lambda d: d | {"uncertainty": {"covariance": [[1.0]]}},
+    "uncertainty is a list": lambda d: d["uncertainty"].update(directions=[1.0, 2.0]) or d,
+    "uncertainty is ragged": lambda d: d["uncertainty"].update(directions=[[1.0], 2.0]) or d,
+    "uncertainty too short": lambda d: d["uncertainty"]["directions"].pop() and d,
+    "uncertainty not finite": lambda d: d["uncertainty"]["directions"][0].__setitem__(0, float("nan")) or d,
 }
 
 

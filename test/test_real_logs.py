@@ -1,4 +1,4 @@
-"""Logs of real robots, kept beside the project: what was measured by their owners must be found. Skipped where they are not there."""
+"""Logs of real robots, kept beside the project: what their owners measured must be found. Skipped where they are not there."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from sysid_ros.cli.main import run
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
@@ -49,7 +50,7 @@ def test_the_payload_of_a_ur10e(tmp_path: Path, model: Path, bag: str, mass: flo
     first = float(rows[0]["t"])
     for row in rows:
         if float(row["t"]) - first < 3.0:
-            assert row["status"] == "warming_up"
+            assert row["status"] in ("warming_up", "not_excited")
 
 
 def test_a_ur10e_without_payload(tmp_path: Path, model: Path) -> None:
@@ -87,10 +88,10 @@ def test_the_ur10e_held_out_torque_error(tmp_path: Path) -> None:
 def ur10_description() -> Path:
     """Of the package example-robot-data, which pinocchio brings along."""
     pinocchio = pytest.importorskip("pinocchio")
-    site = next(p for p in Path(pinocchio.__file__).parents if p.name == "site-packages")
-    found = site / "cmeel.prefix/share/example-robot-data/robots/ur_description/urdf/ur10_robot.urdf"
-    if not found.is_file():
-        pytest.skip(f"the UR10's description is not in {found}")
+    description = "share/example-robot-data/robots/ur_description/urdf/ur10_robot.urdf"
+    found = next((p / description for p in Path(pinocchio.__file__).parents if (p / description).is_file()), None)
+    if found is None:
+        pytest.skip(f"there is no {description} beside pinocchio")
     return found
 
 

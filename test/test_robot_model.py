@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from robots import ROBOTS, random_sample, robot, urdf
+
 from sysid_ros.exceptions import RobotModelError
 from sysid_ros.robot_model import RobotModel
 
@@ -194,7 +195,8 @@ def test_joints_of_other_kinds_do_not_move(kind: str) -> None:
     """As a mobile base or a loose object has them: they are locked like every joint that is not used, and named."""
     text = urdf("small_arm").replace(
         '<link name="base"/>',
-        f'<link name="world"/><link name="base"/><joint name="rolling" type="{kind}"><parent link="world"/><child link="base"/></joint>',
+        f'<link name="world"/><link name="base"/><joint name="rolling" type="{kind}">'
+        '<parent link="world"/><child link="base"/></joint>',
     )
     model = RobotModel.from_urdf(text)
     assert model.joint_names == robot("small_arm").joint_names

@@ -6,6 +6,7 @@ from dataclasses import fields
 from typing import Any
 
 import pytest
+
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.settings import OnlineSettings
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import signal
+
 from sysid_ros.sample import FloatArray, Measurement, Sample
 from sysid_ros.signals import CausalDerivative, LowPassBank, default_cutoff, window_half_width
 
@@ -26,9 +27,7 @@ def stamps(count: int, jitter: float = 0.0, lost: float = 0.0, seed: int = 0) ->
 
 def push_all(derivative: CausalDerivative, t: FloatArray, q: FloatArray, v: FloatArray | None = None) -> list[Sample]:
     tau = np.column_stack([np.sin(t), np.cos(t)])
-    out = [derivative.push(Measurement(t[k], q[k], None if v is None else v[k], tau[k])) for k in range(len(t))]
-    assert all(s is None for s in out[: derivative.width - 1])
-    return [s for s in out if s is not None]
+    return [s for k in range(len(t)) for s in derivative.push(Measurement(t[k], q[k], None if v is None else v[k], tau[k]))]
 
 
 IRREGULAR = pytest.mark.parametrize(("jitter", "lost"), [(0.0, 0.0), (0.4, 0.0), (0.0, 0.2), (0.3, 0.3)])
@@ -36,45 +35,79 @@ IRREGULAR = pytest.mark.parametrize(("jitter", "lost"), [(0.0, 0.0), (0.4, 0.0),
 
 @IRREGULAR
 @pytest.mark.parametrize("half_width", [2, 3, 10])
-def test_position_and_velocity_of_a_cubic_are_exact_on_any_stamps(jitter: float, lost: float, half_width: int) -> None:
+def test_position_velocity_and_acceleration_of_a_cubic_are_exact_on_any_stamps(
+    jitter: float, lost: float, half_width: int
+) -> None:
     t = stamps(200, jitter, lost)
     samples = push_all(CausalDerivative(2, PERIOD, half_width), t, cubic(t))
-    assert len(samples) == len(t) - 2 * half_width
-    for k, sample in enumerate(samples):
-        at = t[k + half_width]
-        assert sample.t == at
-        tolerance = 1e-9 if jitter or lost else 1e-12
-        np.testing.assert_allclose(sample.q, cubic(at[None])[0], atol=tolerance)
-        np.testing.assert_allclose(sample.v, cubic(at[None], 1)[0], atol=100 * tolerance)
+    at = np.array([s.t for s in samples])
+    np.testing.assert_allclose([s.q for s in samples], cubic(at), atol=1e-12)
+    np.testing.assert_allclose([s.v for s in samples], cubic(at, 1), atol=1e-9)
+    np.testing.assert_allclose([s.a for s in samples], cubic(at, 2), atol=1e-7)
 
 
 @IRREGULAR
-def test_the_acceleration_of_a_parabola_is_exact_on_any_stamps(jitter: float, lost: float) -> None:
+@pytest.mark.parametrize("half_width", [2, 10])
+def test_samples_are_even_in_time_and_late_by_the_window(jitter: float, lost: float, half_width: int) -> None:
     t = stamps(200, jitter, lost)
-    q = np.column_stack([0.5 * t**2 - t, 2.0 - 1.5 * t**2])
-    for sample in push_all(CausalDerivative(2, PERIOD, 5), t, q):
-        np.testing.assert_allclose(sample.a, [1.0, -3.0], atol=1e-7)
+    derivative = CausalDerivative(2, PERIOD, half_width)
+    times: list[float] = []
+    for k in range(len(t)):
+        new = derivative.push(Measurement(t[k], *cubic(t[k : k + 1]), None, np.zeros(2)))
+        times += [s.t for s in new]
+        if new:
+            assert half_width * PERIOD <= t[k] - new[-1].t <= (half_width + 3) * PERIOD + max(np.diff(t))
+    np.testing.assert_allclose(np.diff(times), PERIOD, rtol=1e-6)
+    assert len(times) >= 200 - 2 * half_width - 8
 
 
-def test_the_acceleration_of_a_cubic_is_exact_on_even_stamps() -> None:
-    t = stamps(100)
-    for k, sample in enumerate(push_all(CausalDerivative(2, PERIOD, 5), t, cubic(t))):
-        np.testing.assert_allclose(sample.a, cubic(t[k + 5][None], 2)[0], atol=1e-7)
+def test_even_stamps_are_left_as_they_are() -> None:
+    t, rng = stamps(300), np.random.default_rng(0)
+    q = rng.normal(size=(300, 2))
+    by_time = {round(x / PERIOD): k for k, x in enumerate(t)}
+    derivative = CausalDerivative(2, PERIOD, 4)
+    for sample in push_all(derivative, t, q):
+        k = by_time[round(sample.t / PERIOD)]
+        np.testing.assert_allclose(sample.q, q[k], atol=1e-9)
+        np.testing.assert_allclose(sample.tau, [np.sin(t[k]), np.cos(t[k])], atol=1e-9)
+        np.testing.assert_allclose(sample.a, (q[k + 1] - 2 * q[k] + q[k - 1]) / PERIOD**2, atol=1e-3)
+        slope = signal.savgol_coeffs(9, 3, deriv=1, delta=PERIOD, use="dot") @ q[k - 4 : k + 5]
+        np.testing.assert_allclose(sample.v, slope, atol=1e-6)
+    assert derivative.resampler.filled == 0
 
 
 @IRREGULAR
 def test_every_channel_belongs_to_the_same_instant(jitter: float, lost: float) -> None:
-    t = stamps(100, jitter, lost)
+    t = stamps(200, jitter, lost)
     for sample in push_all(CausalDerivative(2, PERIOD, 4), t, cubic(t)):
-        np.testing.assert_array_equal(sample.tau, [np.sin(sample.t), np.cos(sample.t)])
+        np.testing.assert_allclose(sample.tau, [np.sin(sample.t), np.cos(sample.t)], atol=1e-4)
+
+
+def test_what_was_filled_over_gaps_is_counted() -> None:
+    t = np.delete(stamps(200), [50, 100, 101, 102])
+    derivative = CausalDerivative(2, PERIOD, 4)
+    push_all(derivative, t, cubic(t))
+    assert derivative.resampler.filled == 4
+
+
+def test_the_torque_in_a_gap_is_a_straight_line() -> None:
+    """A cubic through its noise would swing out."""
+    t = np.delete(stamps(60), range(30, 36))
+    rng = np.random.default_rng(0)
+    derivative = CausalDerivative(1, PERIOD, 2)
+    tau = rng.normal(size=len(t))
+    samples = [s for k in range(len(t)) for s in derivative.push(Measurement(t[k], np.zeros(1), None, tau[k : k + 1]))]
+    for sample in samples:
+        assert sample.t < t[29] or sample.t > t[30] or min(tau[29:31]) - 1e-9 <= sample.tau[0] <= max(tau[29:31]) + 1e-9
 
 
 def test_stamps_of_today_cost_no_accuracy() -> None:
     """Seconds since 1970 leave 0.2 microseconds of the 4 milliseconds."""
     t = 1.7e9 + stamps(100)
-    for k, sample in enumerate(push_all(CausalDerivative(2, PERIOD, 5), t, cubic(t - 1.7e9))):
-        np.testing.assert_allclose(sample.v, cubic(np.array([t[k + 5] - 1.7e9]), 1)[0], atol=1e-3)
-        np.testing.assert_allclose(sample.a, cubic(np.array([t[k + 5] - 1.7e9]), 2)[0], atol=0.02)
+    for sample in push_all(CausalDerivative(2, PERIOD, 5), t, cubic(t - 1.7e9)):
+        at = np.array([sample.t - 1.7e9])
+        np.testing.assert_allclose(sample.v, cubic(at, 1)[0], atol=2e-3)
+        np.testing.assert_allclose(sample.a, cubic(at, 2)[0], atol=0.1)
 
 
 def test_the_velocity_is_smoother_than_a_difference() -> None:
@@ -87,20 +120,20 @@ def test_the_velocity_is_smoother_than_a_difference() -> None:
 
 def test_velocity_of_the_message_where_it_has_one() -> None:
     t = stamps(60)
-    v = cubic(t, 1) + 7.0
-    samples = push_all(CausalDerivative(2, PERIOD, 5, use_message_velocity=True), t, cubic(t), v)
-    for k, sample in enumerate(samples):
-        np.testing.assert_array_equal(sample.v, v[k + 5])
-    ignored = push_all(CausalDerivative(2, PERIOD, 5), t, cubic(t), v)
-    np.testing.assert_allclose([s.v for s in ignored], cubic(t, 1)[5:-5], atol=1e-9)
+    samples = push_all(CausalDerivative(2, PERIOD, 5, use_message_velocity=True), t, cubic(t), cubic(t, 1) + 7.0)
+    assert samples
+    for sample in samples:
+        np.testing.assert_allclose(sample.v, cubic(np.array([sample.t]), 1)[0] + 7.0, atol=1e-9)
+    ignored = push_all(CausalDerivative(2, PERIOD, 5), t, cubic(t), cubic(t, 1) + 7.0)
     without = push_all(CausalDerivative(2, PERIOD, 5, use_message_velocity=True), t, cubic(t), None)
-    np.testing.assert_allclose([s.v for s in without], cubic(t, 1)[5:-5], atol=1e-9)
+    for sample in (*ignored, *without):
+        np.testing.assert_allclose(sample.v, cubic(np.array([sample.t]), 1)[0], atol=1e-9)
 
 
 def test_samples_are_values() -> None:
     t = stamps(40)
     samples = push_all(CausalDerivative(2, PERIOD, 3), t, cubic(t))
-    np.testing.assert_allclose([s.q for s in samples], cubic(t)[3:-3], atol=1e-12)
+    np.testing.assert_allclose([s.q for s in samples], cubic(np.array([s.t for s in samples])), atol=1e-12)
     with pytest.raises(ValueError, match="read-only"):
         samples[0].q[0] = 1.0
 

@@ -6,12 +6,15 @@ import itertools
 
 import numpy as np
 import pytest
-from robots import ROBOTS, random_sample, robot, urdf
+from robots import ROBOTS, random_sample, robot
+
 from sysid_ros.effects import CoulombFriction, Effect, LinkInertia, Payload, RotorInertia, TorqueOffset, ViscousFriction
-from sysid_ros.exceptions import SysidError
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.exceptions import ModelFileError, SysidError
+from sysid_ros.identification import free_model
+from sysid_ros.identification.error_directions import error_directions
+from sysid_ros.known_effect import KnownEffect
 from sysid_ros.sample import Sample
-from sysid_ros.torque_model import KnownEffect, TorqueModel
+from sysid_ros.torque_model import TorqueModel
 
 BESIDE = (Payload, ViscousFriction, CoulombFriction, RotorInertia, TorqueOffset)
 
@@ -118,22 +121,40 @@ def test_known_parameters_by_joint() -> None:
     assert not torque_model.known_theta("viscous_friction").any()
 
 
-@pytest.mark.parametrize("std", [0.05, 0.3])
-def test_the_error_of_known_links_is_as_large_as_their_covariance_says(std: float) -> None:
-    """Z Z' against Y C Y', in the whole range of the robot: few directions stand for all that can be seen."""
-    model, rng = RobotModel.from_urdf(urdf("iiwa")), np.random.default_rng(0)
-    links = LinkInertia(model)
-    covariance = np.diag((std * np.maximum(np.abs(links.nominal), 0.01)) ** 2)
-    torque_model = TorqueModel(model, [Payload(model)], [KnownEffect(links, links.nominal, covariance)])
-    Z = np.zeros((7, torque_model.error.c))
+@pytest.mark.parametrize("robot_name", ROBOTS)
+def test_the_error_of_what_is_known_is_as_large_as_its_covariance_says(robot_name: str) -> None:
+    """Z Z' against Y C Y' in the range of the robot, with errors that are correlated: few directions stand for all."""
+    model, rng = robot(robot_name), np.random.default_rng(0)
+    free = free_model(model)
+    root = rng.normal(size=(free.p, free.p)) * rng.uniform(0.001, 0.1, free.p)[:, None]
+    covariance = root @ root.T
+    directions = error_directions(free, covariance)
+    assert directions.shape[0] == free.p
+    assert directions.shape[1] < free.p
+    known = [KnownEffect(e, np.zeros(e.p)) for e in free.free]
+    torque_model = TorqueModel(model, [Payload(model)], known, uncertainty=directions)
+    assert torque_model.error.c == directions.shape[1]
+    Z = np.zeros((model.n, torque_model.error.c))
     ratios = []
     for _ in range(50):
-        q = rng.uniform(model.position_lower, model.position_upper)
-        sample = Sample(0.0, q, 0.5 * rng.normal(size=7), rng.normal(size=7), np.zeros(7))
-        torque_model.split_into(sample, np.zeros((7, 10)), np.zeros(7), Z)
-        Y = links.columns(sample)
-        ratios.append(np.trace(Z @ Z.T) / np.trace(Y @ covariance @ Y.T))
-    assert 0.9 < np.mean(ratios) < 1.05
+        q = rng.uniform(np.maximum(model.position_lower, -3.0), np.minimum(model.position_upper, 3.0))
+        sample = Sample(0.0, q, 0.5 * rng.normal(size=model.n), rng.normal(size=model.n), np.zeros(model.n))
+        torque_model.split_into(sample, np.zeros((model.n, 10)), np.zeros(model.n), Z)
+        Y, _ = free.split(sample)
+        np.testing.assert_allclose(Z, Y @ directions, atol=1e-9 * max(np.abs(Z).max(), 1.0))
+        ratios.append(np.diag(Z @ Z.T) / np.diag(Y @ covariance @ Y.T))
+    assert np.all(np.mean(ratios, axis=0) > 0.85)
+    assert np.max(ratios) < 1.0 + 1e-6
+
+
+def test_without_an_uncertainty_nothing_is_considered() -> None:
+    model = robot("small_arm")
+    links = LinkInertia(model)
+    known = [KnownEffect(links, links.nominal)]
+    assert TorqueModel(model, [Payload(model)], known).error.c == 0
+    assert TorqueModel(model, [Payload(model)], known, links=False, uncertainty=np.ones((40, 2))).error.c == 0
+    with pytest.raises(ModelFileError, match=r"39 rows.*40 parameters"):
+        TorqueModel(model, [Payload(model)], known, uncertainty=np.ones((39, 2)))
 
 
 def test_what_does_not_fit() -> None:

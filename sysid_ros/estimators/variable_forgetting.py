@@ -277,6 +277,7 @@ class VariableForgetting(Estimator):
             squared = np.minimum(squared, 9.0 * self._spread)
         self._spread_count += 1
         rate = max(1.0 / self._spread_count, self._period / 10.0)
-        self._spread = np.maximum((1.0 - rate) * self._spread + rate * squared, self._floor)
+        spread: FloatArray = np.maximum((1.0 - rate) * self._spread + rate * squared, self._floor)
+        self._spread = spread
         if learn_colour and not outlier:
             self.noise.add(weighted)

@@ -11,12 +11,17 @@ import numpy as np
 from sysid_ros.effects import CoulombFriction, Effect, LinkInertia, RotorInertia, TorqueOffset, ViscousFriction
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification.base_parameters import BaseParameters
+from sysid_ros.identification.error_directions import error_directions
 from sysid_ros.identification.least_squares import Fit, fit, noise_density, residuals, rms
 from sysid_ros.identification.rows import BagRows
 from sysid_ros.model_file import EffectBlock, ModelFile, urdf_digest
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque_model import TorqueModel
+
+
+_ONE_RECORDING = 1.4
+"""Factor on the error that is expected elsewhere, where only the halves of one recording could be held out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +96,9 @@ def identify(
         density.append(noise_density([part], rest.theta) * seconds[i])
         square.append(errors[-1].residual ** 2 * seconds[i])
     torque_std = np.sqrt(np.sum(square, axis=0) / np.sum(seconds, axis=0))
+    if len(bags) == 1:
+        # its halves repeat the motion, and a model is always better where it was fitted
+        torque_std = torque_std * _ONE_RECORDING
     correlation_time = np.sum(density, axis=0) / np.sum(seconds, axis=0) / (2.0 * torque_std**2)
     return Identification(
         theta=whole.theta,
@@ -161,4 +169,13 @@ def _model_file(
         EffectBlock(e.id, e.joint_names, e.settings, whole.theta[s], e.parameter_names, e.units, whole.covariance[s, s])
         for e, s in zip(model.free, model.slices, strict=True)
     )
-    return ModelFile(robot.name, robot.joint_names, urdf_digest(robot.urdf), blocks, torque_std, correlation_time, provenance)
+    return ModelFile(
+        robot_name=robot.name,
+        joints=robot.joint_names,
+        urdf_sha256=urdf_digest(robot.urdf),
+        effects=blocks,
+        torque_std=torque_std,
+        correlation_time=correlation_time,
+        uncertainty=error_directions(model, whole.covariance),
+        provenance=provenance,
+    )

@@ -13,8 +13,8 @@ from sysid_ros.sample import FloatArray, Measurement
 from sysid_ros.signals import default_cutoff
 from sysid_ros.torque_model import TorqueModel
 
-STANDSTILL = 0.03
-"""Speed below which dry friction leaves a joint's torque undetermined [rad/s]."""
+_SLOW_PART = 0.1
+"""Part of a row that may come from a joint hardly moving, where dry friction leaves its torque undetermined."""
 
 _SHORTEST = 2.0
 """Rows of a recording must cover at least this [s]."""
@@ -82,7 +82,7 @@ def collect_rows(
         Y=np.stack([r.Y for r in rows]),
         y=np.stack([r.y for r in rows]),
         tau=np.stack([r.tau for r in rows]),
-        moving=np.stack([r.speed > STANDSTILL for r in rows]),
+        moving=np.stack([r.slow < _SLOW_PART for r in rows]),
     )
 
 
