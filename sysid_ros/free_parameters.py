@@ -97,7 +97,7 @@ class FreeParameters:
             return std**2 * sample_period
         density = np.maximum(white_noise_variance(measurements), 1e-8) * sample_period
         if self._known is not None:
-            density = np.maximum(density, 2.0 * self._known.torque_std**2 * self._known.correlation_time)
+            density = np.maximum(density, self._known.error_density(self._robot))
         return density
 
     def make_estimator(self, front_end: FrontEnd, floor: FloatArray) -> Estimator:

@@ -9,7 +9,6 @@ from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.settings import OnlineSettings
 
-
 _STAYS_KNOWN = 1.5
 """A mass that was known stays known up to so many times the limit, or the status would flicker at it."""
 
@@ -47,6 +46,8 @@ class Judgement:
             return "not_excited", f"The robot stands; {known_to}. Move the joints that carry the payload."
         if not _noise_known(estimator) or estimate.status == "warming_up":
             return "warming_up", f"{_sentence(estimate.reason) or 'The noise of the torques is not known yet.'} Keep moving."
+        if isinstance(estimator, VariableForgetting) and not self._check.ready:
+            return "warming_up", "Whether the robot's model explains the torques is not known yet. Keep moving."
         if unknown:
             return "warming_up", f"The mass is known to {mass_std:.2g} kg only. Keep moving."
         level = max(s.no_payload_mass, 1.96 * mass_std)

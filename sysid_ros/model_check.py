@@ -22,7 +22,7 @@ class ModelCheck:
 
     PART = 0.25
     TIMES_NOISE = 10.0
-    FEWEST = 200
+    FEWEST = 150
 
     def __init__(self, robot: RobotModel, memory: float = 3000.0) -> None:
         self._names = robot.joint_names
@@ -45,13 +45,18 @@ class ModelCheck:
         part: FloatArray = np.sqrt(self._unexplained / np.maximum(self._torque, self._weak**2))
         return part
 
+    @property
+    def ready(self) -> bool:
+        """True once there are enough updates for a verdict."""
+        return self._count >= self.FEWEST
+
     def verdict(self, noise: FloatArray, floor: FloatArray) -> str:
         """A sentence that names the worst joints where the model is wrong, else an empty string.
 
         Args:
             noise: long-run variance of the residual, a joint, shape (n,). floor: what is known to be noise, shape (n,).
         """
-        if self._count < self.FEWEST:
+        if not self.ready:
             return ""
         times = np.sqrt(noise / floor)
         part = self.part

@@ -25,6 +25,8 @@ _FIRST = 25
 """Measurements from which rate and noise of the torque are read before anything is estimated."""
 _LONGEST_STEP = 1.0
 """Longest time between measurements while the rate is not known [s]."""
+_SHORTEST_PERIOD = 5e-5
+"""Measurements do not come faster, whatever their stamps say [s]."""
 _CHECK_EVERY = 300
 """Measurements after which the rate is looked at again."""
 _LONGEST_FILL = 10.5
@@ -166,7 +168,7 @@ class OnlineEstimation:
 
     def _make_front_end(self, measurements: list[Measurement]) -> FrontEnd:
         s = self.settings
-        sample_period = float(np.median(np.diff([m.t for m in measurements])))
+        sample_period = max(float(np.median(np.diff([m.t for m in measurements]))), _SHORTEST_PERIOD)
         self._since_check, self._checked_t = 0, measurements[-1].t
         self._longest_step = max(min(s.max_gap, _LONGEST_FILL * sample_period), 3.5 * sample_period)
         front_end = FrontEnd(self._free.model, sample_period, s.update_rate, s.cutoff_hz, s.velocity_source == "message")
@@ -210,7 +212,7 @@ class OnlineEstimation:
 
     def _publish(self, estimate: Estimate, rows: Rows, t: float, estimator: Estimator) -> PayloadEstimate:
         theta: FloatArray = estimate.theta[PAYLOAD] - self._tare[0]
-        covariance = estimator.covariance()[PAYLOAD, PAYLOAD] + self._tare[1]
+        covariance = estimate.covariance[PAYLOAD, PAYLOAD] + self._tare[1]
         std = np.sqrt(np.diag(covariance))
         assert self._judgement is not None
         status, reason = self._judgement.status(estimate, estimator, float(theta[0]), float(std[0]))

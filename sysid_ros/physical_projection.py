@@ -92,8 +92,10 @@ def project(theta: FloatArray, covariance: FloatArray) -> tuple[FloatArray, floa
 
     Args:
         theta: shape (10,). covariance: shape (10, 10), positive definite.
-    Where the covariance is not positive definite there is no metric: theta comes back with a distance of NaN.
+    Where theta is not finite or the covariance not positive definite there is no metric: theta comes back, the distance is NaN.
     """
+    if not (np.isfinite(theta).all() and np.isfinite(covariance).all()):
+        return theta, float("nan")
     if inertial_parameters.is_physical(theta):
         return theta, 0.0
     try:

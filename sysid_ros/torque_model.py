@@ -83,10 +83,10 @@ class TorqueModel:
     def _correction(inertia_known: list[KnownEffect]) -> FloatArray | None:
         if not inertia_known:
             return None
-        effect = inertia_known[0].effect
-        assert isinstance(effect, LinkInertia)
-        correction = np.zeros_like(effect.robot.pi).reshape(-1, 10)
-        correction[effect.joints] = (inertia_known[0].theta - effect.nominal).reshape(-1, 10)
+        correction = np.zeros_like(inertia_known[0].effect.robot.pi).reshape(-1, 10)
+        for k in inertia_known:
+            assert isinstance(k.effect, LinkInertia)
+            correction[k.effect.joints] += (k.theta - k.effect.nominal).reshape(-1, 10)
         return correction.ravel() if np.any(correction) else None
 
     def known_theta(self, effect: str) -> FloatArray:

@@ -9,12 +9,11 @@ from typing import Any
 
 import click
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from sysid_ros import __version__
 from sysid_ros.cli.inputs import open_bag, read_config, settings_from
-from sysid_ros.cli.output import ManyValues, note, progress_bar, warn, write_json
+from sysid_ros.cli.output import ManyValues, note, progress_bar, report, warn, write_json
 from sysid_ros.exceptions import RobotModelError
 from sysid_ros.identification import BagRows, Identification, collect_rows, free_model, identify
 from sysid_ros.identification.identify import TorqueError
@@ -95,7 +94,7 @@ def _rows(
 
 
 def _show(result: Identification, robot: RobotModel) -> None:
-    console = Console()
+    console = report()
     blocks = {b.effect: b for b in result.model.effects}
     table = Table(title="Joints, with 95 % intervals", title_justify="left", box=box.SIMPLE)
     table.add_column("joint", no_wrap=True)

@@ -20,6 +20,11 @@ class Advance(Protocol):
     def __call__(self, steps: int) -> None: ...
 
 
+def report() -> Console:
+    """Where tables are printed: as wide as the terminal, and wide enough for every column where there is none."""
+    return Console() if sys.stdout.isatty() else Console(width=120)
+
+
 def note(sentence: str) -> None:
     """A message on stderr."""
     click.echo(sentence, err=True)

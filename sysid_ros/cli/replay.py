@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from sysid_ros.cli.inputs import open_bag, read_config, settings_from
-from sysid_ros.cli.output import progress_bar, warn, write_json
+from sysid_ros.cli.output import progress_bar, report, warn, write_json
 from sysid_ros.input_gate import InputGate
 from sysid_ros.model_file import ModelFile
 from sysid_ros.online import OnlineEstimation
@@ -91,7 +90,7 @@ def _show(result: Replay, bag: Path) -> None:
         text = f"{final.inertia_com[a, b]:.4f}" if known and final.observable[i] else "-"
         table.add_row(f"{name} at com", text, "", "kg m²")
     table.add_row("status", result.status, "", "")
-    console = Console()
+    console = report()
     console.print(table)
     if result.reason:
         console.print(result.reason, highlight=False)

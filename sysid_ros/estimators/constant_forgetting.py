@@ -52,8 +52,8 @@ class ConstantForgetting(Estimator):
         considered: FloatArray | None = None,
     ) -> Estimate:
         innovation = tau - Y @ self._theta
-        if not (np.isfinite(Y).all() and np.isfinite(tau).all()):
-            return self._estimate(innovation, "not_finite", "the rows hold values that are not finite; they were left out")
+        if not self.usable(Y, tau):
+            return self._estimate(innovation, "not_finite", "the rows hold values that are not finite, or absurd")
         if hold:
             return self._estimate(innovation, "not_excited", "nothing excites the parameters; the estimate is held")
         if self.forgetting_factor < 1.0:
@@ -64,4 +64,4 @@ class ConstantForgetting(Estimator):
         return self._estimate(innovation, "ok", "")
 
     def _estimate(self, innovation: FloatArray, status: str, reason: str) -> Estimate:
-        return Estimate(self._theta.copy(), self._P.copy(), innovation, status, reason)
+        return Estimate(self._theta.copy(), self.covariance(), innovation, status, reason)

@@ -12,6 +12,9 @@ from sysid_ros.sample import FloatArray
 STATUSES = ("warming_up", "ok", "not_excited", "outlier", "not_finite")
 
 
+_ABSURD = 1e9
+
+
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """Result of one update.
@@ -70,6 +73,11 @@ class Estimator(ABC):
             considered: Z, shape (m, c), where z ~ N(0, 1) is an error of what is taken as known. It is not estimated, but what it
                 does to theta is in the covariance.
         """
+
+    @staticmethod
+    def usable(Y: FloatArray, tau: FloatArray) -> bool:
+        """True where the rows are finite and so small that their squares do not overflow what they are added to."""
+        return bool(np.abs(Y).max() < _ABSURD and np.abs(tau).max() < _ABSURD)
 
     def _fit_sensitivity(self, considered: FloatArray | None) -> FloatArray:
         """Z, shape (m, c), with the sensitivity made to fit it."""

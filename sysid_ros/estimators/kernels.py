@@ -83,25 +83,23 @@ def forget_towards_prior(P: FloatArray, prior_variance: FloatArray, epsilon: flo
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def accumulate_weights(Y: FloatArray, used: FloatArray, extra: FloatArray, squared: FloatArray, balance: FloatArray) -> None:
-    """What a sandwich covariance needs of rows that were weighted with the variances ``used``, shape (m,): lower triangles of
-
-    ``squared[i] += y_i y_i' / used_i^2`` (m, p, p) and ``balance += sum_i (extra_i / used_i^2 - 1 / used_i) y_i y_i'`` (p, p).
-    """
+def accumulate_normal_equations(
+    Y: FloatArray, tau: FloatArray, Z: FloatArray, weight: FloatArray, A: FloatArray, b: FloatArray, C: FloatArray
+) -> None:
+    """Normal equations of each row, for weighting them anew: ``A[i] += w_i y_i y_i'`` (m, p, p; lower triangle),
+    ``b[i] += w_i y_i tau_i`` (m, p), ``C[i] += w_i y_i z_i'`` (m, p, c)."""
     m, p = Y.shape
+    c = Z.shape[1]
     for i in range(m):
-        if not np.isfinite(used[i]):
-            continue
-        inverse = 1.0 / used[i]
-        square = inverse * inverse
-        weight = extra[i] * square - inverse
         for a in range(p):
-            if Y[i, a] == 0.0:
+            y = weight[i] * Y[i, a]
+            if y == 0.0:
                 continue
-            for b in range(a + 1):
-                product = Y[i, a] * Y[i, b]
-                squared[i, a, b] += square * product
-                balance[a, b] += weight * product
+            b[i, a] += y * tau[i]
+            for k in range(a + 1):
+                A[i, a, k] += y * Y[i, k]
+            for k in range(c):
+                C[i, a, k] += y * Z[i, k]
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]

@@ -49,12 +49,14 @@ class LongRunVariance:
         """True once enough blocks were seen for the estimate to rest on data."""
         return bool(self._count[0] > self.FEWEST - 0.5)
 
-    def add(self, residual: FloatArray) -> None:
-        """Take in the residual after an update, shape (m,)."""
+    def add(self, residual: FloatArray) -> bool:
+        """Take in the residual after an update, shape (m,); True where the noise is known otherwise than before."""
         before = self._count[0]
         kernels.accumulate_blocks(residual, self._sums, self._filled, self._lengths, self._power, self._count, self._keep)
-        if self._count[0] != before and self.known:
-            self._estimate()
+        if self._count[0] == before or not self.known:
+            return False
+        self._estimate()
+        return True
 
     def _estimate(self) -> None:
         chosen = self._power[0] / self._count[0] * _small_sample(self._count[0])

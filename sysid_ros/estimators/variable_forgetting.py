@@ -9,6 +9,7 @@ import numpy as np
 from sysid_ros.estimators import kernels
 from sysid_ros.estimators.estimator import Estimate, Estimator
 from sysid_ros.estimators.noise import LongRunVariance
+from sysid_ros.estimators.normal_equations import NormalEquations
 from sysid_ros.sample import FloatArray
 
 
@@ -75,11 +76,10 @@ class VariableForgetting(Estimator):
         self._spread: FloatArray = self._floor * self.noise.CAUTION
         self._spread_count = 0
         self._updates = 0
-        self._squared = np.zeros((self.m, self.p, self.p))
-        self._balance = np.zeros((self.p, self.p))
+        self._equations = NormalEquations(self._prior_variance, self.m)
         self._settling = 0
         self._burst = 0
-        self._early: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
+        self._early: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         self._early_jump = False
         self.jumps = 0
         self.last_jump = np.zeros(len(range(*self._jump.block.indices(self.p))))
@@ -109,10 +109,8 @@ class VariableForgetting(Estimator):
         considered: FloatArray | None = None,
     ) -> Estimate:
         innovation = tau - Y @ self._theta
-        if not np.isfinite(innovation).all():
-            return Estimate(
-                self._theta.copy(), self.covariance(), innovation, "not_finite", "the rows hold values that are not finite"
-            )
+        if not self.usable(Y, tau):
+            return self._estimate(innovation, "not_finite", "the rows hold values that are not finite, or absurd")
         extra = np.zeros(self.m) if extra_variance is None else extra_variance
         spread = self._spread + extra
         self.z = z = kernels.normalised_innovation(Y, self._P, spread, innovation)
@@ -131,19 +129,18 @@ class VariableForgetting(Estimator):
         Z = self._fit_sensitivity(considered)
         self._forget()
         kernels.joseph_update_considering(self._theta, self._P, Y, tau, variance, self._sensitivity, Z)
-        kernels.accumulate_weights(Y, variance, extra, self._squared, self._balance)
+        self._equations.add(Y, tau, Z, (self.noise.variance if known else self._floor) / variance)
         self._updates += 1
         self._settle()
         if known:
-            self._learn_noise(tau - Y @ self._theta, extra, outlier)
+            if self._learn_noise(tau - Y @ self._theta, extra, outlier):
+                self._weigh_anew()
         elif not self.settling:
-            self._early.append((Y, tau, extra, Z))
+            self._early.append((Y, tau, extra))
             self._learn_early()
         if not np.isfinite(self._theta).all():
             self.reset()
-            return Estimate(
-                self._theta.copy(), self.covariance(), innovation, "not_finite", "the recursion broke down and started again"
-            )
+            return self._estimate(innovation, "not_finite", "the recursion broke down and started again")
         if outlier:
             return self._estimate(innovation, "outlier", "the torques do not fit the estimate; they were given less weight")
         if not self.noise.known:
@@ -153,23 +150,12 @@ class VariableForgetting(Estimator):
         return self._estimate(innovation, "ok", "")
 
     def covariance(self) -> FloatArray:
-        """Covariance of theta, shape (p, p), for the noise as it is known now, and with the errors that are only considered.
+        """Covariance of theta, shape (p, p), with what the considered errors do to it."""
+        return self._P + self._sensitivity @ self._sensitivity.T
 
-        Rows were weighted with the noise known when they came. For the noise R known since, the covariance of the same estimate
-        is ``P (P0^-1 + sum y y' R / used^2) P`` (White 1980); it is cut at the prior, where the weights were far too high.
-        """
-        considered = self._sensitivity @ self._sensitivity.T
-        return self._noise_covariance() + considered
-
-    def _noise_covariance(self) -> FloatArray:
-        balance = self._balance + np.tensordot(self.noise.variance, self._squared, axes=1)
-        balance += np.tril(balance, -1).T
-        covariance = self._P + self._P @ balance @ self._P
-        std = np.sqrt(self._prior_variance)
-        if np.any(np.diag(covariance) > self._prior_variance):
-            values, vectors = np.linalg.eigh(covariance / np.outer(std, std))
-            covariance = (vectors * np.minimum(values, 1.0)) @ vectors.T * np.outer(std, std)
-        return 0.5 * (covariance + covariance.T)
+    def _weigh_anew(self) -> None:
+        """Rows were weighted with the noise known when they came; weight them all with what is known now."""
+        self._theta, self._P, self._sensitivity = self._equations.solve(self.noise.variance)
 
     def _learn_early(self) -> None:
         """The first residuals say nothing while the fit still follows every row: the noise is read from one fit to all first
@@ -182,32 +168,22 @@ class VariableForgetting(Estimator):
             return
         self._spread_count = 0
         freedom = max(1.0 - self.p / (self.m * count * self._period / self.INDEPENDENT), 0.25)
-        for Y, tau, extra, _ in self._early:
+        for Y, tau, extra in self._early:
             self._learn_noise((tau - Y @ self._theta) / np.sqrt(freedom), extra, False, learn_colour=count == fewest)
         if count == fewest:
-            self._theta = np.zeros(self.p)
-            self._P = np.diag(self._prior_variance)
-            self._sensitivity[:] = 0.0
-            self._squared[:] = 0.0
-            self._balance[:] = 0.0
-            for Y, tau, extra, Z in self._early:
-                variance = self.noise.variance + extra
-                kernels.joseph_update_considering(self._theta, self._P, Y, tau, variance, self._sensitivity, Z)
-                kernels.accumulate_weights(Y, variance, extra, self._squared, self._balance)
-            self._updates = count
             self._early = []
+            self._weigh_anew()
 
     def _held(self, innovation: FloatArray) -> Estimate:
         return self._estimate(innovation, "not_excited", "nothing excites the parameters; the estimate is held")
 
     def _estimate(self, innovation: FloatArray, status: str, reason: str) -> Estimate:
-        return Estimate(self._theta.copy(), self._P.copy(), innovation, status, reason)
+        return Estimate(self._theta.copy(), self.covariance(), innovation, status, reason)
 
     def _forget(self) -> None:
         if self._updates % self.FORGET_EVERY == 0 and not self.settling:
             kernels.forget_towards_prior(self._P, self._prior_variance, self._epsilon, self._work)
-            self._squared *= 1.0 - self._epsilon
-            self._balance *= 1.0 - self._epsilon
+            self._equations.forget(self._epsilon, self._theta, self._sensitivity)
 
     def _watch(self, Y: FloatArray, innovation: FloatArray, spread: FloatArray, extra: FloatArray, z: float) -> bool:
         """Collect innovations that are too large; True where a jump explains them."""
@@ -237,10 +213,11 @@ class VariableForgetting(Estimator):
         self.jumps += 1
         self.last_jump = change
         self._settling = max(round(self._jump.memory / self._period), 1)
-        self._reset_block()
-        self._early = []
-        self._early_jump = True
         self.noise.interrupt()
+        if self.noise.known:
+            self._reset_block()
+        else:
+            self._start_again()
         return True
 
     def _clear_hits(self) -> None:
@@ -254,30 +231,39 @@ class VariableForgetting(Estimator):
     def _reset_block(self) -> None:
         """Start the block that jumped again; the others start from what they are known to now."""
         block = self._jump.block
-        self._P = self._noise_covariance()
         self._P[block, :] = 0.0
         self._P[:, block] = 0.0
         self._P[block, block] = np.diag(self._prior_variance[block])
-        self._squared[:] = 0.0
-        self._balance[:] = 0.0
+        self._equations.start(self._P, self._theta, self._sensitivity)
+
+    def _start_again(self) -> None:
+        """Before the noise is known nothing learned is worth keeping through a jump."""
+        self._theta = np.zeros(self.p)
+        self._P = np.diag(self._prior_variance)
+        self._sensitivity[:] = 0.0
+        self._equations.start(self._P, self._theta, self._sensitivity)
+        self._early = []
+        self._early_jump = True
 
     def _settle(self) -> None:
         if self._settling > 0:
             self._settling -= 1
-            if self._settling == 0:
+            if self._settling == 0 and self.noise.known:
                 self._reset_block()
+            elif self._settling == 0:
+                self._start_again()
 
-    def _learn_noise(self, residual: FloatArray, extra: FloatArray, outlier: bool, learn_colour: bool = True) -> None:
+    def _learn_noise(self, residual: FloatArray, extra: FloatArray, outlier: bool, learn_colour: bool = True) -> bool:
         if self.settling:
             self.noise.interrupt()
-            return
+            return False
         weighted: FloatArray = residual * np.sqrt(self._spread / (self._spread + extra))
         squared: FloatArray = weighted * weighted
         if self._spread_count * self._period > 0.5:
-            squared = np.minimum(squared, 9.0 * self._spread)
+            np.minimum(squared, 9.0 * self._spread, out=squared)
         self._spread_count += 1
         rate = max(1.0 / self._spread_count, self._period / 10.0)
-        spread: FloatArray = np.maximum((1.0 - rate) * self._spread + rate * squared, self._floor)
-        self._spread = spread
+        self._spread = np.maximum((1.0 - rate) * self._spread + rate * squared, self._floor)
         if learn_colour and not outlier:
-            self.noise.add(weighted)
+            return self.noise.add(weighted)
+        return False

@@ -8,7 +8,7 @@ from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.torque_model import TorqueModel
 
 _POSTURES = 300
-_LEFT_OUT = 1e-3
+_LEFT_OUT = 5e-3
 
 
 def error_directions(model: TorqueModel, covariance: FloatArray) -> FloatArray:

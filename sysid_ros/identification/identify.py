@@ -19,7 +19,6 @@ from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque_model import TorqueModel
 
-
 _ONE_RECORDING = 1.4
 """Factor on the error that is expected elsewhere, where only the halves of one recording could be held out."""
 
