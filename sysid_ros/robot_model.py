@@ -161,6 +161,11 @@ class RobotModel:
         """Joint torques of the URDF's links, shape (n,) [N m]."""
         return np.array(pin.rnea(self.model, self.data, q, v, a))
 
+    def rnea_derivatives(self, q: FloatArray, v: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Derivatives of :meth:`rnea` by q, v and a, each of shape (n, n): entry (i, j) is d tau_i / d q_j (Carpentier, Mansard 2018)."""
+        dq, dv, mass = pin.computeRNEADerivatives(self.model, self.data, q, v, a)
+        return np.array(dq), np.array(dv), np.array(mass)
+
     def gravity_torque(self, q: FloatArray) -> FloatArray:
         """Joint torques that hold the arm still, shape (n,) [N m]."""
         return np.array(pin.computeGeneralizedGravity(self.model, self.data, q))

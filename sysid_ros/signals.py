@@ -11,7 +11,6 @@ import math
 
 import numpy as np
 from numba import njit
-from scipy import signal
 
 from sysid_ros.sample import FloatArray, Measurement, Sample
 
@@ -19,20 +18,44 @@ _JIT = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def _interpolate(t: FloatArray, channels: FloatArray, at: float, linear_from: int, out: FloatArray) -> None:
-    """Channels (4, c) known at four times (4,), at a time between the middle two: cubic, and linear from one channel on."""
-    for c in range(channels.shape[1]):
-        out[c] = 0.0
-    for i in range(4):
-        weight = 1.0
-        for j in range(4):
-            if j != i:
-                weight *= (at - t[j]) / (t[i] - t[j])
-        for c in range(linear_from):
-            out[c] += weight * channels[i, c]
-    part = (at - t[1]) / (t[2] - t[1])
-    for c in range(linear_from, channels.shape[1]):
-        out[c] = (1.0 - part) * channels[1, c] + part * channels[2, c]
+def _resample(
+    window: FloatArray, clock: FloatArray, t: float, q: FloatArray, v: FloatArray, tau: FloatArray, period: float, gap: float
+) -> FloatArray:
+    """Take a measurement into the window; the grid points that are known now, shape (k, 1 + 3 n).
+
+    Rows of ``window``, shape (4, 1 + 3 n), and of what comes back are t, q, v, tau. ``clock`` holds the measurements taken in so
+    far and the time of the next grid point. Steps longer than ``gap`` periods are gaps.
+    """
+    n = q.size
+    window[:3] = window[1:]
+    newest = window[3]
+    newest[0] = t
+    newest[1 : 1 + n], newest[1 + n : 1 + 2 * n], newest[1 + 2 * n :] = q, v, tau
+    clock[0] += 1.0
+    if clock[0] < 4.0:
+        clock[1] = t - period
+        return np.empty((0, newest.size))
+    times = window[:, 0]
+    step = times[2] - times[1]
+    linear_from = 1 + n if step > gap * period else newest.size
+    count = max(int(np.floor((times[2] + 1e-3 * period - clock[1]) / period)) + 1, 0)
+    out = np.empty((count, newest.size))
+    for k in range(count):
+        at = clock[1]
+        out[k] = 0.0
+        for i in range(4):
+            weight = 1.0
+            for j in range(4):
+                if j != i:
+                    weight *= (at - times[j]) / (times[i] - times[j])
+            for c in range(1, linear_from):
+                out[k, c] += weight * window[i, c]
+        part = (at - times[1]) / step
+        for c in range(linear_from, newest.size):
+            out[k, c] = (1.0 - part) * window[1, c] + part * window[2, c]
+        out[k, 0] = at
+        clock[1] += period
+    return out
 
 
 class Resampler:
@@ -53,60 +76,70 @@ class Resampler:
     _GAP = 1.6
 
     def __init__(self, n: int, period: float) -> None:
-        self._n, self._period = n, period
-        self._t = np.zeros(4)
-        self._channels = np.zeros((4, 3 * n))
-        self._count = 0
-        self._next = 0.0
+        self._period = period
+        self._window = np.zeros((4, 1 + 3 * n))
+        self._clock = np.zeros(2)
+        self._no_velocity = np.full(n, np.nan)
+        self._no_velocity.setflags(write=False)  # as a measured one is: another type would be compiled for anew
         self.filled = 0
 
-    def push(self, measurement: Measurement) -> list[tuple[float, FloatArray]]:
-        """Time and channels (q, v, tau side by side, shape (3 n,); v is NaN where it was not measured) of each grid point that is
-        known now."""
-        n = self._n
-        self._t[:3], self._channels[:3] = self._t[1:], self._channels[1:]
-        self._t[3] = measurement.t
-        row = self._channels[3]
-        row[:n], row[2 * n :] = measurement.q, measurement.tau
-        row[n : 2 * n] = np.nan if measurement.v is None else measurement.v
-        self._count += 1
-        if self._count < 4:
-            self._next = self._t[3] - self._period if self._count == 3 else 0.0
-            return []
-        out = []
-        gap = self._t[2] - self._t[1] > self._GAP * self._period
-        while self._next <= self._t[2] + 1e-3 * self._period:
-            values = np.empty(3 * n)
-            _interpolate(self._t, self._channels, self._next, n if gap else 3 * n, values)
-            out.append((self._next, values))
-            self._next += self._period
-        if gap:
-            self.filled += max(len(out) - 1, 0)
-        return out
+    def push(self, measurement: Measurement) -> FloatArray:
+        """The grid points that are known now, usually one, a row each: t, q, v (NaN where it was not measured) and tau side by
+        side, shape (k, 1 + 3 n)."""
+        v = self._no_velocity if measurement.v is None else measurement.v
+        grid: FloatArray = _resample(
+            self._window, self._clock, measurement.t, measurement.q, v, measurement.tau, self._period, self._GAP
+        )
+        if len(grid) > 1 and self._window[2, 0] - self._window[1, 0] > self._GAP * self._period:
+            self.filled += len(grid) - 1
+        return grid
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def _differentiate(q: FloatArray, slope: FloatArray, first: int, period: float, out: FloatArray) -> None:
-    """Rows of ``out``: q, v (smooth) and a (raw) in the middle of a ring of even samples whose oldest entry is ``first``."""
-    width, n = q.shape
+def _differentiate(
+    ring: FloatArray, slope: FloatArray, newest: int, values: FloatArray, period: float, use_measured: bool
+) -> tuple[float, FloatArray]:
+    """Put a row t, q, v, tau at ``newest`` into the ring of even samples; time of the middle, and q, v (smooth), a (raw) and tau
+    there, shape (4, n)."""
+    width, n = slope.size, (values.size - 1) // 3
+    ring[newest] = values
     half = width // 2
-    middle = (first + half) % width
-    before, after = (first + half - 1) % width, (first + half + 1) % width
+    first = newest + 1
+    middle, before, after = (first + half) % width, (first + half - 1) % width, (first + half + 1) % width
+    out = np.zeros((4, n))
+    for k in range(width):
+        row = ring[(first + k) % width]
+        for j in range(n):
+            out[1, j] += slope[k] * row[1 + j]
+    measured = use_measured and not np.isnan(ring[middle, 1 + n])
     for j in range(n):
-        v = 0.0
-        for k in range(width):
-            v += slope[k] * q[(first + k) % width, j]
-        out[0, j] = q[middle, j]
-        out[1, j] = v
-        out[2, j] = (q[after, j] - 2.0 * q[middle, j] + q[before, j]) / (period * period)
+        q = ring[middle, 1 + j]
+        out[0, j] = q
+        if measured:
+            out[1, j] = ring[middle, 1 + n + j]
+        out[2, j] = (ring[after, 1 + j] - 2.0 * q + ring[before, 1 + j]) / (period * period)
+        out[3, j] = ring[middle, 1 + 2 * n + j]
+    return ring[middle, 0], out
+
+
+def slope_weights(half_width: int, period: float) -> FloatArray:
+    """Weights that give the slope, in the middle, of the cubic that fits ``2 half_width + 1`` even samples best (Savitzky, Golay
+    1964), shape (2 half_width + 1,) [1/s].
+
+    Args:
+        half_width: samples on each side, at least 2. period: time between samples [s].
+    """
+    x = np.arange(-half_width, half_width + 1) / half_width
+    weights: FloatArray = np.linalg.pinv(np.vander(x, 4, increasing=True))[1] / (half_width * period)
+    return weights
 
 
 class CausalDerivative:
     """Position, velocity and acceleration with a fixed lag: ``half_width`` samples behind the newest one.
 
     On the even grid of :class:`Resampler`, the velocity is the slope of the cubic that fits best in a window of
-    ``2 half_width + 1`` samples (Savitzky, Golay 1964); the acceleration is the raw second difference of the positions; position
-    and torque are delayed to the same instant.
+    ``2 half_width + 1`` samples; the acceleration is the raw second difference of the positions; position and torque are delayed
+    to the same instant.
 
     Args:
         n: number of joints.
@@ -116,39 +149,26 @@ class CausalDerivative:
     """
 
     def __init__(self, n: int, period: float, half_width: int, use_message_velocity: bool = False) -> None:
-        self.half_width = half_width
         self.width = 2 * half_width + 1
         self.period = period
         self.resampler = Resampler(n, period)
-        self._q = np.zeros((self.width, n))
-        self._v = np.zeros((self.width, n))
-        self._tau = np.zeros((self.width, n))
-        self._t = np.zeros(self.width)
-        self._slope = signal.savgol_coeffs(self.width, 3, deriv=1, delta=period, use="dot")
+        self._ring = np.zeros((self.width, 1 + 3 * n))
+        self._slope = slope_weights(half_width, period)
         self._use_message_velocity = use_message_velocity
-        self._n = n
         self._next = 0
         self._filled = 0
 
     def push(self, measurement: Measurement) -> list[Sample]:
         """The samples that a measurement completes: usually one, none while the window fills, a few after a gap."""
-        return [sample for t, values in self.resampler.push(measurement) if (sample := self._push(t, values)) is not None]
-
-    def _push(self, t: float, values: FloatArray) -> Sample | None:
-        n, i = self._n, self._next
-        self._t[i] = t
-        self._q[i], self._v[i], self._tau[i] = values[:n], values[n : 2 * n], values[2 * n :]
-        self._next = first = (i + 1) % self.width
-        if self._filled < self.width:
+        samples = []
+        for values in self.resampler.push(measurement):
+            t, channels = _differentiate(self._ring, self._slope, self._next, values, self.period, self._use_message_velocity)
+            self._next = (self._next + 1) % self.width
             self._filled += 1
-            if self._filled < self.width:
-                return None
-        out = np.empty((3, n))
-        _differentiate(self._q, self._slope, first, self.period, out)
-        middle = (first + self.half_width) % self.width
-        measured = self._use_message_velocity and not np.isnan(self._v[middle, 0])
-        v = self._v[middle].copy() if measured else out[1]
-        return Sample(float(self._t[middle]), out[0], v, out[2], self._tau[middle].copy())
+            if self._filled >= self.width:
+                q, v, a, tau = channels
+                samples.append(Sample(t, q, v, a, tau))
+        return samples
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
@@ -163,6 +183,25 @@ def _filter(sections: FloatArray, state: FloatArray, x: FloatArray, y: FloatArra
         y[c] = u
 
 
+def butterworth_sections(order: int, cutoff_hz: float, rate: float) -> FloatArray:
+    """Butterworth low-pass of even order as sections b0 b1 b2 1 a1 a2, each of unit gain at rest, shape (order / 2, 6).
+
+    The analog sections 1 / (s^2 + 2 sin(pi (2 k + 1) / (2 order)) s + 1) under the bilinear transform, the cut-off warped so that
+    it stays where it is (Oppenheim, Schafer 2010, section 7.2).
+
+    Args:
+        cutoff_hz: frequency of half the power [Hz], below half of ``rate`` [Hz].
+    """
+    K = math.tan(math.pi * cutoff_hz / rate)
+    sections = np.empty((order // 2, 6))
+    for k, section in enumerate(sections):
+        damping = 2.0 * math.sin(math.pi * (2 * k + 1) / (2 * order)) * K
+        scale = 1.0 / (1.0 + damping + K * K)
+        b = K * K * scale
+        section[:] = b, 2.0 * b, b, 1.0, 2.0 * (K * K - 1.0) * scale, (1.0 - damping + K * K) * scale
+    return sections
+
+
 class LowPassBank:
     """The same Butterworth low-pass of unit gain on many channels, primed with the first input.
 
@@ -175,8 +214,8 @@ class LowPassBank:
 
     def __init__(self, shape: tuple[int, ...], cutoff_hz: float, rate: float, order: int = 4) -> None:
         self.cutoff_hz = cutoff_hz
-        self._sections = signal.butter(order, cutoff_hz, output="sos", fs=rate)
-        self._steady = signal.sosfilt_zi(self._sections)
+        self._sections = butterworth_sections(order, cutoff_hz, rate)
+        self._steady = np.stack([1.0 - self._sections[:, 0], self._sections[:, 2] - self._sections[:, 5]], axis=1)
         size = math.prod(shape)
         self._state = np.zeros((len(self._sections), 2, size))
         self.output: FloatArray = np.zeros(shape)

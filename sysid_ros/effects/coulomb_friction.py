@@ -28,6 +28,7 @@ class CoulombFriction(JointEffect):
 
     id: ClassVar[str] = "coulomb_friction"
     label: ClassVar[str] = "Coulomb friction"
+    nonnegative: ClassVar[bool] = True
     symbol: ClassVar[str] = "Fc"
     unit: ClassVar[str] = "N m"
     slide_unit: ClassVar[str] = "N"

@@ -22,6 +22,7 @@ class Effect(ABC):
     Attributes:
         id: the effect's name in files and messages.
         label: the effect in words.
+        nonnegative: True where physics forbids negative parameters.
         robot: the model whose joint order the rows have.
         joints: indices of the joints that have parameters, ascending.
         parameter_names: p names.
@@ -30,6 +31,7 @@ class Effect(ABC):
 
     id: ClassVar[str]
     label: ClassVar[str]
+    nonnegative: ClassVar[bool] = False
     parameter_names: tuple[str, ...]
     units: tuple[str, ...]
 

@@ -13,6 +13,7 @@ class RotorInertia(JointEffect):
 
     id: ClassVar[str] = "rotor_inertia"
     label: ClassVar[str] = "rotor inertia"
+    nonnegative: ClassVar[bool] = True
     symbol: ClassVar[str] = "J"
     unit: ClassVar[str] = "kg m^2"
     slide_unit: ClassVar[str] = "kg"

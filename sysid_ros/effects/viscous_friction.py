@@ -13,6 +13,7 @@ class ViscousFriction(JointEffect):
 
     id: ClassVar[str] = "viscous_friction"
     label: ClassVar[str] = "viscous friction"
+    nonnegative: ClassVar[bool] = True
     symbol: ClassVar[str] = "b"
     unit: ClassVar[str] = "N m s/rad"
     slide_unit: ClassVar[str] = "N s/m"

@@ -82,7 +82,7 @@ class VariableForgetting(Estimator):
         self._early: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         self._early_jump = False
         self.jumps = 0
-        self.last_jump = np.zeros(len(range(*self._jump.block.indices(self.p))))
+        self.last_jump: FloatArray = np.zeros(len(range(*self._jump.block.indices(self.p))))
         self.z = 0.0
         self._clear_hits()
 
@@ -198,7 +198,7 @@ class VariableForgetting(Estimator):
         block = Y[:, self._jump.block]
         weighted = block / spread[:, None]
         self._information += weighted.T @ block
-        self._coloured_information += (block / (self.noise.variance + extra)[:, None]).T @ block
+        self._coloured_information += (block / (self._coloured_variance() + extra)[:, None]).T @ block
         self._score += weighted.T @ innovation
         self._statistic += float(innovation @ (innovation / spread))
         if self._hits < self.HITS:
@@ -219,6 +219,12 @@ class VariableForgetting(Estimator):
         else:
             self._start_again()
         return True
+
+    def _coloured_variance(self) -> FloatArray:
+        """Long-run variance of the rows; while it is not known, as if what is left kept its value for a block, shape (m,)."""
+        if self.noise.known:
+            return self.noise.variance
+        return np.maximum(self.noise.variance, self._spread * self.noise.BLOCKS[0] / self._period)
 
     def _clear_hits(self) -> None:
         size = len(range(*self._jump.block.indices(self.p)))
