@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from sysid_ros.low_pass import LowPassBank
 from sysid_ros.sample import FloatArray, Measurement, Sample
-from sysid_ros.signals import CausalDerivative, LowPassBank, default_cutoff, window_half_width
+from sysid_ros.signals import CausalDerivative, default_cutoff, window_half_width
 from sysid_ros.torque_model import TorqueModel
 
 _SLOW = 0.06
@@ -74,7 +75,7 @@ class FrontEnd:
     @property
     def filled(self) -> int:
         """Samples that were interpolated over lost measurements so far."""
-        return self._derivative.resampler.filled
+        return self._derivative.filled
 
     def push(self, measurement: Measurement) -> list[Rows]:
         """Rows that are due: none while the filters fill and between updates, seldom more than one."""

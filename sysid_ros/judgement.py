@@ -35,7 +35,7 @@ class Judgement:
         """Status and reason for a mass [kg] and its standard deviation [kg]."""
         s = self._settings
         if _noise_known(estimator) and isinstance(estimator, VariableForgetting):
-            wrong = self._check.verdict(estimator.noise.variance, self._floor)
+            wrong = self._check.verdict(estimator.noise.variance, estimator.row_variance, self._floor)
             if wrong:
                 return "inconsistent", wrong
         limit = max(s.mass_std_limit, 0.05 * abs(mass))

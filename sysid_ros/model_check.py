@@ -22,7 +22,9 @@ class ModelCheck:
 
     PART = 0.25
     TIMES_NOISE = 10.0
-    FEWEST = 150
+    JOINTS = 0.6
+    REMAINS = 0.03
+    FEWEST = 300
 
     def __init__(self, robot: RobotModel, memory: float = 3000.0) -> None:
         self._names = robot.joint_names
@@ -50,24 +52,29 @@ class ModelCheck:
         """True once there are enough updates for a verdict."""
         return self._count >= self.FEWEST
 
-    def verdict(self, noise: FloatArray, floor: FloatArray) -> str:
+    def verdict(self, noise: FloatArray, residual: FloatArray, floor: FloatArray) -> str:
         """A sentence that names the worst joints where the model is wrong, else an empty string.
 
         Args:
-            noise: long-run variance of the residual, a joint, shape (n,). floor: what is known to be noise, shape (n,).
+            noise: long-run variance of the residual, a joint, shape (n,). residual: its variance, shape (n,) [(N m)^2].
+            floor: what is known to be noise, as a long-run variance, shape (n,).
         """
         if not self.ready:
             return ""
-        times = np.sqrt(noise / floor)
         part = self.part
-        if float(np.mean(part)) < self.PART or float(np.median(times)) < self.TIMES_NOISE:
+        if float(part.sum()) < self.PART * part.size:
+            return ""
+        usual = float(np.quantile(np.sqrt(noise / floor), self.JOINTS))
+        # noise that is slow is far above its white part too, but it is small beside the torque
+        remains = float(np.sqrt(residual).sum() / np.sqrt(np.maximum(self._torque, self._weak**2)).sum())
+        if usual < self.TIMES_NOISE or remains < self.REMAINS:
             return ""
         worst = np.argsort(-np.sqrt(self._unexplained))[:3]
         listed = ", ".join(
             f"{self._names[i]} {np.sqrt(self._unexplained[i]):.2g} N m ({100 * part[i]:.0f} % of its torque)" for i in worst
         )
         return (
-            f"The residual is far above any noise that it could be ({np.median(times):.0f} times): rms {listed}. "
+            f"The residual is far above any noise that it could be ({usual:.0f} times): rms {listed}. "
             "The robot's model does not explain these torques; the payload can't be trusted. "
             "Identify the arm without a payload ('sysid identify') and give the model with --model."
         )

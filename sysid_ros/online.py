@@ -33,6 +33,8 @@ _LONGEST_FILL = 10.5
 """Longest step that is interpolated over [periods]."""
 _STANDS = 0.15
 """Time below the standstill velocity after which the robot stands [s]."""
+_OBSERVABLE = 0.3
+"""Part of a parameter's prior standard deviation below which it is the motion that determines it."""
 _NOT_A_BODY = 29.6
 """99.9 % quantile of chi-squared with 10 degrees of freedom."""
 
@@ -62,6 +64,7 @@ class OnlineEstimation:
         self._log = EventLog(settings.no_payload_mass)
         self._warnings = {note: note for note in known.notes(robot.urdf)} if known else {}
         self._tare = np.zeros(10), np.zeros((10, 10))
+        self._observable_std = _OBSERVABLE * self._free.prior_std[PAYLOAD]
         self._enabled = True
         self.latest: PayloadEstimate | None = None
         self.estimator: Estimator | None = None
@@ -213,7 +216,7 @@ class OnlineEstimation:
     def _publish(self, estimate: Estimate, rows: Rows, t: float, estimator: Estimator) -> PayloadEstimate:
         theta: FloatArray = estimate.theta[PAYLOAD] - self._tare[0]
         covariance = estimate.covariance[PAYLOAD, PAYLOAD] + self._tare[1]
-        std = np.sqrt(np.diag(covariance))
+        std = np.sqrt(covariance.diagonal())
         assert self._judgement is not None
         status, reason = self._judgement.status(estimate, estimator, float(theta[0]), float(std[0]))
         self._warnings.pop("inconsistent", None)
@@ -235,7 +238,7 @@ class OnlineEstimation:
             covariance=covariance,
             status=status,
             reason=reason,
-            observable=std < 0.3 * self._free.prior_std[PAYLOAD],
+            observable=std < self._observable_std,
             residual=rows.y - rows.Y @ estimate.theta,
             payload_effort=effort,
         )

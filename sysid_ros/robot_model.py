@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numba import njit
 
 from sysid_ros.exceptions import RobotModelError
 from sysid_ros.sample import FloatArray
@@ -39,6 +40,7 @@ class RobotModel:
     def __init__(self, model: Any, urdf: str, notes: Sequence[str], joint_types: dict[str, str]) -> None:
         self.model = model
         self.data = model.createData()
+        self._aside = model.createData()  # for questions that must not disturb what rnea() left
         self.urdf = urdf
         self.name: str = model.name
         self.joint_names: tuple[str, ...] = tuple(model.names[1:])
@@ -71,7 +73,7 @@ class RobotModel:
             joint_names: the joints that stay movable, in any order; the others are locked at 0.
             gravity: shape (3,) [m/s^2], in the base frame.
         """
-        types, mimic, prepared = _read_urdf(urdf)
+        types, mimic, prepared = read_urdf(urdf)
         try:
             full = pin.buildModelFromXML(prepared)
         except Exception as error:
@@ -117,7 +119,7 @@ class RobotModel:
         Raises:
             RobotModelError: messages and URDF have no joint in common, or the messages lack one of ``joint_names``.
         """
-        types, mimic, _ = _read_urdf(urdf)
+        types, mimic, _ = read_urdf(urdf)
         missing = sorted(set(joint_names) - set(message_names))
         if missing:
             raise RobotModelError(
@@ -161,11 +163,6 @@ class RobotModel:
         """Joint torques of the URDF's links, shape (n,) [N m]."""
         return np.array(pin.rnea(self.model, self.data, q, v, a))
 
-    def rnea_derivatives(self, q: FloatArray, v: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Derivatives of :meth:`rnea` by q, v and a, each of shape (n, n): entry (i, j) is d tau_i / d q_j (Carpentier, Mansard 2018)."""
-        dq, dv, mass = pin.computeRNEADerivatives(self.model, self.data, q, v, a)
-        return np.array(dq), np.array(dv), np.array(mass)
-
     def gravity_torque(self, q: FloatArray) -> FloatArray:
         """Joint torques that hold the arm still, shape (n,) [N m]."""
         return np.array(pin.computeGeneralizedGravity(self.model, self.data, q))
@@ -174,17 +171,73 @@ class RobotModel:
         """Y of all links, shape (n, 10 n): ``tau = Y pi``."""
         return np.array(pin.computeJointTorqueRegressor(self.model, self.data, q, v, a))
 
+    def momentum_regressors(self, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Y_p and Y_r, shape (n, 10 n) each: ``tau = d/dt(Y_p pi) + Y_r pi``, with ``Y_p pi = M v`` and ``Y_r pi = g - C' v``.
+
+        No acceleration is needed: with ``dM/dt = C + C'``, ``g - C' v = (C v + g) - dM/dt v``, and dM/dt along v is a central
+        difference over 20 microseconds of motion.
+        """
+        kept, zero, step = np.array(self.model.gravity.linear), np.zeros(self.n), 1e-5
+        self.model.gravity.linear = np.zeros(3)
+        try:
+            momentum, after, before = (self.regressor(at, zero, v) for at in (q, q + step * v, q - step * v))
+        finally:
+            self.model.gravity.linear = kept
+        return momentum, self.regressor(q, v, zero) - (after - before) / (2.0 * step)
+
     def payload_regressor(self, q: FloatArray, v: FloatArray, a: FloatArray, frame: int) -> FloatArray:
         """Y of a body fixed to a frame (index from :meth:`frame_id`), shape (n, 10): ``J_frame' Y_body``, parameters in that
         frame."""
         pin.rnea(self.model, self.data, q, v, a)
-        return self.payload_regressor_after_rnea(q, frame)
+        out = np.empty((self.n, 10))
+        self.fill_payload_regressor(q, frame, out)
+        return out
 
-    def payload_regressor_after_rnea(self, q: FloatArray, frame: int) -> FloatArray:
-        """As :meth:`payload_regressor`, where :meth:`rnea` has just run on the same q, v, a (its body accelerations are used)."""
+    def fill_payload_regressor(self, q: FloatArray, frame: int, out: FloatArray) -> None:
+        """As :meth:`payload_regressor`, into ``out``, where :meth:`rnea` has just run on the same q, v, a (its body accelerations
+        are used)."""
         body = pin.frameBodyRegressor(self.model, self.data, frame)
         jacobian = pin.computeFrameJacobian(self.model, self.data, q, frame, pin.LOCAL)
-        return np.ascontiguousarray(jacobian.T @ body)
+        _transposed_product(jacobian, body, out)
+
+    def rnea_along(self, q: FloatArray, v: FloatArray, a: FloatArray, gravity: FloatArray | None = None) -> FloatArray:
+        """:meth:`rnea` of a whole motion, shapes (N, n); with another gravity vector of shape (3,) where one is given."""
+        kept = np.array(self.model.gravity.linear)
+        if gravity is not None:
+            self.model.gravity.linear = np.asarray(gravity, dtype=float)
+        try:
+            out = np.empty((len(q), self.n))
+            for i in range(len(q)):
+                out[i] = pin.rnea(self.model, self._aside, q[i], v[i], a[i])
+        finally:
+            self.model.gravity.linear = kept
+        return out
+
+    def regressor_along(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """:meth:`regressor` of a whole motion, shape (N, n, 10 n)."""
+        out = np.empty((len(q), self.n, 10 * self.n))
+        for i in range(len(q)):
+            out[i] = pin.computeJointTorqueRegressor(self.model, self._aside, q[i], v[i], a[i])
+        return out
+
+    def rnea_derivatives_along(self, q: FloatArray, v: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Derivatives of the inverse dynamics by q, v and a (the last is the mass matrix) along a motion, shape (N, n, n) each."""
+        by_q, by_v, by_a = (np.empty((len(q), self.n, self.n)) for _ in range(3))
+        for i in range(len(q)):
+            by_q[i], by_v[i], by_a[i] = pin.computeRNEADerivatives(self.model, self._aside, q[i], v[i], a[i])
+        upper = np.triu(by_a)
+        return by_q, by_v, upper + np.swapaxes(np.triu(by_a, 1), 1, 2)
+
+    def frame_jacobian_along(self, q: FloatArray, frame: int) -> FloatArray:
+        """Linear part of the Jacobian of a frame's origin, in the axes of the base, along a motion, shape (N, 3, n)."""
+        out = np.empty((len(q), 3, self.n))
+        for i in range(len(q)):
+            out[i] = pin.computeFrameJacobian(self.model, self._aside, q[i], frame, pin.LOCAL_WORLD_ALIGNED)[:3]
+        return out
+
+    def forward_dynamics(self, q: FloatArray, v: FloatArray, tau: FloatArray) -> FloatArray:
+        """Accelerations of the URDF's links under joint torques, shape (n,) [rad/s^2]."""
+        return np.array(pin.aba(self.model, self._aside, q, v, tau))
 
     def frame_placement(self, q: FloatArray, frame: str) -> tuple[FloatArray, FloatArray]:
         """Rotation (3, 3) and origin (3,) [m] of a frame in the base."""
@@ -193,15 +246,29 @@ class RobotModel:
         return np.array(placement.rotation), np.array(placement.translation)
 
 
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _transposed_product(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
+    """``out = a' b``, for matrices that are too small for the price of a call of BLAS."""
+    for i in range(a.shape[1]):
+        for j in range(b.shape[1]):
+            total = 0.0
+            for k in range(a.shape[0]):
+                total += a[k, i] * b[k, j]
+            out[i, j] = total
+
+
 def _stated(limit: Any) -> FloatArray:
     array = np.array(limit, dtype=float)
     return np.where((array <= 0.0) | (array > 1e12), np.inf, array)
 
 
-def _read_urdf(urdf: str) -> tuple[dict[str, str], set[str], str]:
-    """Movable joint types, mimic joints, and the URDF with continuous joints as revolute ones.
+def read_urdf(urdf: str, keep: Sequence[str] = ()) -> tuple[dict[str, str], set[str], str]:
+    """Movable joint types, mimic joints, and the URDF with continuous joints as revolute ones and without its shapes.
 
     pinocchio gives a continuous joint two coordinates; an angle that grows without limit is the same joint with one.
+
+    Args:
+        keep: "visual", "collision": the shapes that are not taken out.
     """
     try:
         root = ElementTree.fromstring(urdf)
@@ -228,7 +295,7 @@ def _read_urdf(urdf: str) -> tuple[dict[str, str], set[str], str]:
             limit.set("upper", "1e6")
             limit.set("effort", limit.get("effort", "0"))
             limit.set("velocity", limit.get("velocity", "0"))
-    for tag in ("visual", "collision"):
+    for tag in {"visual", "collision"} - set(keep):
         for link in root.iter("link"):
             for element in link.findall(tag):
                 link.remove(element)

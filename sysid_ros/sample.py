@@ -33,6 +33,53 @@ class JointStateRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class ImuRecord:
+    """One ``sensor_msgs/Imu`` as it was received.
+
+    Attributes:
+        stamp: the message's own header stamp [s]. receive_time: when it arrived or was recorded [s].
+        frame_id: link whose axes and origin the numbers belong to.
+        orientation: of that link in the world, x, y, z, w; only written, never needed.
+        omega: angular velocity, shape (3,) [rad/s]. specific_force: acceleration minus gravity, shape (3,) [m/s^2].
+    """
+
+    stamp: float
+    receive_time: float
+    frame_id: str
+    orientation: Sequence[float] | FloatArray
+    omega: Sequence[float] | FloatArray
+    specific_force: Sequence[float] | FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class ContactRecord:
+    """One array of foot contacts as it was received; it carries no stamp.
+
+    Attributes:
+        receive_time: when it arrived or was recorded [s]. values: one a foot, above 0.5 stands.
+    """
+
+    receive_time: float
+    values: Sequence[float] | FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class TrunkReading:
+    """What the IMU of a floating base measured, in the axes of the trunk, and which feet stand.
+
+    Attributes:
+        omega: angular velocity, shape (3,) [rad/s]. force: specific force where the IMU sits, shape (3,) [m/s^2].
+        place: of the IMU in the trunk, shape (3,) [m]. contacts: 1.0 for each foot that stands, shape (k,); None where no message
+            tells.
+    """
+
+    omega: FloatArray
+    force: FloatArray
+    place: FloatArray
+    contacts: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Measurement:
     """What the robot measured at one instant, in the model's joint order.
 
@@ -41,17 +88,20 @@ class Measurement:
         q: joint positions, shape (n,) [rad or m].
         v: joint velocities, shape (n,) [rad/s or m/s], or None where the robot does not measure them.
         tau: joint torques, shape (n,) [N m or N].
+        trunk: of a floating base, at the same instant; else None.
     """
 
     t: float
     q: FloatArray
     v: FloatArray | None
     tau: FloatArray
+    trunk: TrunkReading | None = None
 
     def __post_init__(self) -> None:
-        for array in (self.q, self.v, self.tau):
-            if array is not None:
-                array.setflags(write=False)
+        self.q.setflags(write=False)
+        self.tau.setflags(write=False)
+        if self.v is not None:
+            self.v.setflags(write=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,5 +123,7 @@ class Sample:
     tau: FloatArray
 
     def __post_init__(self) -> None:
-        for array in (self.q, self.v, self.a, self.tau):
-            array.setflags(write=False)
+        self.q.setflags(write=False)
+        self.v.setflags(write=False)
+        self.a.setflags(write=False)
+        self.tau.setflags(write=False)

@@ -40,6 +40,21 @@ class OnlineSettings:
     )
     frame_id: str = _setting("", "frame that the payload is expressed in; empty: the link that the last joint moves")
     gravity: tuple[float, ...] = _setting((0.0, 0.0, -9.81), "gravity in the base frame", "m/s^2", -30.0, 30.0)
+    base: str = _setting(
+        "auto",
+        "the robot's base: fixed, or floating on legs; auto: floating where the URDF's root carries three legs or more",
+        choices=("auto", "fixed", "floating"),
+    )
+    contact_frames: tuple[str, ...] = _setting(
+        (), "feet of a floating base, in the order of the contact messages; empty: the end of each leg, in the order of the URDF"
+    )
+    imu_frame: str = _setting("", "link that the IMU is fixed to, part of the trunk; empty: the frame_id of its messages")
+    imu_xyz: tuple[float, ...] = _setting(
+        (0.0, 0.0, 0.0), "where the IMU sits in the trunk, in place of imu_frame", "m", -10.0, 10.0
+    )
+    imu_rpy: tuple[float, ...] = _setting(
+        (0.0, 0.0, 0.0), "how the IMU is turned in the trunk, in place of imu_frame", "rad", -7.0, 7.0
+    )
     effort_scale: tuple[float, ...] = _setting(
         (), "factor a joint from effort to torque; empty: 1", "N m per unit of effort", 1e-9, 1e9
     )
@@ -121,14 +136,14 @@ def _checked(name: str, value: Any, meta: Any, default: Any) -> Any:
         if value not in meta["choices"]:
             raise SettingsError(f"{name} is {value!r}; it must be one of {', '.join(meta['choices'])}.")
         return value
-    if name in ("frame_id", "joint_names"):
-        if not (
-            isinstance(value, str) if name == "frame_id" else isinstance(value, tuple) and all(isinstance(x, str) for x in value)
-        ):
-            raise SettingsError(f"{name} is {value!r}; it must be {'a string' if name == 'frame_id' else 'a list of strings'}.")
+    if meta["low"] is None:
+        one = isinstance(default, str)
+        if not (isinstance(value, str) if one else isinstance(value, tuple) and all(isinstance(x, str) for x in value)):
+            raise SettingsError(f"{name} is {value!r}; it must be {'a string' if one else 'a list of strings'}.")
         return value
-    if isinstance(value, tuple) != isinstance(default, tuple) or (name == "gravity" and len(value) != 3):
-        expected = "three numbers" if name == "gravity" else "a list of numbers" if isinstance(default, tuple) else "a number"
+    vector = isinstance(default, tuple) and len(default) == 3
+    if isinstance(value, tuple) != isinstance(default, tuple) or (vector and len(value) != 3):
+        expected = "three numbers" if vector else "a list of numbers" if isinstance(default, tuple) else "a number"
         raise SettingsError(f"{name} is {value!r}; it must be {expected}.")
     numbers = value if isinstance(value, tuple) else (value,)
     for x in numbers:

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from itertools import accumulate, pairwise
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
 from sysid_ros.effects import Effect, JointEffect, LinkInertia
 from sysid_ros.exceptions import SysidError
@@ -77,7 +79,8 @@ class TorqueModel:
                 starts.append(where.start)
             else:
                 self._blocks.append((effect, where))
-        self._diagonal = np.tile(np.arange(n), len(starts)), np.array([a + j for a in starts for j in range(n)], dtype=np.intp)
+        self._starts = np.array(starts, dtype=np.intp)
+        self._curves = np.zeros((len(starts), n))
 
     @staticmethod
     def _correction(inertia_known: list[KnownEffect]) -> FloatArray | None:
@@ -136,4 +139,14 @@ class TorqueModel:
         for effect, where in self._blocks:
             effect.fill(sample, columns[:, where])
         if self._joint_effects:
-            columns[self._diagonal] = np.concatenate([effect.curve(sample) for effect in self._joint_effects])
+            for k, effect in enumerate(self._joint_effects):
+                self._curves[k] = effect.curve(sample)
+            _write_diagonals(self._curves, self._starts, columns)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _write_diagonals(curves: FloatArray, starts: NDArray[np.intp], columns: FloatArray) -> None:
+    """Each row of ``curves``, shape (k, n), as the diagonal of an n x n block of ``columns`` that begins at its start."""
+    for k in range(starts.size):
+        for j in range(curves.shape[1]):
+            columns[j, starts[k] + j] = curves[k, j]

@@ -71,7 +71,9 @@ def test_json(identified: tuple[Path, dict[str, Any]]) -> None:
     _, document = identified
     assert len(document["joints"]) == 7
     assert len(document["parameters"]) == 98
-    assert all(set(p) == {"name", "value", "std", "unit"} for p in document["parameters"])
+    for p in document["parameters"]:
+        assert {"name", "value", "std", "unit", "crb", "ci95", "from_data"} <= set(p)
+        assert p["ci95"][0] <= p["value"] <= p["ci95"][1]
     assert 43 <= document["base_parameters"] <= 98
     assert document["condition_number"] > 1
     held_out, validation = document["torque_error"]["held_out"], document["torque_error"]["validation"]

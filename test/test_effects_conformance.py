@@ -7,10 +7,11 @@ import re
 import numpy as np
 import pytest
 import yaml
+from motions import Motion as Motion_
 from robots import ROBOTS, random_body, random_sample, robot, urdf, with_body
 
 from sysid_ros import effects, inertial_parameters
-from sysid_ros.effects import EFFECTS, Effect, LinkInertia, Payload
+from sysid_ros.effects import EFFECTS, Effect, LinkInertia, Motion, Payload
 from sysid_ros.exceptions import ModelFileError, RobotModelError
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import Sample
@@ -18,6 +19,8 @@ from sysid_ros.sample import Sample
 every_effect = pytest.mark.parametrize("effect_id", EFFECTS)
 every_robot = pytest.mark.parametrize("robot_name", ROBOTS)
 FRICTION = [name for name in EFFECTS if "friction" in name]
+WITH_MEMORY = ("presliding_hysteresis", "time_delay", "joint_elasticity")
+"""What these do to a sample depends on the samples before it."""
 
 
 def make(effect_id: str, robot_name: str, joints: tuple[str, ...] = ()) -> Effect:
@@ -43,6 +46,9 @@ def test_the_docstring_has_the_equation_with_a_reference_or_a_unit(effect_id: st
     assert re.search(r"``tau\w* = [^`]+``", text), text
     assert re.search(r"\(.*\d{4}.*\)|\[[^]]+\]", text, re.DOTALL) or EFFECTS[effect_id] is Payload
     assert EFFECTS[effect_id].label
+    assert EFFECTS[effect_id].signature
+    assert EFFECTS[effect_id].separated_by
+    assert set(EFFECTS[effect_id].look_alikes)
 
 
 @every_effect
@@ -155,9 +161,28 @@ def test_coulomb_friction_has_its_full_size_once_its_width_is_left() -> None:
 
 
 def test_a_slide_has_the_units_of_a_force() -> None:
-    slide = robot("small_arm").joint_names.index("slide")
-    units = {name: make(name, "small_arm").units[slide] for name in EFFECTS if name not in ("link_inertia", "payload")}
-    assert units == {"viscous_friction": "N s/m", "coulomb_friction": "N", "rotor_inertia": "kg", "torque_offset": "N"}
+    expected = {"viscous_friction": "N s/m", "coulomb_friction": "N", "rotor_inertia": "kg", "torque_offset": "N"}
+    for name, unit in expected.items():
+        assert make(name, "small_arm", ("slide",)).units == (unit,)
+    for name in EFFECTS:
+        effect = make(name, "small_arm", ("slide",))
+        if any("[slide]" in parameter for parameter in effect.parameter_names):
+            assert not any("rad" in unit or "N m" in unit.split("/")[0] for unit in effect.units), name
+
+
+@every_effect
+@every_robot
+def test_columns_of_a_whole_motion(effect_id: str, robot_name: str) -> None:
+    effect = make(effect_id, robot_name)
+    model = effect.robot
+    t = np.arange(200) * 0.01
+    motion = Motion(model, t, *Motion_(model, 3)(t), np.zeros((200, model.n)))
+    along = effect.columns_along(motion)
+    assert along.shape == (200, model.n, effect.p)
+    assert np.isfinite(along).all()
+    if effect_id not in WITH_MEMORY:
+        each = np.stack([effect.columns(sample) for sample in motion.samples()])
+        np.testing.assert_allclose(along, each, atol=1e-9 * max(1.0, float(np.abs(each).max())))
 
 
 @every_robot

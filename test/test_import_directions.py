@@ -13,14 +13,17 @@ PACKAGE = Path(__file__).resolve().parents[1] / "sysid_ros"
 # Each unit (a module of the root, or a sub-package) imports only units of earlier rows, and itself.
 LEVELS = (
     {"exceptions"},
-    {"sample", "settings"},
-    {"inertial_parameters", "joint_choice", "equivalent_box"},
+    {"mesh_files", "sample", "settings"},
+    {"inertial_parameters", "joint_choice", "equivalent_box", "rotation"},
     {"payload_estimate", "physical_projection", "robot_model"},
-    {"effects", "commit_gate"},
+    {"effects", "collision_model", "commit_gate", "contact_kinematics"},
+    {"floating_base"},
+    {"contact_projection"},
     {"known_effect"},
     {"known_error"},
     {"torque_model"},
-    {"estimators", "input_gate", "model_check", "model_file", "payload_events", "signals"},
+    {"estimators", "input_gate", "low_pass", "model_check", "model_file", "payload_events", "signals"},
+    {"floating_derivative"},
     {"front_end"},
     {"free_parameters"},
     {"judgement", "identification"},
@@ -45,7 +48,8 @@ CONFINED = {
     "pybullet": {"simulation", "nodes"},
     "pybullet_data": {"simulation", "nodes"},
     "pybullet_utils": {"simulation", "nodes"},
-    "pinocchio": {"robot_model"},
+    "pinocchio": {"collision_model", "contact_kinematics", "robot_model"},
+    "coal": {"collision_model"},
     "click": {"cli"},
 }
 

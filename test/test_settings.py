@@ -23,7 +23,7 @@ def kind(name: str) -> str:
     if isinstance(default, str):
         return "string"
     if isinstance(default, tuple):
-        return "strings" if name == "joint_names" else "numbers"
+        return "strings" if FIELDS[name].metadata["low"] is None else "numbers"
     return "number"
 
 

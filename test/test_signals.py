@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from sysid_ros.low_pass import LowPassBank
 from sysid_ros.sample import FloatArray, Measurement, Sample
-from sysid_ros.signals import CausalDerivative, LowPassBank, default_cutoff, window_half_width
+from sysid_ros.signals import CausalDerivative, default_cutoff, value_weights, window_half_width
 
 PERIOD = 0.004
 
@@ -68,12 +69,23 @@ def test_even_stamps_are_left_as_they_are() -> None:
     derivative = CausalDerivative(2, PERIOD, 4)
     for sample in push_all(derivative, t, q):
         k = by_time[round(sample.t / PERIOD)]
-        np.testing.assert_allclose(sample.q, q[k], atol=1e-9)
+        np.testing.assert_allclose(sample.q, value_weights(4) @ q[k - 4 : k + 5], atol=1e-9)
         np.testing.assert_allclose(sample.tau, [np.sin(t[k]), np.cos(t[k])], atol=1e-9)
         np.testing.assert_allclose(sample.a, (q[k + 1] - 2 * q[k] + q[k - 1]) / PERIOD**2, atol=1e-3)
         slope = signal.savgol_coeffs(9, 3, deriv=1, delta=PERIOD, use="dot") @ q[k - 4 : k + 5]
         np.testing.assert_allclose(sample.v, slope, atol=1e-6)
-    assert derivative.resampler.filled == 0
+    assert derivative.filled == 0
+
+
+@pytest.mark.parametrize("half_width", [2, 3, 10])
+def test_noise_of_the_position_does_not_correlate_with_the_accelerations(half_width: int) -> None:
+    weights = value_weights(half_width)
+    x = np.arange(-half_width, half_width + 1.0)
+    for power in range(4):
+        np.testing.assert_allclose(weights @ x**power, 1.0 if power == 0 else 0.0, atol=1e-9 * half_width**power)
+    middle = slice(half_width - 1, half_width + 2)
+    np.testing.assert_allclose(weights[middle] @ [1.0, -2.0, 1.0], 0.0, atol=1e-12)
+    assert np.sum(weights**2) < 1.0
 
 
 @IRREGULAR
@@ -87,7 +99,7 @@ def test_what_was_filled_over_gaps_is_counted() -> None:
     t = np.delete(stamps(200), [50, 100, 101, 102])
     derivative = CausalDerivative(2, PERIOD, 4)
     push_all(derivative, t, cubic(t))
-    assert derivative.resampler.filled == 4
+    assert derivative.filled == 4
 
 
 def test_the_torque_in_a_gap_is_a_straight_line() -> None:

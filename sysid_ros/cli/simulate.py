@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
-from sysid_ros.exceptions import BagError, SettingsError, SysidError
+from sysid_ros.exceptions import SettingsError, SysidError
 from sysid_ros.sources import BagRecorder
 
 try:
+    from sysid_ros.cli.simulate_output import Bar, named_option, prepare
+    from sysid_ros.cli.simulate_quadruped import quadruped
     from sysid_ros.simulation import ArmRecord, ArmScenario, simulate_arm
     from sysid_ros.simulation.recording import START_TIME, truth_path, write_recording, write_truth
 except ModuleNotFoundError as missing:
@@ -27,8 +26,6 @@ except ModuleNotFoundError as missing:
     raise SysidError(
         "PyBullet is not installed; the simulation needs it. Install it with: pip install 'sysid_ros[sim]'"
     ) from missing
-
-_OPTION_OF = {"pick_time": "--pick", "drop_time": "--drop"}
 
 
 def _joint_values(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, ...]:
@@ -47,7 +44,11 @@ def command() -> None:
     \b
     Example:
       sysid simulate arm --bag pick_and_drop --payload-mass 1.5 --pick 4 --drop 10
+      sysid simulate quadruped --bag trot --gait trot --payload-mass 3 --pick 4 --drop 8
     """
+
+
+command.add_command(quadruped)
 
 
 @command.command()
@@ -115,11 +116,8 @@ def arm(bag: Path, storage: str, json_file: Path | None, **options: Any) -> None
 
     Exit codes: 0 done; 2 bad input or usage.
     """
+    prepare(bag, json_file)
     truth_file = truth_path(bag)
-    if truth_file.exists():
-        raise BagError(f"'{truth_file}' exists already and is not overwritten. Choose another --bag, or remove it first.")
-    if json_file is not None and not json_file.parent.is_dir():
-        raise BagError(f"--json is '{json_file}', but the folder '{json_file.parent}' does not exist. Create it first.")
     recorder = BagRecorder(bag, storage)
     began = time.perf_counter()
     record = _simulate(options)
@@ -139,35 +137,16 @@ def arm(bag: Path, storage: str, json_file: Path | None, **options: Any) -> None
     _show(summary)
 
 
-class _Bar:
-    """A progress bar on stderr, and none where stderr is not a terminal."""
-
-    def __init__(self, count: int) -> None:
-        self._progress = Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty())
-        self._task = self._progress.add_task("Simulating", total=count)
-
-    def __enter__(self) -> Callable[[int], None]:
-        self._progress.start()
-        return lambda new: self._progress.advance(self._task, new)
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
-
-
 def _simulate(options: dict[str, Any]) -> ArmRecord:
     """The recording that the options ask for; messages about a setting name its option."""
     try:
         scenario = ArmScenario(**options)
         if math.isinf(scenario.duration):
             raise SettingsError("duration is inf; a bag must end. Give a number of seconds.")
-        with _Bar(round(scenario.duration * scenario.rate)) as advance:
+        with Bar(round(scenario.duration * scenario.rate)) as advance:
             return simulate_arm(scenario, advance, START_TIME)
     except SettingsError as error:
-        text = str(error)
-        for field in sorted(options, key=len, reverse=True):
-            text = text.replace(field, _OPTION_OF.get(field, "--" + field.replace("_", "-"))) if "_" in field else text
-        field = text.partition(" ")[0]
-        raise SettingsError(f"--{text}" if field in options else text) from None
+        raise named_option(error, options) from None
 
 
 def _show(summary: dict[str, Any]) -> None:

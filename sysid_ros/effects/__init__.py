@@ -1,26 +1,97 @@
 """Physical causes of joint torque, one a file. A new one is a new file and a line here."""
 
+from sysid_ros.effects.asymmetric_coulomb_friction import AsymmetricCoulombFriction
+from sysid_ros.effects.backlash import Backlash
+from sysid_ros.effects.base_tilt import BaseTilt
+from sysid_ros.effects.cogging import Cogging
 from sysid_ros.effects.coulomb_friction import CoulombFriction
-from sysid_ros.effects.effect import Effect, JointEffect
+from sysid_ros.effects.effect import Effect, JointCurves, JointEffect, Knob
+from sysid_ros.effects.external_force import ExternalForce
+from sysid_ros.effects.friction_drift import FrictionDrift
+from sysid_ros.effects.gravity_compensated_effort import GravityCompensatedEffort
+from sysid_ros.effects.joint_coupling import JointCoupling
+from sysid_ros.effects.joint_elasticity import JointElasticity
+from sysid_ros.effects.joint_offset import JointOffset
 from sysid_ros.effects.link_inertia import LinkInertia
+from sysid_ros.effects.load_dependent_friction import LoadDependentFriction
+from sysid_ros.effects.motion import Motion
 from sysid_ros.effects.payload import Payload
+from sysid_ros.effects.payload_change import PayloadChange
+from sysid_ros.effects.presliding_hysteresis import PreslidingHysteresis
+from sysid_ros.effects.quadratic_friction import QuadraticFriction
 from sysid_ros.effects.rotor_inertia import RotorInertia
+from sysid_ros.effects.spring import Spring
+from sysid_ros.effects.stribeck_friction import StribeckFriction
+from sysid_ros.effects.time_delay import TimeDelay
 from sysid_ros.effects.torque_offset import TorqueOffset
+from sysid_ros.effects.torque_offset_drift import TorqueOffsetDrift
+from sysid_ros.effects.torque_saturation import TorqueSaturation
+from sysid_ros.effects.torque_scale import TorqueScale
 from sysid_ros.effects.viscous_friction import ViscousFriction
 
-EFFECTS: dict[str, type[Effect]] = {
-    effect.id: effect for effect in (LinkInertia, Payload, ViscousFriction, CoulombFriction, RotorInertia, TorqueOffset)
-}
+_CLASSES: tuple[type[Effect], ...] = (
+    LinkInertia,
+    Payload,
+    PayloadChange,
+    ViscousFriction,
+    CoulombFriction,
+    QuadraticFriction,
+    StribeckFriction,
+    AsymmetricCoulombFriction,
+    LoadDependentFriction,
+    PreslidingHysteresis,
+    FrictionDrift,
+    RotorInertia,
+    TorqueOffset,
+    TorqueOffsetDrift,
+    TorqueScale,
+    TorqueSaturation,
+    GravityCompensatedEffort,
+    BaseTilt,
+    ExternalForce,
+    JointOffset,
+    JointElasticity,
+    Backlash,
+    JointCoupling,
+    Spring,
+    Cogging,
+    TimeDelay,
+)
+
+EFFECTS: dict[str, type[Effect]] = {effect.id: effect for effect in _CLASSES}
 """Every effect by the name it has in ``model.yaml``."""
 
 __all__ = [
     "EFFECTS",
+    "AsymmetricCoulombFriction",
+    "Backlash",
+    "BaseTilt",
+    "Cogging",
     "CoulombFriction",
     "Effect",
+    "ExternalForce",
+    "FrictionDrift",
+    "GravityCompensatedEffort",
+    "JointCoupling",
+    "JointCurves",
     "JointEffect",
+    "JointElasticity",
+    "JointOffset",
+    "Knob",
     "LinkInertia",
+    "LoadDependentFriction",
+    "Motion",
     "Payload",
+    "PayloadChange",
+    "PreslidingHysteresis",
+    "QuadraticFriction",
     "RotorInertia",
+    "Spring",
+    "StribeckFriction",
+    "TimeDelay",
     "TorqueOffset",
+    "TorqueOffsetDrift",
+    "TorqueSaturation",
+    "TorqueScale",
     "ViscousFriction",
 ]

@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import JointEffect
+from sysid_ros.effects.effect import JointEffect, Knob
+from sysid_ros.effects.motion import Motion
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -28,6 +29,10 @@ class CoulombFriction(JointEffect):
 
     id: ClassVar[str] = "coulomb_friction"
     label: ClassVar[str] = "Coulomb friction"
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s"),)
+    signature: ClassVar[str] = "two levels of equal size by direction of motion"
+    look_alikes: ClassVar[tuple[str, ...]] = ("stribeck_friction", "presliding_hysteresis", "asymmetric_coulomb_friction")
+    separated_by: ClassVar[str] = "several speeds in both directions, with reversals"
     nonnegative: ClassVar[bool] = True
     symbol: ClassVar[str] = "Fc"
     unit: ClassVar[str] = "N m"
@@ -43,6 +48,6 @@ class CoulombFriction(JointEffect):
     def settings(self) -> dict[str, Any]:
         return {"width": self.width}
 
-    def curve(self, sample: Sample) -> FloatArray:
+    def curve(self, sample: Sample | Motion) -> FloatArray:
         curve: FloatArray = np.tanh(sample.v / self.width)
         return curve

@@ -4,13 +4,30 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
+from sysid_ros.effects.motion import Motion
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
+
+
+@dataclass(frozen=True, slots=True)
+class Knob:
+    """A nonlinear parameter of an effect: a constructor argument that is searched for.
+
+    Attributes:
+        name: of the argument. low, high: range of the search [unit]. unit: in words. logarithmic: the search goes in equal ratios.
+    """
+
+    name: str
+    low: float
+    high: float
+    unit: str
+    logarithmic: bool = True
 
 
 class Effect(ABC):
@@ -27,10 +44,17 @@ class Effect(ABC):
         joints: indices of the joints that have parameters, ascending.
         parameter_names: p names.
         units: p units.
+        signature: what it leaves in the residual of a model that lacks it.
+        look_alikes: ids of the effects that it is mistaken for. separated_by: the motion that tells them apart.
+        knobs: its nonlinear parameters.
     """
 
     id: ClassVar[str]
     label: ClassVar[str]
+    signature: ClassVar[str] = ""
+    look_alikes: ClassVar[tuple[str, ...]] = ()
+    separated_by: ClassVar[str] = ""
+    knobs: ClassVar[tuple[Knob, ...]] = ()
     nonnegative: ClassVar[bool] = False
     parameter_names: tuple[str, ...]
     units: tuple[str, ...]
@@ -78,9 +102,17 @@ class Effect(ABC):
         self.fill(sample, out)
         return out
 
+    def columns_along(self, motion: Motion) -> FloatArray:
+        """Y along a whole recording, shape (N, n, p). An effect with a memory computes it here, from the recording's start."""
+        return np.stack([self.columns(sample) for sample in motion.samples()])
+
     def torque(self, sample: Sample, theta: FloatArray) -> FloatArray:
         """Joint torques of this effect, shape (n,) [N m]: what a simulation adds at each step."""
         return self.columns(sample) @ theta
+
+    def torque_along(self, motion: Motion, theta: FloatArray) -> FloatArray:
+        """Joint torques along a whole recording, shape (N, n) [N m]."""
+        return self.columns_along(motion) @ theta
 
 
 class JointEffect(Effect):
@@ -97,11 +129,20 @@ class JointEffect(Effect):
         self._columns = np.arange(len(self.joints))
 
     @abstractmethod
-    def curve(self, sample: Sample) -> FloatArray:
-        """c of every joint, shape (n,) [N m per unit of the parameter]."""
+    def curve(self, sample: Sample | Motion) -> FloatArray:
+        """c of every joint, shape (n,) [N m per unit of the parameter]; of a whole motion, shape (N, n) or one that fits it."""
+
+    def curves_along(self, motion: Motion) -> FloatArray:
+        """As :meth:`JointCurves.curves_along`."""
+        return np.broadcast_to(self.curve(motion), motion.q.shape)[None]
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         out[self.joints, self._columns] = self.curve(sample)[self.joints]
+
+    def columns_along(self, motion: Motion) -> FloatArray:
+        out = np.zeros((len(motion.t), self.robot.n, self.p))
+        out[:, self.joints, self._columns] = self.curves_along(motion)[0][:, self.joints]
+        return out
 
     def torque(self, sample: Sample, theta: FloatArray) -> FloatArray:
         curve = self.curve(sample)
@@ -110,3 +151,58 @@ class JointEffect(Effect):
         tau = np.zeros(self.robot.n)
         tau[self.joints] = curve[self.joints] * theta
         return tau
+
+
+class JointCurves(Effect):
+    """An effect with a few parameters a joint, whose columns load only that joint: ``tau_j = sum_c C_c(q, v, a)_j theta_cj``.
+
+    Parameters stand joint after joint, each with all of its ``symbols``.
+    """
+
+    symbols: ClassVar[tuple[str, ...]]
+    symbol_units: ClassVar[tuple[str, ...]]
+    slide_units: ClassVar[tuple[str, ...]]
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
+        super().__init__(robot, joints)
+        self.parameter_names = tuple(f"{symbol}[{name}]" for name in self.joint_names for symbol in self.symbols)
+        self.units = tuple(
+            unit for j in self.joints for unit in (self.slide_units if robot.is_prismatic[j] else self.symbol_units)
+        )
+
+    @abstractmethod
+    def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
+        """C of every joint, shape (c, n) or (c, N, n).
+
+        Args:
+            state: one sample or a whole motion. load: torque on the link side of the joints, as ``state.q`` [N m].
+        """
+
+    def curves_along(self, motion: Motion) -> FloatArray:
+        """C of every joint along a recording, shape (c, N, n)."""
+        return self.curves(motion, motion.link_torque)
+
+    def fill(self, sample: Sample, out: FloatArray) -> None:
+        load = self.robot.rnea_along(sample.q[None], sample.v[None], sample.a[None])[0]
+        self._place(self.curves(sample, load)[:, None, :], out[None])
+
+    def columns_along(self, motion: Motion) -> FloatArray:
+        out = np.zeros((len(motion.t), self.robot.n, self.p))
+        self._place(self.curves_along(motion), out)
+        return out
+
+    def _place(self, curves: FloatArray, out: FloatArray) -> None:
+        for k, j in enumerate(self.joints):
+            for c in range(len(self.symbols)):
+                out[:, j, k * len(self.symbols) + c] = curves[c][:, j]
+
+
+def positive(value: object, what: str, effect: str) -> float:
+    """A setting that must be a positive, finite number.
+
+    Raises:
+        ModelFileError: it is not.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < np.inf:
+        raise ModelFileError(f"effect '{effect}' has {what} {value!r}; it must be a positive number.")
+    return float(value)

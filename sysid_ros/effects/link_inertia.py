@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
+import numpy as np
+
 from sysid_ros import inertial_parameters
 from sysid_ros.effects.effect import Effect
+from sysid_ros.effects.motion import Motion
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 
@@ -19,6 +22,9 @@ class LinkInertia(Effect):
 
     id: ClassVar[str] = "link_inertia"
     label: ClassVar[str] = "link inertials"
+    signature: ClassVar[str] = "gravity and inertial torque of one link, in all joints that carry it, changing with the posture"
+    look_alikes: ClassVar[tuple[str, ...]] = ("payload", "spring", "torque_scale", "joint_offset")
+    separated_by: ClassVar[str] = "60 degrees or more of at least two joints before the link, with accelerations"
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
         super().__init__(robot, joints)
@@ -36,3 +42,6 @@ class LinkInertia(Effect):
     def fill(self, sample: Sample, out: FloatArray) -> None:
         regressor = self.robot.regressor(sample.q, sample.v, sample.a)
         out[:] = regressor if self._every_joint else regressor[:, self._columns]
+
+    def columns_along(self, motion: Motion) -> FloatArray:
+        return np.asarray(motion.regressor[:, :, self._columns])

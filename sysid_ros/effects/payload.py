@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from sysid_ros import inertial_parameters
 from sysid_ros.effects.effect import Effect
+from sysid_ros.effects.motion import Motion
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 
@@ -28,6 +29,9 @@ class Payload(Effect):
 
     id: ClassVar[str] = "payload"
     label: ClassVar[str] = "payload"
+    signature: ClassVar[str] = "gravity and inertial torque in all joints that carry the tool, of a body with a positive mass"
+    look_alikes: ClassVar[tuple[str, ...]] = ("link_inertia", "external_force")
+    separated_by: ClassVar[str] = "changes of the wrist's orientation, and accelerations"
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), frame: str = "") -> None:
         super().__init__(robot, joints)
@@ -41,4 +45,7 @@ class Payload(Effect):
         return {"frame": self.frame}
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
-        out[:] = self.robot.payload_regressor_after_rnea(sample.q, self.frame_index)
+        self.robot.fill_payload_regressor(sample.q, self.frame_index, out)
+
+    def columns_along(self, motion: Motion) -> FloatArray:
+        return motion.payload_regressor(self.frame)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from sysid_ros.effects.effect import JointEffect
+from sysid_ros.effects.motion import Motion
 from sysid_ros.sample import FloatArray, Sample
 
 
@@ -13,10 +14,15 @@ class RotorInertia(JointEffect):
 
     id: ClassVar[str] = "rotor_inertia"
     label: ClassVar[str] = "rotor inertia"
+    signature: ClassVar[str] = "in proportion to the joint's own acceleration, whatever the posture"
+    look_alikes: ClassVar[tuple[str, ...]] = ("link_inertia", "joint_elasticity")
+    separated_by: ClassVar[str] = (
+        "strong accelerations in several postures; on the first and the last joint a link's inertia is the same"
+    )
     nonnegative: ClassVar[bool] = True
     symbol: ClassVar[str] = "J"
     unit: ClassVar[str] = "kg m^2"
     slide_unit: ClassVar[str] = "kg"
 
-    def curve(self, sample: Sample) -> FloatArray:
+    def curve(self, sample: Sample | Motion) -> FloatArray:
         return sample.a

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from sysid_ros.effects.effect import JointEffect
+from sysid_ros.effects.motion import Motion
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 
@@ -16,6 +17,9 @@ class TorqueOffset(JointEffect):
 
     id: ClassVar[str] = "torque_offset"
     label: ClassVar[str] = "torque offset"
+    signature: ClassVar[str] = "a constant, at rest and in motion"
+    look_alikes: ClassVar[tuple[str, ...]] = ("asymmetric_coulomb_friction", "spring", "joint_offset")
+    separated_by: ClassVar[str] = "rests of a second in several postures"
     symbol: ClassVar[str] = "offset"
     unit: ClassVar[str] = "N m"
     slide_unit: ClassVar[str] = "N"
@@ -24,5 +28,5 @@ class TorqueOffset(JointEffect):
         super().__init__(robot, joints)
         self._ones = np.ones(robot.n)
 
-    def curve(self, sample: Sample) -> FloatArray:
+    def curve(self, sample: Sample | Motion) -> FloatArray:
         return self._ones

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from sysid_ros.effects.effect import JointEffect
+from sysid_ros.effects.motion import Motion
 from sysid_ros.sample import FloatArray, Sample
 
 
@@ -13,10 +14,13 @@ class ViscousFriction(JointEffect):
 
     id: ClassVar[str] = "viscous_friction"
     label: ClassVar[str] = "viscous friction"
+    signature: ClassVar[str] = "a straight line against the speed"
+    look_alikes: ClassVar[tuple[str, ...]] = ("time_delay", "quadratic_friction", "coulomb_friction")
+    separated_by: ClassVar[str] = "speeds from a tenth of the limit to nearly all of it"
     nonnegative: ClassVar[bool] = True
     symbol: ClassVar[str] = "b"
     unit: ClassVar[str] = "N m s/rad"
     slide_unit: ClassVar[str] = "N s/m"
 
-    def curve(self, sample: Sample) -> FloatArray:
+    def curve(self, sample: Sample | Motion) -> FloatArray:
         return sample.v

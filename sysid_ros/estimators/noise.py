@@ -26,12 +26,13 @@ class LongRunVariance:
 
     BLOCKS = (0.25, 0.5, 1.0, 2.0, 4.0)
     FEWEST = 8
+    FEWEST_LONGER = 4
     CAUTION = 100.0
 
     def __init__(self, m: int, period: float, floor: FloatArray, memory: float = 120.0) -> None:
         self.period = period
         self.floor = floor
-        self._lengths = np.array([max(round(b / period), 1) for b in self.BLOCKS], dtype=float)
+        self.lengths = np.array([max(round(b / period), 1) for b in self.BLOCKS], dtype=float)
         self._keep = float(np.exp(-period / memory))
         self._sums = np.zeros((len(self.BLOCKS), m))
         self._filled = np.zeros(len(self.BLOCKS))
@@ -42,7 +43,7 @@ class LongRunVariance:
     @property
     def fewest_updates(self) -> int:
         """Residuals that it takes to know the noise."""
-        return int(self.FEWEST * self._lengths[0])
+        return int(self.FEWEST * self.lengths[0])
 
     @property
     def known(self) -> bool:
@@ -52,8 +53,18 @@ class LongRunVariance:
     def add(self, residual: FloatArray) -> bool:
         """Take in the residual after an update, shape (m,); True where the noise is known otherwise than before."""
         before = self._count[0]
-        kernels.accumulate_blocks(residual, self._sums, self._filled, self._lengths, self._power, self._count, self._keep)
+        kernels.accumulate_blocks(residual, self._sums, self._filled, self.lengths, self._power, self._count, self._keep)
         if self._count[0] == before or not self.known:
+            return False
+        self._estimate()
+        return True
+
+    def add_block(self, level: int, power: FloatArray) -> bool:
+        """Take in what a block of a level says of the noise, shape (m,); True where the noise is known otherwise than before."""
+        fade = self._keep ** self.lengths[level]
+        self._power[level] = fade * self._power[level] + power
+        self._count[level] = fade * self._count[level] + 1.0
+        if level > 0 or not self.known:
             return False
         self._estimate()
         return True
@@ -62,10 +73,11 @@ class LongRunVariance:
         chosen = self._power[0] / self._count[0] * _small_sample(self._count[0])
         for level in range(1, len(self.BLOCKS)):
             count = self._count[level]
-            if count < self.FEWEST - 0.5:
+            if count < self.FEWEST_LONGER - 0.5:
                 break
             longer = self._power[level] / count
-            chosen = np.where(longer > chosen * (1.0 + np.sqrt(2.0 / count)), longer * _small_sample(count), chosen)
+            grown = 2.0 * longer - self._power[level - 1] / self._count[level - 1]
+            chosen = np.where(longer > chosen * (1.0 + 1.5 * np.sqrt(2.0 / count)), grown * _small_sample(count), chosen)
         self.variance = np.maximum(chosen, self.floor)
 
     def interrupt(self) -> None:
@@ -76,4 +88,4 @@ class LongRunVariance:
 
 def _small_sample(count: float) -> float:
     """Widens the variance as Student's t does the interval."""
-    return 1.0 + 2.5 / count
+    return 1.0 + 4.0 / count

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid_ros.estimators import kernels
+from sysid_ros.estimators.block_innovations import BlockInnovations
 from sysid_ros.estimators.estimator import Estimate, Estimator
 from sysid_ros.estimators.noise import LongRunVariance
 from sysid_ros.estimators.normal_equations import NormalEquations
@@ -76,6 +77,7 @@ class VariableForgetting(Estimator):
         self._spread: FloatArray = self._floor * self.noise.CAUTION
         self._spread_count = 0
         self._updates = 0
+        self._blocks = BlockInnovations(self.noise.lengths, self.m, self.p)
         self._equations = NormalEquations(self._prior_variance, self.m)
         self._settling = 0
         self._burst = 0
@@ -94,6 +96,11 @@ class VariableForgetting(Estimator):
     @property
     def theta(self) -> FloatArray:
         return self._theta.copy()
+
+    @property
+    def row_variance(self) -> FloatArray:
+        """Variance of the residual of single rows, shape (m,): without what follows from their colour."""
+        return self._spread
 
     @property
     def settling(self) -> bool:
@@ -118,7 +125,7 @@ class VariableForgetting(Estimator):
         if jumped and hold:
             self._burst = round(0.5 / self._period)
         if hold and self._burst == 0:
-            self.noise.interrupt()
+            self._interrupt_noise()
             return self._held(innovation)
         self._burst = max(self._burst - 1, 0)
         known = self.noise.known
@@ -128,12 +135,14 @@ class VariableForgetting(Estimator):
             variance = variance * z
         Z = self._fit_sensitivity(considered)
         self._forget()
+        noise_is_new = known and not outlier and self._learn_colour(Y, tau, extra)
         kernels.joseph_update_considering(self._theta, self._P, Y, tau, variance, self._sensitivity, Z)
         self._equations.add(Y, tau, Z, (self.noise.variance if known else self._floor) / variance)
         self._updates += 1
         self._settle()
         if known:
-            if self._learn_noise(tau - Y @ self._theta, extra, outlier):
+            self._learn_noise(tau - Y @ self._theta, extra, learn_colour=False)
+            if noise_is_new:
                 self._weigh_anew()
         elif not self.settling:
             self._early.append((Y, tau, extra))
@@ -169,7 +178,7 @@ class VariableForgetting(Estimator):
         self._spread_count = 0
         freedom = max(1.0 - self.p / (self.m * count * self._period / self.INDEPENDENT), 0.25)
         for Y, tau, extra in self._early:
-            self._learn_noise((tau - Y @ self._theta) / np.sqrt(freedom), extra, False, learn_colour=count == fewest)
+            self._learn_noise((tau - Y @ self._theta) / np.sqrt(freedom), extra, learn_colour=count == fewest)
         if count == fewest:
             self._early = []
             self._weigh_anew()
@@ -211,9 +220,9 @@ class VariableForgetting(Estimator):
         if explained < self.EXPLAINED or significance < self.SIGNIFICANT or not np.any(np.abs(change) > self._jump.least):
             return False
         self.jumps += 1
-        self.last_jump = change
+        self.last_jump = np.asarray(change)
         self._settling = max(round(self._jump.memory / self._period), 1)
-        self.noise.interrupt()
+        self._interrupt_noise()
         if self.noise.known:
             self._reset_block()
         else:
@@ -259,10 +268,26 @@ class VariableForgetting(Estimator):
             elif self._settling == 0:
                 self._start_again()
 
-    def _learn_noise(self, residual: FloatArray, extra: FloatArray, outlier: bool, learn_colour: bool = True) -> bool:
+    def _learn_colour(self, Y: FloatArray, tau: FloatArray, extra: FloatArray) -> bool:
+        """Take rows into the blocks that the long-run variance is read from; True where it is known otherwise than before."""
         if self.settling:
-            self.noise.interrupt()
             return False
+        weight = np.sqrt(self._spread / (self._spread + extra))
+        full = self._blocks.add(weight[:, None] * Y, weight * tau, self._theta, self._P, self.noise.variance)
+        known_anew = False
+        for level, power in reversed(full):
+            known_anew = self.noise.add_block(level, power)
+        return known_anew
+
+    def _interrupt_noise(self) -> None:
+        """Residuals to come do not follow the ones before."""
+        self.noise.interrupt()
+        self._blocks.interrupt()
+
+    def _learn_noise(self, residual: FloatArray, extra: FloatArray, learn_colour: bool) -> None:
+        if self.settling:
+            self._interrupt_noise()
+            return
         weighted: FloatArray = residual * np.sqrt(self._spread / (self._spread + extra))
         squared: FloatArray = weighted * weighted
         if self._spread_count * self._period > 0.5:
@@ -270,6 +295,5 @@ class VariableForgetting(Estimator):
         self._spread_count += 1
         rate = max(1.0 / self._spread_count, self._period / 10.0)
         self._spread = np.maximum((1.0 - rate) * self._spread + rate * squared, self._floor)
-        if learn_colour and not outlier:
-            return self.noise.add(weighted)
-        return False
+        if learn_colour:
+            self.noise.add(weighted)

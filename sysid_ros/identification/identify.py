@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from sysid_ros.effects import CoulombFriction, Effect, LinkInertia, RotorInertia, TorqueOffset, ViscousFriction
 from sysid_ros.exceptions import DataError
+from sysid_ros.identification.advice import record_next
+from sysid_ros.identification.base_groups import base_groups, base_of_range, group_matrix
 from sysid_ros.identification.base_parameters import BaseParameters
+from sysid_ros.identification.contradictions import check_contradictions
 from sysid_ros.identification.error_directions import error_directions
-from sysid_ros.identification.least_squares import Fit, fit, noise_density, residuals, rms
+from sysid_ros.identification.held_out import Folds, Prior, Solvers, choose_prior
+from sysid_ros.identification.least_squares import Fit, fit, noise_density
+from sysid_ros.identification.repeatability import per_bag, repeatability, spread
+from sysid_ros.identification.result import CutOff, Identification, Knob, Parameter, Problem, TorqueError
 from sysid_ros.identification.rows import BagRows
+from sysid_ros.identification.torque_error import joint_noise, residual_series, torque_error, whiteness_tests
 from sysid_ros.model_file import EffectBlock, ModelFile, urdf_digest
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -24,90 +32,115 @@ _ONE_RECORDING = 1.4
 
 
 @dataclass(frozen=True, slots=True)
-class TorqueError:
-    """How well a model predicts a recording that it was not fitted to, a joint, shape (n,) each [N m].
+class Choices:
+    """How to identify.
 
     Attributes:
-        name: the recording. residual: rms of the residual. torque: rms of the torque. nominal: rms of the residual of the URDF
-            alone.
+        method: one of :data:`sysid_ros.identification.least_squares.METHODS`. form: one of ``rows.FORMS``, for the record.
+        friction: "coulomb", "stribeck" or "load_dependent", for the record.
+        physical: links that can exist, friction and rotors of 0 or more. prior_weight: None to choose it by held-out error.
+        accept_doubts: go on where effort and URDF, or the bags among each other, don't fit, and only say so.
     """
 
-    name: str
-    residual: FloatArray
-    torque: FloatArray
-    nominal: FloatArray
+    method: str = "irls"
+    form: str = "acceleration"
+    friction: str = "coulomb"
+    physical: bool = True
+    prior_weight: float | None = None
+    accept_doubts: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Identification:
-    """What identification found.
+def free_model(robot: RobotModel, friction: Sequence[Effect] = ()) -> TorqueModel:
+    """Links, friction, rotors and offsets of the arm, all free.
 
-    Attributes:
-        theta, covariance: of all effects side by side, shape (p,) and (p, p). names, units: p each.
-        base: which combinations of the parameters the recordings determine.
-        errors: torque error on recordings held out in turn. validation: on those that were never fitted.
-        model: to be written to model.yaml.
+    Args:
+        friction: dry friction; Coulomb's on every joint by default.
     """
-
-    theta: FloatArray
-    covariance: FloatArray
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    base: BaseParameters
-    errors: tuple[TorqueError, ...]
-    validation: tuple[TorqueError, ...]
-    model: ModelFile
-
-
-def free_model(robot: RobotModel) -> TorqueModel:
-    """Links, friction, rotors and offsets of the arm, all free."""
-    effects: list[Effect] = [
-        LinkInertia(robot),
-        ViscousFriction(robot),
-        CoulombFriction(robot),
-        RotorInertia(robot),
-        TorqueOffset(robot),
-    ]
-    return TorqueModel(robot, effects)
+    dry = list(friction) or [CoulombFriction(robot)]
+    return TorqueModel(robot, [LinkInertia(robot), ViscousFriction(robot), *dry, RotorInertia(robot), TorqueOffset(robot)])
 
 
 def identify(
-    model: TorqueModel, bags: Sequence[BagRows], validation: Sequence[BagRows], provenance: dict[str, Any]
+    model: TorqueModel,
+    bags: Sequence[BagRows],
+    validation: Sequence[BagRows],
+    provenance: dict[str, Any],
+    choices: Choices | None = None,
+    cutoff: CutOff | None = None,
+    problems: Sequence[Problem] = (),
+    knobs: Sequence[Knob] = (),
 ) -> Identification:
     """Weighted least squares on all recordings; its error from recordings held out in turn (halves, where there is one).
 
+    First the unconstrained fit: it gives the noise of each joint in each bag, the covariance, and the base parameters as the
+    data tell them. Then, with these weights, the links that can exist and predict best what was not fitted.
+
     Args:
         model: from :func:`free_model`. bags: rows of recordings without a payload. validation: rows that are never fitted.
-        provenance: written into the model file.
+        provenance: written into the model file. choices: how. cutoff, problems, knobs: found before, for the record.
 
     Raises:
-        DataError: a joint hardly moves in all of the recordings.
+        DataError: a joint hardly moves in all of the recordings, or no physical parameters explain them.
     """
+    choices = choices or Choices()
     _require_motion(model.robot, bags)
-    mean, std = _prior(model)
+    prior = Prior.of(model)
+    found = fit(bags, prior.mean, prior.std, choices.method)
+    problems = [
+        *problems,
+        *check_contradictions(bags, found, prior, model.robot.joint_names, choices.accept_doubts),
+    ]
+    folds, solvers = Folds.of(bags, found), Solvers.of(model, prior, found, choices.physical)
+    chosen = choose_prior(folds, solvers, choices.prior_weight)
+    theta, physical = solvers.solve(found.information, found.score, chosen.weight)
     parts = list(bags) if len(bags) > 1 else _halves(bags[0])
-    whole = fit(bags, mean, std)
-    errors, density, square = [], [], []
-    seconds = [part.period * part.moving.sum(axis=0) for part in parts]
-    for i, part in enumerate(parts):
-        rest = fit([p for k, p in enumerate(parts) if k != i], mean, std)
-        errors.append(_error(model, part, rest.theta, mean))
-        density.append(noise_density([part], rest.theta) * seconds[i])
-        square.append(errors[-1].residual ** 2 * seconds[i])
-    torque_std = np.sqrt(np.sum(square, axis=0) / np.sum(seconds, axis=0))
-    if len(bags) == 1:
-        # its halves repeat the motion, and a model is always better where it was fitted
-        torque_std = torque_std * _ONE_RECORDING
-    correlation_time = np.sum(density, axis=0) / np.sum(seconds, axis=0) / (2.0 * torque_std**2)
+    without = [folds.without(fold) for fold in range(len(parts))]
+    thetas = [solvers.solve(*data, chosen.weight)[0] for data in without]
+    with_urdf = [solvers.solve(*data, math.inf)[0] for data in without]
+    errors = tuple(torque_error(x, at, prior.mean, urdf) for x, at, urdf in zip(parts, thetas, with_urdf, strict=True))
+    torque_std, correlation_time = _error_elsewhere(parts, thetas, errors, len(bags))
+    base = base_of_range(model)
+    T = group_matrix(base)
+    values, stds = per_bag(found, prior, T)
+    between = spread(values)
+    groups = base_groups(model, base, found, prior, between)
+    repeated = repeatability(model, base, T, values, stds)
+    parameters = _parameters(
+        model, theta, found, prior, {int(i): float(x) for i, x in zip(base.independent, between, strict=True)}
+    )
+    series = [residual_series(bag, "validation", theta, prior.mean) for bag in validation] or [
+        residual_series(part, "held out", at, prior.mean) for part, at in zip(parts, thetas, strict=True)
+    ]
+    friction_only, _ = solvers.solve(found.information, found.score, math.inf)
+    condition = _condition_number(found.information, base)
     return Identification(
-        theta=whole.theta,
-        covariance=whole.covariance,
+        joint_names=model.robot.joint_names,
+        bags=tuple(bag.name for bag in bags),
+        validation_bags=tuple(bag.name for bag in validation),
+        theta=theta,
+        covariance=found.covariance,
         names=model.parameter_names,
         units=model.units,
-        base=BaseParameters(_information(bags)),
-        errors=tuple(errors),
-        validation=tuple(_error(model, bag, whole.theta, mean) for bag in validation),
-        model=_model_file(model, whole, torque_std, correlation_time, provenance),
+        parameters=parameters,
+        groups=groups,
+        base=base,
+        bags_condition_number=condition,
+        method=choices.method,
+        form=choices.form,
+        friction=choices.friction,
+        knobs=tuple(knobs),
+        cutoff=cutoff or CutOff(bags[0].cutoff_hz, "as given"),
+        prior=chosen,
+        errors=errors,
+        validation=tuple(torque_error(bag, theta, prior.mean, friction_only) for bag in validation),
+        series=tuple(series),
+        noise=tuple(x for b, bag in enumerate(bags) for x in joint_noise(bag, b, found, model.robot.joint_names)),
+        whiteness=tuple(x for bag in bags for x in whiteness_tests(bag, found.theta, model.robot.joint_names)),
+        repeatability=repeated,
+        problems=tuple(problems),
+        record_next=record_next(model.robot, bags, groups, repeated, condition),
+        physical=physical,
+        model=_model_file(model, theta, found, torque_std, correlation_time, provenance),
     )
 
 
@@ -120,52 +153,79 @@ def _require_motion(robot: RobotModel, bags: Sequence[BagRows]) -> None:
         raise DataError(
             f"joints that hardly move in these recordings: {', '.join(still)}. "
             "Each joint must move for at least 5 % of the time; record a motion that moves all of them, or leave the joint out "
-            "of the URDF."
+            "of joint_names (--config) and of the URDF."
         )
-
-
-def _prior(model: TorqueModel) -> tuple[FloatArray, FloatArray]:
-    """Mean and standard deviation before any data: the URDF's links, friction and rotors of the size of the effort limits."""
-    robot = model.robot
-    mean, std = np.zeros(model.p), np.zeros(model.p)
-    limit = np.where(np.isfinite(robot.effort_limit), robot.effort_limit, 100.0)
-    for effect, where in zip(model.free, model.slices, strict=True):
-        if isinstance(effect, LinkInertia):
-            mean[where] = effect.nominal
-            mass = np.maximum(effect.nominal[::10], 0.5)
-            std[where] = np.concatenate([np.array([0.5] + [0.1] * 3 + [0.03] * 6) * m for m in mass])
-        elif isinstance(effect, RotorInertia):
-            std[where] = 0.05 * limit
-        else:
-            std[where] = 0.2 * limit
-    return mean, std
 
 
 def _halves(bag: BagRows) -> list[BagRows]:
     middle = len(bag.t) // 2
     return [
-        replace(bag, name=f"{bag.name} ({word} half)", t=bag.t[s], Y=bag.Y[s], y=bag.y[s], tau=bag.tau[s], moving=bag.moving[s])
-        for word, s in (("first", slice(None, middle)), ("second", slice(middle, None)))
+        bag.part(s, f"{bag.name} ({word} half)") for word, s in (("first", slice(None, middle)), ("second", slice(middle, None)))
     ]
 
 
-def _error(model: TorqueModel, bag: BagRows, theta: FloatArray, nominal: FloatArray) -> TorqueError:
-    return TorqueError(
-        bag.name, rms(residuals(bag, theta), bag.moving), rms(bag.tau, bag.moving), rms(residuals(bag, nominal), bag.moving)
-    )
+def _error_elsewhere(
+    parts: Sequence[BagRows], thetas: Sequence[FloatArray], errors: Sequence[TorqueError], bags: int
+) -> tuple[FloatArray, FloatArray]:
+    """What the model will leave unexplained on other motions, shape (n,) [N m], and for how long it keeps its sign [s]."""
+    seconds = np.array([part.period * part.moving.sum(axis=0) for part in parts])
+    total = np.maximum(seconds.sum(axis=0), 1e-9)
+    torque_std = np.sqrt(np.sum([e.residual_moving**2 for e in errors] * seconds, axis=0) / total)
+    if bags == 1:
+        # its halves repeat the motion, and a model is always better where it was fitted
+        torque_std = torque_std * _ONE_RECORDING
+    density = np.array([noise_density([part], theta) for part, theta in zip(parts, thetas, strict=True)])
+    return torque_std, np.sum(density * seconds, axis=0) / total / np.maximum(2.0 * torque_std**2, 1e-18)
 
 
-def _information(bags: Sequence[BagRows]) -> FloatArray:
-    information: FloatArray = np.sum([np.einsum("tja,tjb->ab", bag.Y, bag.Y) for bag in bags], axis=0)
-    return information
+def _parameters(
+    model: TorqueModel, theta: FloatArray, found: Fit, prior: Prior, between: dict[int, float]
+) -> tuple[Parameter, ...]:
+    std, bound = np.sqrt(np.diag(found.covariance)), np.sqrt(np.diag(found.bound))
+    posterior = np.diag(np.linalg.inv(found.information + np.diag(prior.precision())))
+    out = []
+    for effect, where in zip(model.free, model.slices, strict=True):
+        for i in range(where.start, where.stop):
+            name = model.parameter_names[i]
+            out.append(
+                Parameter(
+                    name=name,
+                    effect=effect.id,
+                    joint=name[name.index("[") + 1 : -1],
+                    value=float(theta[i]),
+                    unit=model.units[i],
+                    std=float(std[i]),
+                    crb=float(bound[i]),
+                    ci95=(float(theta[i] - 1.96 * std[i]), float(theta[i] + 1.96 * std[i])),
+                    prior_std=float(prior.std[i]),
+                    from_data=float(np.clip(1.0 - posterior[i] / prior.std[i] ** 2, 0.0, 1.0)),
+                    between_bags=between.get(i, math.nan),
+                )
+            )
+    return tuple(out)
+
+
+def _condition_number(information: FloatArray, base: BaseParameters) -> float:
+    """Of the base columns of these bags, each scaled to unit length; infinite where a column is zero."""
+    part = information[np.ix_(base.independent, base.independent)]
+    size = np.sqrt(np.diag(part))
+    if np.any(size <= 0.0):
+        return math.inf
+    values = np.linalg.eigvalsh(part / np.outer(size, size))
+    return float(np.sqrt(values[-1] / values[0])) if values[0] > 0.0 else math.inf
 
 
 def _model_file(
-    model: TorqueModel, whole: Fit, torque_std: FloatArray, correlation_time: FloatArray, provenance: dict[str, Any]
+    model: TorqueModel,
+    theta: FloatArray,
+    found: Fit,
+    torque_std: FloatArray,
+    correlation_time: FloatArray,
+    provenance: dict[str, Any],
 ) -> ModelFile:
     robot = model.robot
     blocks = tuple(
-        EffectBlock(e.id, e.joint_names, e.settings, whole.theta[s], e.parameter_names, e.units, whole.covariance[s, s])
+        EffectBlock(e.id, e.joint_names, e.settings, theta[s], e.parameter_names, e.units, found.covariance[s, s])
         for e, s in zip(model.free, model.slices, strict=True)
     )
     return ModelFile(
@@ -175,6 +235,6 @@ def _model_file(
         effects=blocks,
         torque_std=torque_std,
         correlation_time=correlation_time,
-        uncertainty=error_directions(model, whole.covariance),
+        uncertainty=error_directions(model, found.covariance),
         provenance=provenance,
     )

@@ -1,4 +1,4 @@
-"""Weighted least squares over rows with coloured noise, and the noise itself."""
+"""Least squares over rows with coloured noise, and the noise itself."""
 
 from __future__ import annotations
 
@@ -8,50 +8,122 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid_ros.estimators import LongRunVariance
-from sysid_ros.identification.rows import BagRows
+from sysid_ros.identification.coloured_noise import coloured_information
+from sysid_ros.identification.normal_equations import NormalEquations
+from sysid_ros.identification.rows import BagRows, BoolArray
 from sysid_ros.sample import FloatArray
+
+METHODS = ("ols", "wls", "irls", "robust")
+
+_ITERATIONS = 10
+_SETTLED = 1e-3
+_HUBER = 1.345
+"""Residuals beyond so many standard deviations count by their size and not its square: 95 % efficient for Gaussian noise."""
+
+_GAUSSIAN_BAND = 0.47
+"""Of the Gaussian low-pass: white noise of density D has the variance D cutoff / 0.47 after it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Parameters and their covariance, shape (p,) and (p, p), and the noise they were weighted with.
+    """Parameters, how well they are known, and the noise they were weighted with, for B bags and n joints.
 
     Attributes:
-        density: spectral density of the noise at zero frequency, a joint, shape (n,) [(N m)^2 s].
+        theta: shape (p,).
+        covariance: honest for coloured residuals, shape (p, p). bound: the same, were they white with the same power.
+        information, score: of the data alone, ``sum w Y' Y`` and ``sum w Y' y``, shape (p, p) and (p,).
+        equations: sums over the rows of each bag.
+        weight: w of a row, a bag and a joint, shape (B, n) [1/(N m)^2]. rows: factor of each row from the robust loss, a bag
+            each, shape (N, n), 0 where it is not used.
+        bag_information, bag_score, bag_score_covariance: of each bag, shape (B, p, p), (B, p) and (B, p, p).
+        density: spectral density of the noise that the weights stand for, shape (B, n) [(N m)^2 s].
+        level: noise variance of a row where the motion has its power, shape (B, n) [(N m)^2].
+        squares: mean squared residual, shape (B, n) [(N m)^2].
     """
 
     theta: FloatArray
     covariance: FloatArray
+    bound: FloatArray
+    information: FloatArray
+    score: FloatArray
+    equations: NormalEquations
+    weight: FloatArray
+    rows: tuple[FloatArray, ...]
+    bag_information: FloatArray
+    bag_score: FloatArray
+    bag_score_covariance: FloatArray
     density: FloatArray
+    level: FloatArray
+    squares: FloatArray
 
 
-def fit(bags: Sequence[BagRows], prior_mean: FloatArray, prior_std: FloatArray, iterations: int = 5) -> Fit:
-    """``theta = argmin sum_j |Y_j theta - y_j|^2 / r_j + |(theta - prior) / std|^2``, the noise of each joint from its own
-    residual.
+def fit(bags: Sequence[BagRows], prior_mean: FloatArray, prior_std: FloatArray, method: str = "irls") -> Fit:
+    """``theta = argmin sum_bj w_bj |Y_bj theta - y_bj|^2 + |(theta - prior) / std|^2``.
 
-    The noise r_j is the long-run variance of the residual, so rows that follow one another closely do not count as independent;
-    the prior decides the directions that the data leave open.
+    The weight w_bj of a bag and a joint is one over the long-run variance of its residual, so rows that follow one another
+    closely do not count as independent; the prior decides the directions that the data leave open. With "ols" all joints and
+    bags weigh alike, "wls" takes the noise from the residual of that, "irls" repeats it until it settles, "robust" also bounds
+    what a single row can do (Huber 1964). The covariance is that of the weighted least squares under the noise as it is, see
+    :func:`~sysid_ros.identification.coloured_noise.coloured_information`, and the prior's.
 
     Args:
         bags: rows; those of joints that stand are left out.
-        prior_mean, prior_std: shape (p,).
+        prior_mean, prior_std: shape (p,). method: one of :data:`METHODS`.
     """
-    n = bags[0].y.shape[1]
-    normal = np.zeros((n, prior_mean.size, prior_mean.size))
-    score = np.zeros((n, prior_mean.size))
-    for bag in bags:
-        for j in range(n):
-            Y, y = bag.Y[bag.moving[:, j], j], bag.y[bag.moving[:, j], j]
-            normal[j] += bag.period * (Y.T @ Y)
-            score[j] += bag.period * (Y.T @ y)
+    rows = [bag.moving.astype(float) for bag in bags]
+    equations = NormalEquations.of(bags, rows)
+    periods = np.array([bag.period for bag in bags])[:, None]
     prior = np.diag(1.0 / prior_std**2)
-    density = np.full(n, 1.0)
-    for _ in range(iterations):
-        information = prior + np.einsum("j,jab->ab", 1.0 / density, normal)
-        theta = np.linalg.solve(information, prior @ prior_mean + (score / density[:, None]).sum(axis=0))
-        density = np.maximum(noise_density(bags, theta), 1e-12)
-    covariance = np.linalg.inv(prior + np.einsum("j,jab->ab", 1.0 / density, normal))
-    return Fit(theta, 0.5 * (covariance + covariance.T), density)
+    density = np.broadcast_to(np.ones(equations.count.shape[1]), equations.count.shape).copy()
+    theta: FloatArray = prior_mean
+    last_iteration = {"ols": 1, "wls": 1}.get(method, _ITERATIONS)
+    for iteration in range(last_iteration + 1):
+        weight: FloatArray = periods / density
+        information: FloatArray = prior + equations.information(weight)
+        last, theta = theta, _solve(information, prior @ prior_mean + equations.right_side(weight))
+        moved = float(np.sum((theta - last) * (information @ (theta - last))))
+        if iteration == last_iteration or (iteration > 2 and moved < _SETTLED):
+            break
+        if method == "robust":
+            rows = [_huber(bag, residuals(bag, theta)) for bag in bags]
+            equations = NormalEquations.of(bags, rows)
+        found = np.array([noise_density([bag], theta, [factor]) for bag, factor in zip(bags, rows, strict=True)])
+        known = found > 0.0
+        if method == "ols":
+            # one scale for all: it is only weighed against the prior
+            found = np.full_like(found, float(found[known].mean()) if known.any() else 1.0)
+        density = np.maximum(np.where(known, found, density), 1e-12)
+    information = equations.information(weight)
+    inverse = np.linalg.inv(prior + information)
+    root = np.asarray(np.linalg.cholesky(0.5 * (inverse + inverse.T)), dtype=np.float64)
+    score_covariance, level = np.zeros((len(bags), *information.shape)), np.zeros_like(density)
+    for b, (bag, factor) in enumerate(zip(bags, rows, strict=True)):
+        score_covariance[b], level[b] = coloured_information(bag, residuals(bag, theta), factor * weight[b], root)
+    covariance = inverse @ (score_covariance.sum(axis=0) + prior) @ inverse
+    squares = equations.squares(theta) / np.maximum(equations.count, 1.0)
+    band = np.array([_GAUSSIAN_BAND / bag.cutoff_hz for bag in bags])[:, None]
+    white = periods / np.maximum(squares * band, 1e-14)
+    bound = np.linalg.inv(prior + equations.information(white))
+    return Fit(
+        theta=theta,
+        covariance=0.5 * (covariance + covariance.T),
+        bound=0.5 * (bound + bound.T),
+        information=information,
+        score=equations.right_side(weight),
+        equations=equations,
+        weight=weight,
+        rows=tuple(rows),
+        bag_information=np.einsum("bj,bjac->bac", weight, equations.normal),
+        bag_score=np.einsum("bj,bja->ba", weight, equations.score),
+        bag_score_covariance=score_covariance,
+        density=density,
+        level=level,
+        squares=squares,
+    )
+
+
+def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.solve(A, b), dtype=np.float64)
 
 
 def residuals(bag: BagRows, theta: FloatArray) -> FloatArray:
@@ -59,20 +131,24 @@ def residuals(bag: BagRows, theta: FloatArray) -> FloatArray:
     return bag.y - bag.Y @ theta
 
 
-def noise_density(bags: Sequence[BagRows], theta: FloatArray) -> FloatArray:
+def noise_density(bags: Sequence[BagRows], theta: FloatArray, rows: Sequence[FloatArray] | None = None) -> FloatArray:
     """Spectral density of the residual at zero frequency, a joint, shape (n,) [(N m)^2 s], by batch means over moving rows.
 
     A joint that moves too little for batch means is taken to keep its error for half a second; 0 where it never moves.
+
+    Args:
+        rows: factor of each row of each bag, shape (N, n), in place of 1 where the joint moves.
     """
     n = bags[0].y.shape[1]
     total, seconds = np.zeros(n), np.zeros(n)
-    for bag in bags:
+    for b, bag in enumerate(bags):
         residual = residuals(bag, theta)
         for j in range(n):
-            moving = residual[bag.moving[:, j], j]
+            factor = bag.moving[:, j].astype(float) if rows is None else rows[b][:, j]
+            moving = (np.sqrt(factor) * residual[:, j])[factor > 0.0]
             noise = LongRunVariance(1, bag.period, np.array([1e-12]), memory=1e9)
-            for value in moving:
-                noise.add(np.array([value]))
+            for value in moving[:, None]:
+                noise.add(value)
             density = (
                 float(noise.variance[0]) * bag.period if noise.known else 0.5 * float(np.sum(moving**2)) / max(moving.size, 1)
             )
@@ -81,8 +157,22 @@ def noise_density(bags: Sequence[BagRows], theta: FloatArray) -> FloatArray:
     return total / np.maximum(seconds, 1e-9)
 
 
-def rms(values: FloatArray, where: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> FloatArray:
-    """Root mean square of each column over the rows that count, shape (n,)."""
+def rms(values: FloatArray, where: BoolArray | None = None) -> FloatArray:
+    """Root mean square of each column, shape (n,), over the rows that count (all by default)."""
+    if where is None:
+        where = np.ones(values.shape, dtype=np.bool_)
     counts = np.maximum(where.sum(axis=0), 1)
     root: FloatArray = np.sqrt((np.where(where, values, 0.0) ** 2).sum(axis=0) / counts)
     return root
+
+
+def _huber(bag: BagRows, residual: FloatArray) -> FloatArray:
+    """Weight of each row, shape (N, n): 1 within 1.345 robust standard deviations (1.4826 times the median of the size)."""
+    factor = bag.moving.astype(float)
+    for j in range(residual.shape[1]):
+        size = np.abs(residual[:, j])
+        if not bag.moving[:, j].any():
+            continue
+        limit = _HUBER * 1.4826 * float(np.median(size[bag.moving[:, j]]))
+        factor[:, j] *= np.minimum(1.0, limit / np.maximum(size, 1e-12)) if limit > 0.0 else 1.0
+    return factor

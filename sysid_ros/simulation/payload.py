@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid_ros import inertial_parameters
+from sysid_ros.rotation import rotation_of
 from sysid_ros.sample import FloatArray
 
 _EDGES = np.array([0.12, 0.09, 0.07])
@@ -55,7 +56,7 @@ def box(
     """
     edges = _EDGES * (mass / _EDGES_MASS) ** (1.0 / 3.0) if size is None else np.asarray(size, dtype=float)
     squares = edges**2
-    rotation = _rotation(rpy)
+    rotation = rotation_of(rpy)
     inertia = rotation @ np.diag(mass / 12.0 * (squares.sum() - squares)) @ rotation.T
     return Payload(float(mass), np.asarray(com, dtype=float), inertia)
 
@@ -75,11 +76,3 @@ def urdf_with_payload(urdf: str, link: str, payload: Payload) -> str:
     ElementTree.SubElement(joint, "child", link="payload")
     ElementTree.SubElement(joint, "origin", xyz="0 0 0", rpy="0 0 0")
     return ElementTree.tostring(root, encoding="unicode")
-
-
-def _rotation(rpy: Sequence[float]) -> FloatArray:
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
-    x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
-    y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
-    z = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(z @ y @ x)

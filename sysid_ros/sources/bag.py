@@ -10,10 +10,9 @@ from typing import Any
 from sysid_ros.exceptions import BagError
 from sysid_ros.sample import JointStateRecord
 from sysid_ros.sources.bag_files import BagFiles
-from sysid_ros.sources.joint_state_cdr import JOINT_STATE, JointStateDecoder, typestore
+from sysid_ros.sources.joint_state_cdr import JOINT_STATE, STRING, JointStateDecoder, decode_string
 
 DEFAULT_TOPIC = "/joint_states"
-_STRING = "std_msgs/msg/String"
 _BATCH = 512  # messages decoded at once
 _LOOK_AHEAD = 200  # messages whose joint names are known before the bag is read
 
@@ -74,6 +73,14 @@ class BagSource:
                 connections = [c for c in reader.connections if c.topic == self.topic and c.msgtype == JOINT_STATE]
                 if connections:
                     yield from self._records(reader, connections)
+
+    def raw_messages(self, topic: str) -> Iterator[tuple[int, bytes, str]]:
+        """Receive time [ns], content and type of each message of any topic, in the order of recording."""
+        with self._files.opened() as readers:
+            for reader in readers:
+                connections = [c for c in reader.connections if c.topic == topic]
+                for connection, nanoseconds, data in self._files.messages(reader, connections) if connections else ():
+                    yield nanoseconds, data, connection.msgtype
 
     def _records(self, reader: Any, connections: list[Any]) -> Iterator[JointStateRecord]:
         messages = self._files.messages(reader, connections)
@@ -157,17 +164,17 @@ class BagSource:
         return ", ".join(f"{name} ({kind})" for name, (kind, _) in sorted(self.topics.items())) or "no topic"
 
     def _read_robot_description(self) -> str | None:
-        named = [name for name, (kind, _) in self.topics.items() if kind == _STRING and name.endswith("/robot_description")]
+        named = [name for name, (kind, _) in self.topics.items() if kind == STRING and name.endswith("/robot_description")]
         if not named or (len(named) > 1 and "/robot_description" not in named):
             return None
         topic = "/robot_description" if "/robot_description" in named else named[0]
         with self._files.opened() as readers:
             for reader in readers:
-                connections = [c for c in reader.connections if c.topic == topic and c.msgtype == _STRING]
+                connections = [c for c in reader.connections if c.topic == topic and c.msgtype == STRING]
                 for _, _, data in self._files.messages(reader, connections) if connections else ():
                     try:
-                        text = str(typestore().deserialize_cdr(data, _STRING).data)
-                    except Exception as error:
+                        text = decode_string(data)
+                    except ValueError as error:
                         raise BagError(
                             f"bag '{self.path}': {topic} can't be decoded: {error}. Give the URDF with --urdf."
                         ) from error

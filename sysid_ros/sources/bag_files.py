@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 import struct
+import weakref
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ _ALLOWED = "Give a rosbag2 folder, an .mcap file or a .db3 file."
 
 class BagFiles:
     """What of a bag can be opened: the folder by its metadata.yaml, else its files one by one, a cut mcap file repaired.
+
+    Opening reads the metadata and counts the messages, so the files stay open from the first use to the last.
 
     Args:
         path: a rosbag2 folder, an .mcap file or a .db3 file.
@@ -37,6 +40,8 @@ class BagFiles:
         if not path.exists():
             raise BagError(f"bag '{path}' does not exist. {_ALLOWED}")
         self._paths: list[Any] = []
+        self._idle: list[Any] = []  # open readers, one a path, that nobody reads from now
+        weakref.finalize(self, _close, self._idle)
         if path.is_dir():
             self._use_folder()
         elif path.suffix in _SUFFIXES:
@@ -54,14 +59,20 @@ class BagFiles:
         """Passes over the metadata.yaml; False where that is what is done already."""
         if self._paths != [self.path] or not self.path.is_dir():
             return False
+        _close(self._idle)
         self._use_files(self._files_of_folder())
         return True
 
     @contextmanager
     def opened(self) -> Iterator[list[Any]]:
-        """One open rosbags ``Reader`` for each file, in the order of recording."""
-        with ExitStack() as stack:
-            yield [stack.enter_context(closing(_open(path))) for path in self._paths]
+        """One open rosbags ``Reader`` for each file, in the order of recording, for the caller alone."""
+        readers = self._idle[:] or _open_all(self._paths)
+        self._idle.clear()
+        try:
+            yield readers
+        finally:
+            _close(self._idle)
+            self._idle[:] = readers
 
     def messages(self, reader: Any, connections: Sequence[Any]) -> Iterator[tuple[Any, int, bytes]]:
         """Connection, receive time [ns] and bytes of each message.
@@ -79,7 +90,7 @@ class BagFiles:
     def _use_folder(self) -> None:
         if (self.path / "metadata.yaml").exists():
             try:
-                _open(self.path).close()
+                self._idle[:] = [_open(self.path)]
                 self._paths = [self.path]
                 return
             except BagError as error:
@@ -97,22 +108,22 @@ class BagFiles:
         )
 
     def _use_files(self, files: Sequence[Path]) -> None:
-        self._paths = [self._readable(file) for file in files]
+        for file in files:
+            self._idle.append(self._reader(file))
+        self._paths = [reader.path for reader in self._idle]
 
-    def _readable(self, file: Path) -> Any:
+    def _reader(self, file: Path) -> Any:
         try:
-            _open(file).close()
-            return file
+            return _open(file)
         except BagError as error:
             if file.suffix != ".mcap":
                 raise
             try:
-                repaired = RepairedMcap(file)
-                _open(repaired).close()
+                reader = _open(RepairedMcap(file))
             except (ValueError, BagError):
                 raise error from error.__cause__
             self.notes.append(f"'{file}' is cut off or damaged ({error.__cause__}); what is whole of it is read.")
-        return repaired
+        return reader
 
 
 def _open(path: Any) -> Any:
@@ -136,6 +147,22 @@ def _open(path: Any) -> Any:
                 f"sqlite3 {database.name} .recover | sqlite3 saved.db3"
             )
     return reader
+
+
+def _open_all(paths: Sequence[Any]) -> list[Any]:
+    readers: list[Any] = []
+    try:
+        for path in paths:
+            readers.append(_open(path))
+    except BagError:
+        _close(readers)
+        raise
+    return readers
+
+
+def _close(readers: list[Any]) -> None:
+    while readers:
+        readers.pop().close()
 
 
 def _is_cut(database: Path) -> bool:

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.typesys import Stores, get_typestore
 
 from sysid_ros.sample import FloatArray, JointStateRecord
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
+STRING = "std_msgs/msg/String"
 _HEADER = 4  # bytes of CDR encapsulation, from which alignment is counted
 _LITTLE_ENDIAN = b"\x00\x01"
 _LAYOUTS_A_LENGTH = 8  # kinds of messages of one length that are remembered
@@ -28,7 +28,9 @@ _LAYOUTS_A_LENGTH = 8  # kinds of messages of one length that are remembered
 
 @cache
 def typestore() -> Any:
-    """The message types of ROS 2, as rosbags has them."""
+    """The message types of ROS 2, as rosbags has them; making them takes a while, and few need them."""
+    from rosbags.typesys import Stores, get_typestore
+
     return get_typestore(Stores.ROS2_JAZZY)
 
 
@@ -82,15 +84,15 @@ class JointStateDecoder:
         while len(left):
             if tried == len(layouts):
                 first = int(left[0])
+                if len(layouts) < _LAYOUTS_A_LENGTH and (layout := _layout_of(messages[first])) is not None:
+                    layouts.append(layout)
+                    continue
                 left = left[1:]
                 try:
                     records[first] = decode_one(messages[first], receive_times[first])
                 except ValueError as error:
                     self.failures += 1
                     self.last_failure = str(error)
-                    continue
-                if len(layouts) < _LAYOUTS_A_LENGTH and (layout := _layout_of(messages[first])) is not None:
-                    layouts.append(layout)
                 continue
             layout = layouts[tried]
             tried += 1
@@ -121,6 +123,21 @@ def decode_one(message: bytes, receive_time: float) -> JointStateRecord:
     return JointStateRecord(
         stamp.sec + stamp.nanosec * 1e-9, receive_time, tuple(map(str, decoded.name)), position, velocity, effort
     )
+
+
+def decode_string(message: bytes) -> str:
+    """The text in a serialised ``std_msgs/String``.
+
+    Raises:
+        ValueError: the message is not a String.
+    """
+    size = len(message) - _HEADER - 4
+    if message[:2] == _LITTLE_ENDIAN and size > 0 and message[_HEADER : _HEADER + 4] == struct.pack("<I", size):
+        return message[_HEADER + 4 : -1].decode()
+    try:
+        return str(typestore().deserialize_cdr(message, STRING).data)
+    except Exception as error:
+        raise ValueError(f"{len(message)} bytes that are not a {STRING} ({type(error).__name__}: {error})") from error
 
 
 def encode(record: JointStateRecord, prefix: bytes) -> bytes:
@@ -183,7 +200,10 @@ def _layout_of(message: bytes) -> _Layout | None:
         size = count()
         fixed.extend(range(at, at + size))
         at += size
-        return message[at - size : at].rstrip(b"\x00").decode()
+        characters, end = message[at - size : at - 1], message[at - 1 : at]
+        if size == 0 or end != b"\x00" or b"\x00" in characters:
+            raise ValueError("not a string that ends in zero")
+        return characters.decode()
 
     try:
         text()
@@ -194,7 +214,7 @@ def _layout_of(message: bytes) -> _Layout | None:
             at += (-(at - _HEADER) % 8) if size else 0
             arrays.append((at, size))
             at += 8 * size
-    except (struct.error, UnicodeDecodeError):
+    except (struct.error, ValueError):
         return None
     if at != len(message):
         return None

@@ -7,13 +7,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import numpy as np
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from sysid_ros.exceptions import BagError
-from sysid_ros.sample import JointStateRecord
+from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
 from sysid_ros.sources.joint_state_cdr import JOINT_STATE, encode, encode_names, typestore
 
+IMU = "sensor_msgs/msg/Imu"
+CONTACTS = "std_msgs/msg/Float32MultiArray"
 _STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 
 
@@ -77,6 +80,32 @@ class BagRecorder:
     def write_joint_state(self, record: JointStateRecord, topic: str = "/joint_states") -> None:
         """One record, at its receive time."""
         self.write_joint_states((record,), topic)
+
+    def write_imu(self, record: ImuRecord, topic: str = "/imu") -> None:
+        """One ``sensor_msgs/Imu``, at its receive time; covariances are told as unknown where they are 0."""
+        kinds = typestore().types
+        vector, nothing = kinds["geometry_msgs/msg/Vector3"], np.zeros(9)
+        sec, nanosec = divmod(round(record.stamp * 1e9), 10**9)
+        message = kinds[IMU](
+            header=kinds["std_msgs/msg/Header"](
+                stamp=kinds["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec), frame_id=record.frame_id
+            ),
+            orientation=kinds["geometry_msgs/msg/Quaternion"](*map(float, record.orientation)),
+            orientation_covariance=nothing,
+            angular_velocity=vector(*map(float, record.omega)),
+            angular_velocity_covariance=nothing,
+            linear_acceleration=vector(*map(float, record.specific_force)),
+            linear_acceleration_covariance=nothing,
+        )
+        self.write(topic, IMU, message, record.receive_time)
+
+    def write_contacts(self, record: ContactRecord, topic: str = "/contacts") -> None:
+        """One ``std_msgs/Float32MultiArray`` of foot contacts, at its receive time."""
+        kinds = typestore().types
+        values = np.asarray(record.values, dtype=np.float32)
+        dimension = kinds["std_msgs/msg/MultiArrayDimension"](label="foot", size=values.size, stride=values.size)
+        layout = kinds["std_msgs/msg/MultiArrayLayout"](dim=[dimension], data_offset=0)
+        self.write(topic, CONTACTS, kinds[CONTACTS](layout=layout, data=values), record.receive_time)
 
     def write_robot_description(self, urdf: str, receive_time: float, topic: str = "/robot_description") -> None:
         """The URDF's text, so that who plays the bag offers it to nodes that start later."""

@@ -1,0 +1,222 @@
+"""``sysid excite``: the motion of an arm from which its parameters can be identified best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+import numpy as np
+
+from sysid_ros.cli.excite_report import as_json, show
+from sysid_ros.cli.inputs import read_config, settings_from
+from sysid_ros.cli.output import ManyValues, note, progress_bar, warn, write_json
+from sysid_ros.collision_model import CollisionModel
+from sysid_ros.exceptions import BagError, SettingsError
+from sysid_ros.identification import free_model
+from sysid_ros.identification.excitation import Excitation, excite, steps
+from sysid_ros.identification.excitation_settings import ExcitationSettings
+from sysid_ros.identification.joint_limits_file import read_joint_limits
+from sysid_ros.mesh_files import MeshFiles
+from sysid_ros.plots import check_plot_path
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+from sysid_ros.sources import urdf_text
+from sysid_ros.sources.joint_trajectory import JointTrajectory
+
+_PATH = click.Path(path_type=Path)
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+_DEFAULT = ExcitationSettings()
+_EPILOG = """
+Send the motion to the controller, with the arm standing at its start, which is shown, or with --approach T:
+
+\b
+  ros2 topic pub --once -w 1 --stdin /joint_trajectory_controller/joint_trajectory \\
+    trajectory_msgs/msg/JointTrajectory < traj.yaml
+
+Or as an action, which tells how it ends:
+
+\b
+  (echo trajectory:; sed 's/^/  /' traj.yaml) | ros2 action send_goal --stdin \\
+    /joint_trajectory_controller/follow_joint_trajectory control_msgs/action/FollowJointTrajectory
+
+Or from the bag, with 3 s for the controller to be found:
+
+\b
+  ros2 bag play OUT --delay 3
+
+--stdin is there from ROS 2 Jazzy on; before, take the bag. Make the first run with --velocity-scale 0.2 and a hand on the stop.
+
+Exit codes: 0 done; 2 bad input or usage, or no feasible motion.
+"""
+
+
+def _numbers(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | None:
+    try:
+        return None if value is None else tuple(float(x) for x in value.split(","))
+    except ValueError:
+        raise click.BadParameter(f"{value!r} is not numbers with commas between them, such as 0,-1.2,0.5,0,1,0.") from None
+
+
+def _setting(name: str, text: str) -> Callable[[_Command], _Command]:
+    default = getattr(_DEFAULT, name)
+    return click.option("--" + name.replace("_", "-"), name, type=type(default), default=default, show_default=True, help=text)
+
+
+@click.command(cls=ManyValues, epilog=_EPILOG)
+@click.option("--urdf", type=_PATH, required=True, help="The robot.")
+@click.option("--out", "out_path", type=_PATH, required=True, help="trajectory_msgs/JointTrajectory in YAML, to write.")
+@click.option("--bag", type=_PATH, help="Folder to create: a bag with the same message.")
+@click.option("--plot", type=_PATH, help="Write a figure: .png, .svg, .pdf, or .html to look around in.")
+@click.option("--json", "json_path", type=_PATH, help="Write the result for machines.")
+@_setting("duration", "Of the motion. [s]")
+@click.option("--period", type=float, help="The duration is a whole number of periods. [s]  [default: about 10]")
+@_setting("harmonics", "Of the Fourier series; the fastest is HARMONICS / PERIOD.")
+@_setting("starts", "Local searches, from the best of the random motions.")
+@_setting("seed", "Of all that is random: the same seed gives the same motion.")
+@_setting("comparison", "Random feasible motions, to compare with and to start from.")
+@click.option("--rate", type=float, default=100.0, show_default=True, help="Points a second. [Hz]")
+@_setting("position_scale", "Part of each joint's range, about its middle, that may be used.")
+@_setting("velocity_scale", "Part of the velocity limits that may be used.")
+@_setting("effort_scale", "Part of the effort limits that the nominal torque may use.")
+@_setting("acceleration_limit", "Of revolute joints: a URDF states none. [rad/s^2]")
+@_setting("slide_acceleration_limit", "Of prismatic joints. [m/s^2]")
+@click.option(
+    "--limits",
+    "limits_path",
+    type=_PATH,
+    help="joint_limits.yaml as of MoveIt; replaces the URDF's.",
+)
+@click.option("--joint-names", multiple=True, metavar="NAME...", help="Joints that move; others are locked at 0.  [default: all]")
+@click.option("--start", callback=_numbers, metavar="Q,Q,...", help="Where it starts and ends. [rad or m]  [default: anywhere]")
+@click.option(
+    "--approach",
+    type=float,
+    default=0.0,
+    show_default=True,
+    help="Time for the controller to come to the start from where the arm stands, on a way that is not checked. [s]",
+)
+@click.option("--floor", type=float, metavar="Z", help="Height of the floor in the base frame. [m]  [default: no floor]")
+@_setting("clearance", "Least distance of two links, and of a link from the floor. [m]")
+@click.option("--package-path", multiple=True, type=_PATH, metavar="DIR...", help="Folders of packages that package:// names.")
+@click.option("--ignore-pair", multiple=True, metavar="LINK,LINK...", help="Pairs of links that are not compared.")
+@click.option("--no-collisions", is_flag=True, help="Check no collisions.")
+@click.option("--controller", default="joint_trajectory_controller", show_default=True, help="Whose topic the bag has.")
+@click.option("--storage", type=click.Choice(["mcap", "sqlite3"]), default="mcap", show_default=True, help="Of the bag.")
+@click.option("--config", "config_path", type=_PATH, help="Parameters of the node (joint_names, gravity), YAML.")
+def command(
+    urdf: Path,
+    out_path: Path,
+    bag: Path | None,
+    plot: Path | None,
+    json_path: Path | None,
+    period: float | None,
+    rate: float,
+    limits_path: Path | None,
+    joint_names: tuple[str, ...],
+    start: tuple[float, ...] | None,
+    approach: float,
+    package_path: tuple[Path, ...],
+    ignore_pair: tuple[str, ...],
+    no_collisions: bool,
+    controller: str,
+    storage: str,
+    config_path: Path | None,
+    **options: Any,
+) -> None:
+    """Find the motion from which an arm's parameters can be identified best.
+
+    A Fourier series that starts and ends at rest, with the largest determinant of the information about the base parameters of
+    links, friction, rotors and offsets (D-optimal). Limits of position, velocity, acceleration and nominal torque are kept, and
+    the links do not come near each other or a floor: checked every millisecond.
+
+    \b
+    Example:
+      sysid excite --urdf arm.urdf --floor 0 --out traj.yaml --bag traj_bag --plot traj.png
+    """
+    settings = _settings({"period": period or 0.0, **options})
+    _check(out_path, bag, plot, json_path, rate, approach)
+    online = settings_from(read_config(config_path))
+    robot = RobotModel.from_urdf(urdf_text(urdf), joint_names or online.joint_names, online.gravity)
+    for sentence in robot.notes:
+        note(sentence)
+    given = {}
+    if limits_path is not None:
+        given = read_joint_limits(limits_path)
+        if others := sorted(set(given) - set(robot.joint_names)):
+            note(f"Joints in {limits_path} that do not move here: {', '.join(others)}.")
+    given = {name: limit for name, limit in given.items() if name in robot.joint_names}
+    collision = None
+    if not no_collisions:
+        pairs = [_pair(text) for text in ignore_pair]
+        collision = CollisionModel(robot, MeshFiles(urdf.parent, package_path), settings.clearance, settings.floor, pairs)
+    with progress_bar("Searching", steps(settings)) as advance:
+        result = excite(free_model(robot), settings, given, collision, _posture(robot, start), advance)
+    for sentence in result.notes:
+        note(sentence)
+    for sentence in result.warnings:
+        warn(sentence)
+    if settings.floor is None or no_collisions:
+        note("Collisions are not checked." if no_collisions else "No floor is checked; say where it is with --floor Z.")
+    _write(result, robot, out_path, bag, f"/{controller.strip('/')}/joint_trajectory", storage, rate, approach)
+    if json_path is not None:
+        write_json(json_path, as_json(result, settings))
+    if plot is not None:
+        from sysid_ros.plots.excitation_plot import write_excitation_plot
+
+        write_excitation_plot(plot, result, f"Exciting motion of {robot.name}")
+    show(result)
+    note(f"Motion written to {out_path}{f' and {bag}' if bag else ''}. How to send it: sysid excite --help")
+
+
+def _settings(options: dict[str, Any]) -> ExcitationSettings:
+    """Messages about a setting name its option."""
+    try:
+        return ExcitationSettings(**options)
+    except SettingsError as error:
+        field, _, rest = str(error).partition(" ")
+        raise SettingsError(f"--{field.replace('_', '-')} {rest}") from None
+
+
+def _check(out: Path, bag: Path | None, plot: Path | None, json_path: Path | None, rate: float, approach: float) -> None:
+    """What can be wrong is said before the search, not after it."""
+    for option, path in (("--out", out), ("--json", json_path), ("--bag", bag)):
+        if path is not None and not path.parent.is_dir():
+            raise SettingsError(f"{option} is '{path}', but the folder '{path.parent}' does not exist. Create it first.")
+    if bag is not None and bag.exists():
+        raise BagError(f"'{bag}' exists already and is not overwritten. Choose another name, or remove it first.")
+    if plot is not None:
+        check_plot_path(plot)
+    if not 1.0 <= rate <= 1000.0:
+        raise SettingsError(f"--rate is {rate:g} Hz; it must be from 1 to 1000.")
+    if not 0.0 <= approach < np.inf:
+        raise SettingsError(f"--approach is {approach:g} s; it must be 0 or more.")
+
+
+def _pair(text: str) -> tuple[str, str]:
+    links = [name.strip() for name in text.split(",")]
+    if len(links) != 2 or not all(links):
+        raise SettingsError(f"--ignore-pair is '{text}'; it must be two links with a comma between them, such as link_5,link_7.")
+    return links[0], links[1]
+
+
+def _posture(robot: RobotModel, start: tuple[float, ...] | None) -> FloatArray | None:
+    if start is None:
+        return None
+    if len(start) != robot.n or not np.all(np.isfinite(start)):
+        raise SettingsError(
+            f"--start has {len(start)} values; it must have {robot.n} finite ones, for {', '.join(robot.joint_names)} in this "
+            "order."
+        )
+    return np.array(start)
+
+
+def _write(
+    result: Excitation, robot: RobotModel, out: Path, bag: Path | None, topic: str, storage: str, rate: float, approach: float
+) -> None:
+    t = result.trajectory.grid(1.0 / rate)
+    message = JointTrajectory(robot.joint_names, t + approach, *result.trajectory.sample(t))
+    out.write_text(message.yaml(f"Exciting motion of {robot.name} for {topic}: sysid excite --help says how to send it."))
+    if bag is not None:
+        message.write_bag(bag, topic, robot.urdf, storage)

@@ -1,0 +1,190 @@
+"""What ``sysid identify`` shows: tables for people, JSON for machines."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from sysid_ros.cli.output import report
+from sysid_ros.identification import Identification
+from sysid_ros.identification.result import Parameter, TorqueError
+
+_COLUMNS = {
+    "b": "viscous\nN m s/rad",
+    "Fc": "Coulomb\nN m",
+    "Fs": "breakaway\nN m",
+    "mu": "by load\n1",
+    "J": "rotor inertia\nkg m²",
+}
+
+
+def show(result: Identification) -> None:
+    """Print the tables."""
+    console = report()
+    console.print(
+        f"Low-pass at {result.cutoff.hz:.3g} Hz on both sides: {escape(result.cutoff.reason)}.\n"
+        f"Links held to the URDF's with weight {result.prior.weight:g}: {result.prior.reason}.",
+        highlight=False,
+    )
+    _show_joints(console, result)
+    _show_groups(console, result)
+    _show_errors(console, result)
+    _show_noise(console, result)
+    _show_repeatability(console, result)
+    if result.record_next:
+        console.print("[bold]What to record next[/bold]")
+        for sentence in result.record_next:
+            console.print(f"- {escape(sentence)}", highlight=False)
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left", box=box.SIMPLE)
+    table.add_column(columns[0], no_wrap=True)
+    for column in columns[1:]:
+        table.add_column(column, justify="right", no_wrap=True)
+    return table
+
+
+def _show_joints(console: Console, result: Identification) -> None:
+    by_name = {p.name: p for p in result.parameters}
+    symbols = [s for s in (*_COLUMNS, "offset") if any(f"{s}[{j}]" in by_name for j in result.joint_names)]
+    headings = [_COLUMNS.get(s, "offset\nN m") for s in symbols]
+    table = _table("Joints, with 95 % intervals", "joint", *headings)
+    for joint in result.joint_names:
+        table.add_row(joint, *(_interval(by_name.get(f"{s}[{joint}]")) for s in symbols))
+    console.print(table)
+    for knob in result.knobs:
+        told = "" if knob.determined else " (the bags can't tell it)"
+        console.print(f"Stribeck velocity of {knob.joint}: {knob.value:.3g} {knob.unit}{told}", highlight=False)
+
+
+def _interval(p: Parameter | None) -> str:
+    return "" if p is None else f"{p.value:.3g} ± {1.96 * p.std:.2g}"
+
+
+def _show_groups(console: Console, result: Identification) -> None:
+    table = _table("Base parameters: what is lumped with what", "sum", "value", "std", "bound", "unit", "from")
+    table.columns[0].no_wrap = False
+    for g in result.groups:
+        table.add_row(escape(g.words), f"{g.value:.3g}", f"{g.std:.2g}", f"{g.crb:.2g}", g.unit, g.determined_by)
+    console.print(table)
+    told = sum(g.determined_by == "bags" for g in result.groups)
+    console.print(
+        f"{result.base.rank} base parameters of {len(result.names)}; these bags determine {told} of them, with condition number "
+        f"{result.bags_condition_number:.0f} of the scaled columns. 'bound' is the Cramér-Rao bound, were the residuals white.",
+        highlight=False,
+    )
+
+
+def _show_errors(console: Console, result: Identification) -> None:
+    recordings = [(e, "held out") for e in result.errors] + [(e, "validation") for e in result.validation]
+    title = "Torque error where the model was not fitted: rms in N m, as a part of the torque, and of the URDF with friction"
+    table = _table(title, "joint", *(f"{Path(e.name).name}\n{kind}" for e, kind in recordings))
+    for i, name in enumerate(result.joint_names):
+        table.add_row(
+            name,
+            *(_error_cell(e, i) for e, _ in recordings),
+        )
+    console.print(table)
+
+
+def _error_cell(e: TorqueError, i: int) -> str:
+    torque = max(float(e.torque[i]), 1e-12)
+    return f"{e.residual[i]:.2g} ({100 * e.residual[i] / torque:.1f} %; {100 * e.urdf_friction[i] / torque:.1f} %)"
+
+
+def _show_noise(console: Console, result: Identification) -> None:
+    white = {(w.bag, w.joint): w for w in result.whiteness}
+    title = "Residual where it was fitted: rms in N m, time for which it keeps its sign, rows that it leaves the data worth"
+    table = _table(title, "joint", "bag", "rms", "time", "worth / rows", "Ljung-Box")
+    table.columns[1].justify = "left"
+    for n in result.noise:
+        w = white.get((n.bag, n.joint))
+        test = (
+            "" if w is None else f"{'white' if w.white else 'coloured'} (p = {w.p_value:.2g}, Q = {w.statistic:.3g} of {w.lags})"
+        )
+        worth = f"{n.effective_rows:.0f} / {n.rows}"
+        table.add_row(n.joint, Path(n.bag).name, f"{n.std:.2g}", f"{n.correlation_time:.2g} s", worth, test)
+    console.print(table)
+
+
+def _show_repeatability(console: Console, result: Identification) -> None:
+    friction = [r for r in result.repeatability if r.name.startswith(("b[", "Fc[", "Fs[", "mu["))]
+    if not friction:
+        return
+    names = [Path(bag).name for bag in result.bags]
+    table = _table("Friction as each bag alone gives it", "parameter", *names, "between", "within")
+    for r in friction:
+        cells = ("" if math.isnan(x) else f"{x:.3g}" for x in r.values)
+        table.add_row(escape(r.name), *cells, f"{r.between:.2g}", f"{r.within:.2g}")
+    console.print(table)
+
+
+def as_json(result: Identification) -> dict[str, Any]:
+    """The result in plain types; what is not known is null."""
+    physical = result.physical
+    document = {
+        "joints": result.joint_names,
+        "bags": result.bags,
+        "validation_bags": result.validation_bags,
+        "method": result.method,
+        "form": result.form,
+        "friction": result.friction,
+        "cutoff": asdict(result.cutoff),
+        "prior": asdict(result.prior),
+        "physical": None
+        if physical is None
+        else {"divergence": physical.divergence, "at_bound": physical.at_bound, "loss": physical.loss, "notes": physical.notes},
+        "knobs": [asdict(k) for k in result.knobs],
+        "parameters": [asdict(p) for p in result.parameters],
+        "base_parameters": result.base.rank,
+        "base_groups": [asdict(g) for g in result.groups],
+        "condition_number": result.bags_condition_number,
+        "torque_error": {
+            "held_out": [_error(e) for e in result.errors],
+            "validation": [_error(e) for e in result.validation],
+        },
+        "noise": {
+            "torque_std": result.model.torque_std,
+            "correlation_time": result.model.correlation_time,
+            "bags": [asdict(n) for n in result.noise],
+        },
+        "whiteness": [{**asdict(w), "white": w.white} for w in result.whiteness],
+        "repeatability": [asdict(r) for r in result.repeatability],
+        "problems": [asdict(p) for p in result.problems],
+        "record_next": result.record_next,
+    }
+    plain: dict[str, Any] = _plain(document)
+    return plain
+
+
+def _error(e: TorqueError) -> dict[str, Any]:
+    return {
+        "name": e.name,
+        "residual_rms": e.residual,
+        "torque_rms": e.torque,
+        "relative": e.relative,
+        "relative_moving": e.residual_moving / np.maximum(e.torque_moving, 1e-12),
+        "nominal_residual_rms": e.nominal,
+        "urdf_friction_residual_rms": e.urdf_friction,
+    }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(v) for key, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,7 @@
+"""Diagnosis: what a robot's model gets wrong, why, and what the fix buys."""
+
+from sysid_ros.diagnosis.diagnose import diagnose
+from sysid_ros.diagnosis.recording import Recording
+from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter
+
+__all__ = ["Diagnosis", "Finding", "Parameter", "Recording", "diagnose"]

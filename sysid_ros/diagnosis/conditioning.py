@@ -1,0 +1,59 @@
+"""From raw recordings to smooth motions on an even grid, without shifting any channel in time."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from scipy import interpolate, signal
+
+from sysid_ros.diagnosis.recording import Recording
+from sysid_ros.effects import Motion
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+
+SMOOTHING = 20.0
+"""Cut-off of the zero-phase low-pass on positions and torques [Hz]: far enough above the band that is judged."""
+FINEST = 200.0
+"""Largest rate of the grid [Hz]."""
+MAX_GAP = 0.1
+"""A longer gap between stamps splits a recording [s]."""
+SHORTEST = 2.0
+"""Shorter stretches are left out [s]."""
+_EDGE = 0.25
+"""Ends of a stretch, where the filters have not settled, are cut off [s]."""
+
+
+def motions(robot: RobotModel, recording: Recording) -> list[Motion]:
+    """Smooth motions of the stretches without a gap; times since the recording's first stamp.
+
+    Stamps that repeat or run back are left out. Positions go through an even grid by cubic interpolation, torques by a straight
+    line; both through the same low-pass forward and backward; velocity and acceleration are derivatives of the quintic spline
+    through the positions.
+    """
+    t, keep = np.asarray(recording.t, dtype=float), np.ones(len(recording.t), dtype=bool)
+    newest = np.maximum.accumulate(t)
+    keep[1:] = t[1:] > newest[:-1]
+    keep &= np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.tau).all(axis=1)
+    t, q, tau = t[keep] - t[0], recording.q[keep], recording.tau[keep]
+    cuts = [0, *(np.flatnonzero(np.diff(t) > max(MAX_GAP, 3.0 / recording.rate)) + 1), len(t)]
+    out = []
+    for a, b in pairwise(cuts):
+        if b - a > 20 and t[b - 1] - t[a] >= SHORTEST:
+            out.append(_smooth(robot, t[a:b], q[a:b], tau[a:b]))
+    return out
+
+
+def _smooth(robot: RobotModel, t: FloatArray, q: FloatArray, tau: FloatArray) -> Motion:
+    rate = 1.0 / float(np.median(np.diff(t)))
+    grid = t[0] + np.arange(int((t[-1] - t[0]) * rate)) / rate
+    even_q = interpolate.CubicSpline(t, q)(grid)
+    even_tau = interpolate.make_interp_spline(t, tau, k=1)(grid)
+    sections = signal.butter(4, min(SMOOTHING, rate / 5.0), fs=rate, output="sos")
+    smooth_q, smooth_tau = (signal.sosfiltfilt(sections, x, axis=0) for x in (even_q, even_tau))
+    every = max(1, int(rate / FINEST))
+    grid, smooth_q, smooth_tau = grid[::every], smooth_q[::every], smooth_tau[::every]
+    spline = interpolate.make_interp_spline(grid, smooth_q, k=5)
+    inside = slice(*np.searchsorted(grid, [grid[0] + _EDGE, grid[-1] - _EDGE]))
+    v, a = (spline(grid, nu=order)[inside] for order in (1, 2))
+    return Motion(robot, grid[inside], smooth_q[inside], v, a, smooth_tau[inside])

@@ -1,0 +1,164 @@
+"""diagnose: from recordings and a nominal model to the causes of what the model gets wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import stats
+
+from sysid_ros.diagnosis.covariance import with_knobs
+from sysid_ros.diagnosis.faults import refusal_of
+from sysid_ros.diagnosis.fit import Fit
+from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.parameters import parameters
+from sysid_ros.diagnosis.prepare import Prepared, prepare
+from sysid_ros.diagnosis.recording import Recording
+from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, TorqueRmse
+from sysid_ros.diagnosis.selection import Selection
+from sysid_ros.diagnosis.sentences import sentence
+from sysid_ros.diagnosis.term import Term
+from sysid_ros.exceptions import DataError
+from sysid_ros.model_file import ModelFile
+from sysid_ros.robot_model import RobotModel
+
+_HELD_OUT = 0.3
+"""Part of the recordings that is held out where no others are given to judge on."""
+_LEFT = 0.1
+"""Part of the nominal residual's power that may be left where it counts as explained."""
+
+Progress = Callable[[str], None]
+
+
+def diagnose(
+    robot: RobotModel,
+    recordings: Sequence[Recording],
+    validation: Sequence[Recording] = (),
+    known: ModelFile | None = None,
+    progress: Progress = lambda sentence: None,
+) -> Diagnosis:
+    """What is wrong with the nominal model of a robot.
+
+    Args:
+        robot: the nominal model. recordings: to fit on. validation: to judge on, never fitted; without any, the last part of the
+            recordings is held out.
+        known: a model that was identified before; it is the nominal model then.
+        progress: called with what is being done.
+
+    Raises:
+        DataError: no recording is given, or its channels do not fit the robot.
+    """
+    _check(robot, [*recordings, *validation])
+    if reason := refusal_of(robot, recordings):
+        return Diagnosis("refused", robot.joint_names, refusal=reason)
+    fitted, judged = (list(recordings), list(validation)) if validation else _split(recordings)
+    effects = known.known_effects(robot) if known else []
+    progress("filtering")
+    train = prepare(robot, fitted, effects)
+    library = Library(robot, train.band)
+    progress("computing what each effect would do")
+    selection = Selection(train.problem, library, train.nominal, progress=progress)
+    fit = selection.run()
+    progress("judging on held-out data")
+    held = HeldOut.of(robot, prepare(robot, judged, effects), fit)
+    return _report(robot, train, selection, fit, held)
+
+
+def _check(robot: RobotModel, recordings: Sequence[Recording]) -> None:
+    if not recordings:
+        raise DataError("no recording is given. Give at least one bag.")
+    for recording in recordings:
+        if recording.q.shape[1] != robot.n:
+            raise DataError(
+                f"{recording.name} has {recording.q.shape[1]} joints, the robot has {robot.n}: {', '.join(robot.joint_names)}."
+            )
+
+
+def _split(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Recording]]:
+    """The first and the last part of each recording."""
+    first, last = [], []
+    for r in recordings:
+        cut = int(np.searchsorted(r.t, r.t[0] + (1.0 - _HELD_OUT) * r.seconds))
+        for part, s, word in ((first, slice(None, cut), "first part"), (last, slice(cut, None), "held-out part")):
+            v = None if r.v is None else r.v[s]
+            part.append(replace(r, name=f"{r.name} ({word})", t=r.t[s], q=r.q[s], v=v, tau=r.tau[s]))
+    return first, last
+
+
+def _groups(terms: Sequence[Term]) -> dict[tuple[str, tuple[int, ...]], list[Term]]:
+    """Terms of one finding: those with the same name, and each coupling of two joints by itself."""
+    groups: dict[tuple[str, tuple[int, ...]], list[Term]] = {}
+    for term in sorted(terms, key=lambda t: t.joints):
+        key = (term.id, term.joints if term.id == "joint_coupling" else ())
+        groups.setdefault(key, []).append(term)
+    return groups
+
+
+def _report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, held: HeldOut) -> Diagnosis:
+    problem, n = train.problem, robot.n
+    active = problem.active
+    before, after = held.prepared.problem.y, held.residual(fit)
+    noise = fit.noise.variance(held.prepared.band.f)
+    floor = held.rms(np.sqrt(noise))
+    weight = np.zeros(n)
+    weight[active] = 1.0 / np.maximum(floor[active], 1e-9) ** 2
+    power_before = float(np.sum(held.rms(before) ** 2 * weight))
+    excess = float(np.sum(np.maximum(held.rms(after) ** 2 - floor**2, 0.0) * weight))
+    unexplained = min(1.0, excess / max(power_before, 1e-12))
+    values = with_knobs(problem, selection.library, fit)
+    findings = []
+    for (name, _), terms in _groups(fit.terms).items():
+        rest = problem.fit([t for t in fit.terms if t not in terms], fit.noise, inexact=fit.inexact)
+        without = held.residual(rest)
+        gain = float(np.sum((held.rms(without) ** 2 - held.rms(after) ** 2) * weight)) / max(power_before, 1e-12)
+        cost = sum(t.cost for t in terms)
+        rise = 2.0 * (fit.loglik - rest.loglik)
+        rows = len(train.band.f) * (len(active) if terms[0].row is None else len(terms))
+        found = tuple(p for t in terms for p in parameters(t, *values[t]))
+        joints = tuple(dict.fromkeys(robot.joint_names[j] for t in terms for j in t.joints))
+        findings.append(
+            Finding(
+                id=name,
+                label=terms[0].effect.label,
+                joints=joints,
+                parameters=found,
+                heldout_gain=min(gain, 1.0),
+                delta_bic=rise - cost * float(np.log(rows)),
+                p_value=float(min(1.0, stats.chi2.sf(max(rise, 0.0), cost) * selection.tried)),
+                cannot_be_told_from=(),
+                sentence=sentence(terms[0].effect.label, joints, found, gain),
+                signature=terms[0].effect.signature,
+                separated_by=terms[0].effect.separated_by,
+            )
+        )
+    findings.sort(key=lambda f: -f.heldout_gain)
+    verdict = "nothing_wrong" if not findings else "explained" if unexplained <= _LEFT else "partly_explained"
+    torque = held.rms(held.prepared.band.rows([m.tau for m in held.prepared.motions]))
+    return Diagnosis(
+        verdict=verdict,
+        joints=robot.joint_names,
+        findings=tuple(findings),
+        torque=TorqueRmse(robot.joint_names, held.rms(before), held.rms(after), floor, torque),
+        unexplained_fraction=unexplained,
+        record_next=_record_next(findings),
+        predictions=_predictions(robot, held, fit),
+    )
+
+
+def _record_next(findings: Sequence[Finding]) -> tuple[str, ...]:
+    return tuple(
+        f"To tell {f.id} from {' and '.join(f.cannot_be_told_from)}: {f.separated_by}." for f in findings if f.cannot_be_told_from
+    )
+
+
+def _predictions(robot: RobotModel, held: HeldOut, fit: Fit) -> Predictions:
+    motions = held.prepared.motions
+    return Predictions(
+        t=np.concatenate([m.t for m in motions]),
+        joints=robot.joint_names,
+        measured=np.concatenate([m.tau for m in motions]),
+        nominal=np.concatenate(held.prepared.nominal),
+        extended=np.concatenate(held.predictions(fit, robot)),
+    )

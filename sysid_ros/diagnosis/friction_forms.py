@@ -1,0 +1,64 @@
+"""Which form of dry friction a joint has: the simplest that explains it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid_ros.diagnosis.fit import Fit, Problem
+from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.physics import allowed
+from sysid_ros.diagnosis.refine import refine
+from sysid_ros.diagnosis.scoring import Scorer
+from sysid_ros.diagnosis.term import DRY, Term
+
+_SHARE = 2e-3
+"""A richer form must explain this part of the power of the friction torque that the simplest form leaves."""
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """A form of friction on a joint, the fit with it, and the power that is then left on the joint."""
+
+    term: Term
+    fit: Fit
+    left: float
+
+
+def forms(problem: Problem, library: Library, fit: Fit, present: Term) -> list[Form]:
+    """Fits with each form of dry friction in place of ``present``, the simpler first; impossible ones are left out."""
+    joint = present.row
+    assert joint is not None
+    others = [t for t in fit.terms if t is not present]
+    scorer = Scorer(problem, problem.fit(others, fit.noise, 2, fit.inexact))
+    found = []
+    for name in DRY:
+        kept = [t for t in others if not (name == "friction_drift" and t.row == joint and t.id == "viscous_friction")]
+        options = scorer.local(library.local_options(name, joint))
+        if not options:
+            continue
+        term = max(options, key=lambda s: s.gain).term
+        if name == present.id and present.effect.knobs:
+            term = present
+        trial = refine(problem, library, problem.fit([*kept, term], fit.noise, inexact=fit.inexact), [term])
+        term = trial.terms[-1]
+        if allowed(term, trial.theta_of(term), trial.std_of(term)):
+            found.append(Form(term, trial, float(np.sum(trial.residual[:, joint] ** 2))))
+    return found
+
+
+def simplest(found: list[Form], price: dict[str, float]) -> Form:
+    """The first form that no richer one beats by its price and by a part of the friction that can be seen.
+
+    Args:
+        found: in the order of :data:`DRY`. price: likelihood that each must gain.
+    """
+    best = found[0]
+    base = best.term.columns @ best.fit.theta_of(best.term)
+    power = float(np.sum(base**2))
+    for form in found[1:]:
+        gain = form.fit.loglik - best.fit.loglik - (price[form.term.id] - price[best.term.id])
+        if gain > 0.0 and best.left - form.left > _SHARE * power:
+            best = form
+    return best

@@ -1,0 +1,102 @@
+"""What a fitted set of terms is worth on recordings that were not fitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid_ros.diagnosis.fit import Fit
+from sysid_ros.diagnosis.library import ON_DRIVE, ON_LOAD, Library
+from sysid_ros.diagnosis.prepare import Prepared
+from sysid_ros.diagnosis.refine import remake
+from sysid_ros.diagnosis.selection import torques
+from sysid_ros.diagnosis.term import Term
+from sysid_ros.effects import LinkInertia
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Held-out rows and the terms of a fit on them.
+
+    Attributes:
+        prepared: the recordings. terms: a fitted term to the same term on these recordings.
+    """
+
+    prepared: Prepared
+    library: Library
+    terms: dict[Term, Term]
+
+    @classmethod
+    def of(cls, robot: RobotModel, prepared: Prepared, fit: Fit) -> HeldOut:
+        """The terms of ``fit`` on held-out recordings; only the time of an event is found anew."""
+        library = Library(robot, prepared.band)
+        links = [m.link_torque for m in prepared.motions]
+        for _ in range(2 if any(t.id in ON_LOAD + ON_DRIVE for t in fit.terms) else 0):
+            library.update(*torques(library, fit, links, prepared.nominal))
+        terms = {}
+        for term in fit.terms:
+            terms[term] = remake(library, term, term.effect.settings)
+        for term in fit.terms:
+            if term.id == "payload_change":
+                terms[term] = _event(library, prepared, fit, term, terms)
+        return cls(prepared, library, terms)
+
+    def residual(self, fit: Fit) -> FloatArray:
+        """Rows that a fit leaves, shape (K, n)."""
+        out = self.prepared.problem.y.copy()
+        for term in fit.terms:
+            _subtract(out, self.terms[term], fit.theta_of(term))
+        if fit.inexact:
+            out -= self.prepared.problem.nuisance @ fit.theta[-self.prepared.problem.nuisance.shape[2] :]
+        return out
+
+    def rms(self, rows: FloatArray) -> FloatArray:
+        """Root mean square over time of what rows stand for, a joint, shape (n,) [N m]."""
+        samples = sum(len(m.t) for m in self.prepared.motions)
+        rms: FloatArray = np.sqrt(np.sum(rows**2, axis=0) / samples)
+        return rms
+
+    def predictions(self, fit: Fit, robot: RobotModel) -> list[FloatArray]:
+        """Torque of the extended model on the grids of the motions, shape (N, n) each [N m]."""
+        out = [x.copy() for x in self.prepared.nominal]
+        for term in fit.terms:
+            theta = term.theta_of_effect(fit.theta_of(term))
+            for i, motion in enumerate(self.library.motions):
+                out[i] += self.terms[term].effect.torque_along(motion, theta)
+        if fit.inexact:
+            change = fit.theta[-robot.n :].repeat(10) * robot.pi
+            for i, motion in enumerate(self.library.motions):
+                out[i] += LinkInertia(robot).torque_along(motion, change)
+        return out
+
+
+def _subtract(rows: FloatArray, term: Term, theta: FloatArray) -> None:
+    if term.row is None:
+        rows -= term.columns @ theta
+    else:
+        rows[:, term.row] -= term.columns @ theta
+
+
+def _event(library: Library, prepared: Prepared, fit: Fit, term: Term, terms: dict[Term, Term]) -> Term:
+    """The time of an event, where these recordings leave the least."""
+    rest = prepared.problem.y.copy()
+    for other in fit.terms:
+        if other is not term:
+            _subtract(rest, terms[other], fit.theta_of(other))
+    weight = 1.0 / np.sqrt(fit.noise.variance(prepared.band.f))
+
+    def cost(t0: float) -> tuple[float, Term]:
+        trial = remake(library, term, {**term.effect.settings, "t0": t0})
+        left = rest.copy()
+        _subtract(left, trial, fit.theta_of(term))
+        return float(np.sum((left * weight)[:, prepared.problem.active] ** 2)), trial
+
+    start, end = float(library.motions[0].t[0]), float(library.motions[-1].t[-1])
+    grid = np.linspace(start, end, 41)
+    costs = [cost(float(t))[0] for t in grid]
+    best = int(np.argmin(costs))
+    fine = np.linspace(grid[max(best - 1, 0)], grid[min(best + 1, 40)], 21)
+    return min((cost(float(t)) for t in fine), key=lambda c: c[0])[1]

@@ -1,0 +1,157 @@
+"""Library: every candidate effect as terms on the recordings at hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sysid_ros.diagnosis.band import Band
+from sysid_ros.effects import EFFECTS, Effect, JointCurves, JointEffect, Motion
+from sysid_ros.diagnosis.term import Term
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+
+LOCAL = (
+    "coulomb_friction",
+    "viscous_friction",
+    "quadratic_friction",
+    "asymmetric_coulomb_friction",
+    "stribeck_friction",
+    "load_dependent_friction",
+    "presliding_hysteresis",
+    "friction_drift",
+    "rotor_inertia",
+    "torque_offset",
+    "torque_offset_drift",
+    "torque_scale",
+    "torque_saturation",
+    "joint_coupling",
+    "spring",
+    "cogging",
+)
+"""Effects that load one joint at a time."""
+ONE_JOINT = ("joint_offset", "joint_elasticity", "backlash")
+"""Effects of one joint that load all of them."""
+WHOLE = ("payload", "payload_change", "base_tilt", "gravity_compensated_effort", "external_force", "time_delay")
+"""Effects of the whole arm."""
+
+ON_LOAD = ("load_dependent_friction", "joint_elasticity", "backlash")
+"""Effects whose columns depend on the torque of the links."""
+ON_DRIVE = ("torque_scale", "torque_saturation", "joint_coupling", "time_delay")
+"""Effects whose columns depend on the torque of the drives."""
+LINK_SIDE = ("payload", "payload_change", "link_inertia", "base_tilt", "external_force", "joint_offset", "spring")
+"""Effects whose torque goes through the gears."""
+MEASUREMENT = ("torque_scale", "torque_saturation", "time_delay", "torque_offset", "torque_offset_drift")
+"""Effects of the measurement, not of the drives."""
+
+
+class Library:
+    """Terms of the effects, computed once for each setting of their knobs.
+
+    Args:
+        band: the frequency domain, with its motions.
+    """
+
+    def __init__(self, robot: RobotModel, band: Band) -> None:
+        self.robot, self.band = robot, band
+        self._curves: dict[tuple[str, str], FloatArray] = {}
+        self._options: dict[str, list[dict[str, Any]]] = {}
+
+    def update(self, link_torque: Sequence[FloatArray], drive_torque: Sequence[FloatArray]) -> None:
+        """Take in what is now known of the torques on both sides of the gears; terms that depend on them are made anew."""
+        self.band.motions = tuple(
+            m.with_torques(link, drive) for m, link, drive in zip(self.band.motions, link_torque, drive_torque, strict=True)
+        )
+        for key in [k for k in self._curves if k[0] in ON_LOAD + ON_DRIVE]:
+            del self._curves[key]
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        """The recordings."""
+        return self.band.motions
+
+    def _curves_of(self, effect: JointEffect | JointCurves) -> FloatArray:
+        key = effect.id, repr(effect.settings)
+        if key not in self._curves:
+            self._curves[key] = self.band.curves([np.asarray(effect.curves_along(m)) for m in self.motions])
+        return self._curves[key]
+
+    def local(self, effect_id: str, joint: int, **settings: Any) -> Term:
+        """A term that loads one joint."""
+        every = self._make(effect_id, (), settings)
+        assert isinstance(every, JointEffect | JointCurves)
+        columns = np.ascontiguousarray(self._curves_of(every)[:, :, joint].T)
+        joints: tuple[int, ...] = (joint,)
+        if follows := settings.get("follows"):
+            joints = (joint, self.robot.joint_names.index(follows))
+        return Term(self._make(effect_id, (joint,), settings), joints, joint, columns, form=str(settings.get("shape", "")))
+
+    def column(self, effect_id: str, joint: int, settings: dict[str, Any]) -> FloatArray:
+        """Columns of a term that loads one joint, shape (K, p), computed for that joint alone."""
+        effect = self._make(effect_id, (joint,), settings)
+        assert isinstance(effect, JointEffect | JointCurves)
+        return self.band.joint_curves(joint, [np.asarray(effect.curves_along(m))[:, :, joint] for m in self.motions])
+
+    def whole(
+        self, effect_id: str, joints: Sequence[int] = (), basis: FloatArray | None = None, form: str = "", **settings: Any
+    ) -> Term:
+        """A term that loads several joints.
+
+        Args:
+            joints: that it is named with; empty for all. basis: combinations of the effect's columns, shape (effect.p, p).
+        """
+        effect = self._make(effect_id, joints, settings)
+        columns = self.band.rows([effect.columns_along(m) for m in self.motions])
+        if basis is not None:
+            columns = columns @ basis
+        return Term(effect, tuple(joints) or tuple(range(self.robot.n)), None, columns, basis, form)
+
+    def _make(self, effect_id: str, joints: Sequence[int], settings: dict[str, Any]) -> Effect:
+        return EFFECTS[effect_id].from_settings(self.robot, [self.robot.joint_names[j] for j in joints], settings)
+
+    def local_options(self, effect_id: str, joint: int) -> list[Term]:
+        """One term for each setting of the knobs that is tried first."""
+        return [self.local(effect_id, joint, **settings) for settings in self._settings(effect_id, joint)]
+
+    def _settings(self, effect_id: str, joint: int) -> list[dict[str, Any]]:
+        effect = EFFECTS[effect_id]
+        if effect_id == "spring":
+            return [{"shape": "line"}, {"shape": "sine"}]
+        if effect_id == "cogging":
+            return [{"harmonic": float(h)} for h in range(3, 61)]
+        if effect_id == "joint_coupling":
+            return [{"follows": name} for k, name in enumerate(self.robot.joint_names) if k != joint]
+        if effect_id == "torque_saturation":
+            load = np.concatenate([np.abs(m.drive_torque[:, joint]) for m in self.motions])
+            return [{"limit": float(x)} for x in np.unique(np.quantile(load, [0.5, 0.6, 0.7, 0.8, 0.87, 0.93, 0.97])) if x > 0.0]
+        if effect.knobs and effect.knobs[0].name != "width":
+            knob = effect.knobs[0]
+            grid = np.geomspace(knob.low, knob.high, 8) if knob.logarithmic else np.linspace(knob.low, knob.high, 8)
+            return [{knob.name: float(x)} for x in grid]
+        return [{}]
+
+    def whole_options(self) -> list[Term]:
+        """Terms that load several joints, in every form that is tried first."""
+        n = self.robot.n
+        terms = [self.whole(name) for name in WHOLE if name != "payload_change"]
+        terms += [self.whole(name, (j,)) for name in ONE_JOINT for j in range(n)]
+        columns = self.band.rows([m.regressor for m in self.motions])
+        for j in range(n):
+            own = columns[:, :, 10 * j : 10 * j + 10]
+            if not np.any(own):
+                continue
+            effect = self._make("link_inertia", (j,), {})
+            pi = self.robot.pi[10 * j : 10 * j + 10]
+            if np.any(pi):
+                terms.append(Term(effect, (j,), None, own @ pi[:, None], pi[:, None], "scale"))
+            terms.append(Term(effect, (j,), None, own[:, :, :4].copy(), np.eye(10)[:, :4], "first moment"))
+            terms.append(Term(effect, (j,), None, own.copy(), np.eye(10), "full"))
+        # four columns where the motion is too slow to show the inertia
+        terms.append(self.whole("payload", basis=np.eye(10)[:, :4], form="first moment"))
+        start, end = self.motions[0].t[0], self.motions[0].t[-1]
+        if len(self.motions) == 1:
+            for t0 in np.linspace(start, end, 16)[1:-1]:
+                terms.append(self.whole("payload_change", t0=float(t0)))
+        return terms

@@ -1,0 +1,82 @@
+"""The noise of the torque: white, plus a part that keeps its sign for a while."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from sysid_ros.sample import FloatArray
+
+_CORNERS = np.geomspace(0.03, 2.0, 8)
+_BINS = 28
+_STEPS = 30
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _fit(power: FloatArray, count: FloatArray, f: FloatArray, corners: FloatArray, steps: int, out: FloatArray) -> None:
+    """Rows of ``out``: white level, coloured level and corner that maximise Whittle's likelihood, by multiplicative updates."""
+    bins, joints = power.shape
+    for j in range(joints):
+        total = 0.0
+        members = 0.0
+        for b in range(bins):
+            total += count[b] * power[b, j]
+            members += count[b]
+        level = max(total / members, 1e-30)
+        best = np.inf
+        for k in range(corners.size):
+            w, c = 0.5 * level, 2.0 * level
+            for _ in range(steps):
+                wn = wd = cn = cd = 0.0
+                for b in range(bins):
+                    g = 1.0 / (1.0 + (f[b] / corners[k]) ** 2)
+                    s = w + c * g
+                    wn += count[b] * power[b, j] / (s * s)
+                    wd += count[b] / s
+                    cn += count[b] * g * power[b, j] / (s * s)
+                    cd += count[b] * g / s
+                w = max(w * wn / wd, 1e-6 * level)
+                c = max(c * cn / cd, 1e-9 * level)
+            cost = 0.0
+            for b in range(bins):
+                s = w + c / (1.0 + (f[b] / corners[k]) ** 2)
+                cost += count[b] * (np.log(s) + power[b, j] / s)
+            if cost < best:
+                best = cost
+                out[j, 0], out[j, 1], out[j, 2] = w, c, corners[k]
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """``S(f) = white + coloured / (1 + (f / corner)^2)``, variance of a coefficient, each of shape (n,).
+
+    The second part is a first-order process with the correlation time ``1 / (2 pi corner)``.
+    """
+
+    white: FloatArray
+    coloured: FloatArray
+    corner: FloatArray
+
+    def variance(self, f: FloatArray) -> FloatArray:
+        """S, shape (K, n)."""
+        variance: FloatArray = self.white + self.coloured / (1.0 + (f[:, None] / self.corner) ** 2)
+        return variance
+
+    @classmethod
+    def of(cls, f: FloatArray, power: FloatArray) -> Noise:
+        """The noise that makes coefficients of this power the most likely.
+
+        Args:
+            f: shape (K,) [Hz]. power: squares of the coefficients, shape (K, n).
+        """
+        edges = np.concatenate([[0.0], np.geomspace(0.05, float(f.max()) + 1e-9, _BINS)])
+        where = np.minimum(np.searchsorted(edges, f, side="right") - 1, _BINS - 1)
+        count = np.bincount(where, minlength=_BINS).astype(float)
+        used = count > 0
+        mean_f = np.bincount(where, f, minlength=_BINS)[used] / count[used]
+        mean = np.stack([np.bincount(where, power[:, j], minlength=_BINS) for j in range(power.shape[1])], axis=1)
+        out = np.zeros((power.shape[1], 3))
+        _fit(np.ascontiguousarray(mean[used] / count[used, None]), count[used], mean_f, _CORNERS, _STEPS, out)
+        return cls(out[:, 0].copy(), out[:, 1].copy(), out[:, 2].copy())

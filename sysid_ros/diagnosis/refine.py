@@ -1,0 +1,128 @@
+"""Refinement of nonlinear knobs around the values that were tried first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from sysid_ros.diagnosis.fit import Fit, Problem
+from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.term import Term
+from sysid_ros.effects import Knob
+from sysid_ros.sample import FloatArray
+
+_STEPS = 8
+_FIXED_POINTS = 3
+_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+
+
+def refine(problem: Problem, library: Library, fit: Fit, terms: Sequence[Term]) -> Fit:
+    """The fit with the knobs of ``terms`` moved to where the rows are the most likely, one knob after the other."""
+    changed: dict[Term, Term] = {}
+    for term in terms:
+        if "around" in term.effect.settings:
+            fit, changed[term] = _exact(problem, library, fit, term)
+            continue
+        if all(knob.name not in term.effect.settings for knob in term.effect.knobs):
+            continue
+        changed[term] = _local(problem, library, fit, term) if term.row is not None else _whole(problem, library, fit, term)
+    if not any(new is not old for old, new in changed.items()):
+        return fit
+    return problem.fit([changed.get(t, t) for t in fit.terms], fit.noise, inexact=fit.inexact)
+
+
+def _exact(problem: Problem, library: Library, fit: Fit, term: Term) -> tuple[Fit, Term]:
+    """Columns that are exact at the parameters found, by a few fixed-point steps."""
+    for _ in range(_FIXED_POINTS):
+        theta = fit.theta_of(term)
+        around = float(theta[0]) if len(theta) == 1 else [float(x) for x in theta]
+        new = remake(library, term, {**term.effect.settings, "around": around})
+        fit = problem.fit([new if t is term else t for t in fit.terms], fit.noise, 2, fit.inexact)
+        term = new
+    return fit, term
+
+
+def _local(problem: Problem, library: Library, fit: Fit, term: Term) -> Term:
+    """One joint's knobs, with what the joint's other terms explain adjusted and the rest as it is."""
+    j = term.row
+    assert j is not None
+    root = 1.0 / np.sqrt(fit.variance[:, j])
+    mates = [t for t in fit.terms if t.row == j and t is not term]
+    fixed = np.concatenate([np.zeros((len(root), 0)), *(t.columns for t in mates)], axis=1)
+    target = fit.residual[:, j] + term.columns @ fit.theta_of(term) + sum((t.columns @ fit.theta_of(t) for t in mates), 0.0)
+
+    def cost(settings: dict[str, Any]) -> float:
+        X = np.concatenate([fixed, library.column(term.id, j, settings)], axis=1) * root[:, None]
+        z = target * root
+        theta = np.linalg.lstsq(X, z, rcond=1e-9)[0]
+        return float(np.sum((z - X @ theta) ** 2))
+
+    settings = search(term, dict(term.effect.settings), cost)
+    return library.local(term.id, j, **settings) if settings != term.effect.settings else term
+
+
+def _whole(problem: Problem, library: Library, fit: Fit, term: Term) -> Term:
+    others = [t for t in fit.terms if t is not term]
+
+    def cost(settings: dict[str, Any]) -> float:
+        return -problem.fit([*others, remake(library, term, settings)], fit.noise, 2, fit.inexact).loglik
+
+    settings = search(term, dict(term.effect.settings), cost)
+    return remake(library, term, settings) if settings != term.effect.settings else term
+
+
+def search(term: Term, settings: dict[str, Any], cost: Callable[[dict[str, Any]], float]) -> dict[str, Any]:
+    """Settings of the least cost, by golden sections of each knob in turn."""
+    best = cost(settings)
+    for knob in term.effect.knobs:
+        if knob.name not in settings:
+            continue
+        low, high = _around(term, knob, float(settings[knob.name]))
+        a, b = (np.log(low), np.log(high)) if knob.logarithmic else (low, high)
+
+        def at(x: float, knob: Knob = knob) -> tuple[float, dict[str, Any]]:
+            changed = {**settings, knob.name: float(np.exp(x) if knob.logarithmic else x)}
+            return cost(changed), changed
+
+        x1, x2 = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
+        f1, f2 = at(x1), at(x2)
+        for _ in range(_STEPS):
+            if f1[0] < f2[0]:
+                b, x2, f2 = x2, x1, f1
+                x1 = b - _GOLDEN * (b - a)
+                f1 = at(x1)
+            else:
+                a, x1, f1 = x1, x2, f2
+                x2 = a + _GOLDEN * (b - a)
+                f2 = at(x2)
+        for found, changed in (f1, f2):
+            if found < best:
+                best, settings = found, changed
+    return settings
+
+
+def _around(term: Term, knob: Knob, value: float) -> tuple[float, float]:
+    """The neighbours of a value on the grid that was tried first."""
+    if knob.name == "t0":
+        return value - 0.08 * knob_range(term), value + 0.08 * knob_range(term)
+    if knob.name == "harmonic":
+        return value - 0.6, value + 0.6
+    if knob.name == "limit":
+        return 0.9 * value, 1.1 * value
+    ratio = 5.0 if knob.name == "width" else (knob.high / knob.low) ** (1.1 / 7.0)
+    return max(value / ratio, knob.low / 2.0), min(value * ratio, knob.high * 2.0)
+
+
+def knob_range(term: Term) -> float:
+    """Time that a change is searched in [s]."""
+    return 26.0
+
+
+def remake(library: Library, term: Term, settings: dict[str, Any]) -> Term:
+    """The same term with other settings."""
+    if term.row is not None:
+        return library.local(term.id, term.row, **settings)
+    joints = term.joints if len(term.joints) < library.robot.n else ()
+    return library.whole(term.id, joints, term.basis, term.form, **settings)

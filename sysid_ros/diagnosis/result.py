@@ -1,0 +1,156 @@
+"""Diagnosis: what was found, and as the document that machines read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from sysid_ros.model_file import ModelFile
+from sysid_ros.sample import FloatArray
+
+VERDICTS = ("explained", "partly_explained", "unexplained", "nothing_wrong", "refused")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter with its 95 % interval; value, std and both ends of the interval are lists where it is a vector."""
+
+    name: str
+    joint: str | None
+    value: Any
+    unit: str
+    std: Any
+    low: Any
+    high: Any
+
+    def as_dict(self) -> dict[str, Any]:
+        """As it stands in diagnosis.json."""
+        return {
+            "name": self.name,
+            "joint": self.joint,
+            "value": self.value,
+            "unit": self.unit,
+            "std": self.std,
+            "ci95": [self.low, self.high],
+        }
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One effect that earned its place.
+
+    Attributes:
+        id, label: of the effect. joints: that it concerns. parameters: with their intervals.
+        heldout_gain: part of the nominal residual's power that it removes on data that were not fitted.
+        delta_bic: of the fitted rows. p_value: corrected for the number of candidates.
+        cannot_be_told_from: ids that explain these recordings as well. sentence: for an engineer.
+        signature: what it looks like. separated_by: motion that tells it from its look-alikes.
+    """
+
+    id: str
+    label: str
+    joints: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    heldout_gain: float
+    delta_bic: float
+    p_value: float
+    cannot_be_told_from: tuple[str, ...]
+    sentence: str
+    signature: str = ""
+    separated_by: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """As it stands in diagnosis.json."""
+        return {
+            "name": self.id,
+            "joints": list(self.joints),
+            "parameters": [p.as_dict() for p in self.parameters],
+            "evidence": {"heldout_gain": self.heldout_gain, "delta_bic": self.delta_bic, "p_value": self.p_value},
+            "cannot_be_told_from": list(self.cannot_be_told_from),
+            "sentence": self.sentence,
+        }
+
+
+@dataclass(frozen=True)
+class TorqueRmse:
+    """Torque error on held-out data below the cut-off, a joint, shape (n,) each [N m]."""
+
+    joints: tuple[str, ...]
+    before: FloatArray
+    after: FloatArray
+    noise_floor: FloatArray
+    torque: FloatArray
+
+
+@dataclass(frozen=True)
+class SimulationError:
+    """Error of a forward simulation under the measured torques, over windows of ``horizon_s`` [s], [rad], [rad/s]."""
+
+    horizon_s: float
+    position_rmse_before: float
+    position_rmse_after: float
+    velocity_rmse_before: float
+    velocity_rmse_after: float
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """Torques on the held-out data: t since the first stamp, shape (N,) [s]; torques of shape (N, n) [N m]."""
+
+    t: FloatArray
+    joints: tuple[str, ...]
+    measured: FloatArray
+    nominal: FloatArray
+    extended: FloatArray
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What is wrong with a model, and what the fix buys.
+
+    Attributes:
+        verdict: one of :data:`VERDICTS`. refusal: why, where it is "refused".
+        findings: in order of gain. torque: error on held-out data. simulation: of a forward simulation, where it was run.
+        unexplained_fraction: power above the noise that is left on held-out data, as a part of the nominal residual's.
+        record_next: what to record next, one sentence each. notes: what the user should know, one sentence each.
+        model: the extended model. predictions: on the held-out data. curves: for the report.
+    """
+
+    verdict: str
+    joints: tuple[str, ...]
+    refusal: str | None = None
+    findings: tuple[Finding, ...] = ()
+    torque: TorqueRmse | None = None
+    simulation: SimulationError | None = None
+    unexplained_fraction: float = 0.0
+    unexplained: str = ""
+    record_next: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    model: ModelFile | None = None
+    predictions: Predictions | None = None
+    curves: dict[str, Any] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The document diagnosis.json."""
+        nothing = np.zeros(len(self.joints))
+        torque = self.torque or TorqueRmse(self.joints, nothing, nothing, nothing, nothing)
+        simulation = self.simulation or SimulationError(0.5, 0.0, 0.0, 0.0, 0.0)
+        return {
+            "verdict": self.verdict,
+            "refusal": self.refusal,
+            "effects": [f.as_dict() for f in self.findings],
+            "torque_rmse": {
+                "joints": list(torque.joints),
+                "before": torque.before.tolist(),
+                "after": torque.after.tolist(),
+                "noise_floor": torque.noise_floor.tolist(),
+                "torque": torque.torque.tolist(),
+            },
+            "simulation": {name: getattr(simulation, name) for name in SimulationError.__dataclass_fields__},
+            "unexplained_fraction": self.unexplained_fraction,
+            "unexplained": self.unexplained,
+            "record_next": list(self.record_next),
+            "notes": list(self.notes),
+        }

@@ -1,0 +1,63 @@
+"""A base that does not stand level."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sysid_ros.effects.effect import Effect
+from sysid_ros.effects.motion import Motion
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+def tilted_gravity(gravity: FloatArray, roll: float, pitch: float) -> FloatArray:
+    """Gravity in the axes of a base that is turned by roll about x, then by pitch about y of the world, shape (3,) [m/s^2]."""
+    c, s, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    turn_x = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    turn_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
+    turned: FloatArray = (turn_y @ turn_x).T @ gravity
+    return turned
+
+
+class BaseTilt(Effect):
+    """``tau = G(q) (dg/droll roll + dg/dpitch pitch)``: gravity comes from another direction, at its right size [rad].
+
+    Args:
+        robot: the model. joints: unused, the whole arm is concerned.
+        around: roll and pitch at which the columns are exact [rad].
+    """
+
+    id: ClassVar[str] = "base_tilt"
+    label: ClassVar[str] = "tilted base"
+    signature: ClassVar[str] = "like gravity on all joints, and on a vertical first joint too"
+    look_alikes: ClassVar[tuple[str, ...]] = ("joint_offset", "external_force", "link_inertia")
+    separated_by: ClassVar[str] = "a sweep of the first joint over 90 degrees or more with the arm stretched out"
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), around: Sequence[float] = (0.0, 0.0)) -> None:
+        super().__init__(robot, joints)
+        self.around = [float(x) for x in around]
+        self.parameter_names, self.units = ("roll", "pitch"), ("rad", "rad")
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {"around": self.around}
+
+    def _directions(self) -> FloatArray:
+        gravity = self.robot.gravity
+        roll, pitch = (x if abs(x) > 1e-6 else 1e-6 for x in self.around)
+        by_pitch = (tilted_gravity(gravity, 0.0, pitch) - gravity) / pitch
+        by_roll = (tilted_gravity(gravity, roll, pitch) - tilted_gravity(gravity, 0.0, pitch)) / roll
+        return np.stack([by_roll, by_pitch])
+
+    def _columns(self, q: FloatArray) -> FloatArray:
+        still = np.zeros_like(q)
+        return np.stack([self.robot.rnea_along(q, still, still, g) for g in self._directions()], axis=-1)
+
+    def fill(self, sample: Sample, out: FloatArray) -> None:
+        out[:] = self._columns(sample.q[None])[0]
+
+    def columns_along(self, motion: Motion) -> FloatArray:
+        return self._columns(motion.q)

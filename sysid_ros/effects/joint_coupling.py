@@ -1,0 +1,51 @@
+"""A joint whose torque holds a part of another joint's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sysid_ros.effects.effect import JointCurves
+from sysid_ros.effects.motion import Motion
+from sysid_ros.exceptions import ModelFileError
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+class JointCoupling(JointCurves):
+    """``tau_j = -c tau_other`` [N m], as from a wrist whose motors share a gear train (Siciliano et al. 2009, section 7.2.1).
+
+    Args:
+        robot: the model. joints: joints whose torque holds the other's; empty for all.
+        follows: the other joint; empty for the neighbour towards the tip (of the last joint, towards the base).
+    """
+
+    id: ClassVar[str] = "joint_coupling"
+    label: ClassVar[str] = "coupling of two joints"
+    symbols: ClassVar[tuple[str, ...]] = ("c",)
+    symbol_units: ClassVar[tuple[str, ...]] = ("1",)
+    slide_units: ClassVar[tuple[str, ...]] = ("1",)
+    signature: ClassVar[str] = "one joint's residual follows the torque of another"
+    look_alikes: ClassVar[tuple[str, ...]] = ("link_inertia", "torque_scale", "joint_order")
+    separated_by: ClassVar[str] = "moves of one of the two joints alone, with the other loaded"
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), follows: str = "") -> None:
+        super().__init__(robot, joints)
+        if follows and follows not in robot.joint_names:
+            raise ModelFileError(f"effect '{self.id}' follows '{follows}'; the robot has {', '.join(robot.joint_names)}.")
+        self.follows = follows
+        neighbour = np.minimum(np.arange(robot.n) + 1, robot.n - 1)
+        neighbour[-1] = max(robot.n - 2, 0)
+        self._other = np.full(robot.n, robot.joint_names.index(follows)) if follows else neighbour
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {"follows": self.follows}
+
+    def curves_along(self, motion: Motion) -> FloatArray:
+        return self.curves(motion, motion.drive_torque)
+
+    def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
+        return -load[..., self._other][None]

@@ -1,0 +1,53 @@
+"""A wrong zero of a joint's encoder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sysid_ros.effects.effect import Effect
+from sysid_ros.effects.motion import Motion
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+class JointOffset(Effect):
+    """``tau = -d ID(q, v, a) / dq_j delta_j``, delta = measured - true position [rad], ID the inverse dynamics, to first order.
+
+    Args:
+        robot: the model. joints: joints whose zero is wrong; empty for all.
+        around: offset at which the columns are exact, ``(ID(q - around) - ID(q)) / around`` [rad].
+    """
+
+    id: ClassVar[str] = "joint_offset"
+    label: ClassVar[str] = "wrong zero of a joint"
+    signature: ClassVar[str] = "the gradient of gravity along the joint's position, in all joints around it"
+    look_alikes: ClassVar[tuple[str, ...]] = ("base_tilt", "backlash", "link_inertia", "joint_elasticity")
+    separated_by: ClassVar[str] = "motion of the other joints over 60 degrees or more; on a vertical first joint nothing shows it"
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), around: float = 0.0) -> None:
+        super().__init__(robot, joints)
+        self.around = float(around)
+        self.parameter_names = tuple(f"delta[{name}]" for name in self.joint_names)
+        self.units = tuple("m" if robot.is_prismatic[j] else "rad" for j in self.joints)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {"around": self.around}
+
+    def fill(self, sample: Sample, out: FloatArray) -> None:
+        out[:] = self._columns(sample.q[None], sample.v[None], sample.a[None])[0]
+
+    def columns_along(self, motion: Motion) -> FloatArray:
+        if not self.around:
+            return np.asarray(-motion.sensitivity[0][:, :, self.joints])
+        return self._columns(motion.q, motion.v, motion.a)
+
+    def _columns(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        if not self.around:
+            return np.asarray(-self.robot.rnea_derivatives_along(q, v, a)[0][:, :, self.joints])
+        here = self.robot.rnea_along(q, v, a)
+        moved = self.around * np.eye(self.robot.n)[self.joints]
+        return np.stack([(self.robot.rnea_along(q - d, v, a) - here) / self.around for d in moved], axis=-1)

@@ -1,0 +1,44 @@
+"""Dry friction that grows with the load on the gear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sysid_ros.effects.effect import JointCurves, Knob, positive
+from sysid_ros.effects.motion import Motion
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+class LoadDependentFriction(JointCurves):
+    """``tau_j = s (Fc + mu |tau_link|)``, s = tanh(v / width), Fc >= 0 [N m], mu >= 0 [1] (Hamon, Gautier, Garrec 2010, section
+    III). The load is the model's torque on the link side: the measured one would bring its noise into the column.
+
+    Args:
+        robot: the model. joints: joints that rub; empty for all. width: speed at which the sign function has turned [rad/s].
+    """
+
+    id: ClassVar[str] = "load_dependent_friction"
+    label: ClassVar[str] = "friction that grows with the load"
+    symbols: ClassVar[tuple[str, ...]] = ("Fc", "mu")
+    symbol_units: ClassVar[tuple[str, ...]] = ("N m", "1")
+    slide_units: ClassVar[tuple[str, ...]] = ("N", "1")
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s"),)
+    signature: ClassVar[str] = "the level of friction follows the torque that the links need"
+    look_alikes: ClassVar[tuple[str, ...]] = ("torque_scale", "asymmetric_coulomb_friction", "coulomb_friction")
+    separated_by: ClassVar[str] = "the same loaded and unloaded postures passed in both directions"
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = 0.02) -> None:
+        super().__init__(robot, joints)
+        self.width = positive(width, "width", self.id)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {"width": self.width}
+
+    def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
+        s = np.tanh(state.v / self.width)
+        return np.stack([s, s * np.abs(load)])

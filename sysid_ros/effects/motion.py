@@ -1,0 +1,97 @@
+"""Motion: a whole recording on an even grid, with what the robot's model says of it."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+class Motion:
+    """Channels of a recording after filtering, shape (N, n) each, on an even grid of times.
+
+    Args:
+        robot: the nominal model.
+        t: shape (N,) [s], since the recording's first stamp.
+        q, v, a: positions, velocities and accelerations. tau: measured torque.
+        link_torque: torque that the links need, as far as it is known; None for the URDF's.
+        drive_torque: torque that the drives give, friction included, as far as it is known; None for that of the links.
+
+    Attributes:
+        period: of the grid [s].
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        t: FloatArray,
+        q: FloatArray,
+        v: FloatArray,
+        a: FloatArray,
+        tau: FloatArray,
+        link_torque: FloatArray | None = None,
+        drive_torque: FloatArray | None = None,
+    ) -> None:
+        self.robot, self.t, self.q, self.v, self.a, self.tau = robot, t, q, v, a, tau
+        self._link_torque, self._drive_torque = link_torque, drive_torque
+        self._payload: dict[str, FloatArray] = {}
+
+    @property
+    def period(self) -> float:
+        """Spacing of the grid [s]."""
+        return float(self.t[1] - self.t[0])
+
+    @cached_property
+    def link_torque(self) -> FloatArray:
+        """Torque on the link side of the joints, shape (N, n) [N m]."""
+        return self.robot.rnea_along(self.q, self.v, self.a) if self._link_torque is None else self._link_torque
+
+    @property
+    def drive_torque(self) -> FloatArray:
+        """Torque on the motor side, referred to the joints, shape (N, n) [N m]."""
+        return self.link_torque if self._drive_torque is None else self._drive_torque
+
+    @cached_property
+    def regressor(self) -> FloatArray:
+        """Of all links, shape (N, n, 10 n)."""
+        return self.robot.regressor_along(self.q, self.v, self.a)
+
+    @cached_property
+    def sensitivity(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Derivatives of the link torque by q, v and a, shape (N, n, n) each."""
+        return self.robot.rnea_derivatives_along(self.q, self.v, self.a)
+
+    @cached_property
+    def gravity_torque(self) -> FloatArray:
+        """Torque that holds the links against gravity, shape (N, n) [N m]."""
+        nothing = np.zeros_like(self.q)
+        return self.robot.rnea_along(self.q, nothing, nothing)
+
+    def payload_regressor(self, frame: str) -> FloatArray:
+        """Of a body fixed to a frame, shape (N, n, 10)."""
+        if frame not in self._payload:
+            index, robot = self.robot.frame_id(frame), self.robot
+            rows = [robot.payload_regressor(q, v, a, index) for q, v, a in zip(self.q, self.v, self.a, strict=True)]
+            self._payload[frame] = np.stack(rows)
+        return self._payload[frame]
+
+    def rate_of(self, values: FloatArray) -> FloatArray:
+        """Derivative by time of values on the grid, along the first axis."""
+        rate: FloatArray = np.gradient(values, self.period, axis=0)
+        return rate
+
+    def with_torques(self, link_torque: FloatArray, drive_torque: FloatArray) -> Motion:
+        """The same motion with more known of its torques, shape (N, n) each; what was computed from the motion alone is kept."""
+        other = Motion(self.robot, self.t, self.q, self.v, self.a, self.tau, link_torque, drive_torque)
+        for name in ("regressor", "sensitivity", "gravity_torque"):
+            if name in self.__dict__:
+                other.__dict__[name] = self.__dict__[name]
+        other._payload = self._payload
+        return other
+
+    def samples(self) -> list[Sample]:
+        """The grid's points one by one."""
+        return [Sample(float(self.t[i]), self.q[i], self.v[i], self.a[i], self.tau[i]) for i in range(len(self.t))]

@@ -1,0 +1,46 @@
+"""A body that is picked up or put down during the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sysid_ros.effects.effect import Knob
+from sysid_ros.effects.motion import Motion
+from sysid_ros.effects.payload import Payload
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+class PayloadChange(Payload):
+    """``tau = J_frame' Y_body theta`` from the time t0 on, ten parameters about the frame's origin.
+
+    Args:
+        robot: the model. joints: unused. frame: name of the frame; empty for the robot's default. t0: when it changes [s].
+    """
+
+    id: ClassVar[str] = "payload_change"
+    label: ClassVar[str] = "change of the payload"
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("t0", 0.0, 1e9, "s", False),)
+    signature: ClassVar[str] = "a step at one instant in all joints that carry the tool, then as a payload"
+    look_alikes: ClassVar[tuple[str, ...]] = ("external_force", "torque_offset_drift", "payload")
+    separated_by: ClassVar[str] = "the same motion before and after the change"
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), frame: str = "", t0: float = 0.0) -> None:
+        super().__init__(robot, joints, frame)
+        self.t0 = float(t0)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {"frame": self.frame, "t0": self.t0}
+
+    def fill(self, sample: Sample, out: FloatArray) -> None:
+        super().fill(sample, out)
+        if sample.t < self.t0:
+            out[:] = 0.0
+
+    def columns_along(self, motion: Motion) -> FloatArray:
+        columns: FloatArray = super().columns_along(motion) * np.asarray(motion.t >= self.t0)[:, None, None]
+        return columns

@@ -1,0 +1,46 @@
+"""Dry friction that falls from its breakaway value as the joint gets moving."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sysid_ros.effects.effect import JointCurves, Knob, positive
+from sysid_ros.effects.motion import Motion
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+class StribeckFriction(JointCurves):
+    """``tau_j = s (Fc (1 - e) + Fs e)``, s = tanh(v / width), e = exp(-(v / vs)^2), 0 <= Fc <= Fs [N m] (Armstrong-Hélouvry,
+    Dupont, Canudas de Wit 1994, section 2.1).
+
+    Args:
+        robot: the model. joints: joints that rub; empty for all.
+        vs: Stribeck velocity [rad/s]. width: speed at which the sign function has turned [rad/s].
+    """
+
+    id: ClassVar[str] = "stribeck_friction"
+    label: ClassVar[str] = "Stribeck friction"
+    symbols: ClassVar[tuple[str, ...]] = ("Fc", "Fs")
+    symbol_units: ClassVar[tuple[str, ...]] = ("N m", "N m")
+    slide_units: ClassVar[tuple[str, ...]] = ("N", "N")
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("vs", 0.01, 0.5, "rad/s"), Knob("width", 0.001, 0.1, "rad/s"))
+    signature: ClassVar[str] = "two levels by direction, with a bump at speeds below three Stribeck velocities"
+    look_alikes: ClassVar[tuple[str, ...]] = ("coulomb_friction", "presliding_hysteresis", "viscous_friction")
+    separated_by: ClassVar[str] = "slow moves at several constant speeds between 0.02 and 0.2 rad/s, in both directions"
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), vs: float = 0.05, width: float = 0.02) -> None:
+        super().__init__(robot, joints)
+        self.vs, self.width = positive(vs, "vs", self.id), positive(width, "width", self.id)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {"vs": self.vs, "width": self.width}
+
+    def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
+        s = np.tanh(state.v / self.width)
+        e = np.exp(-((state.v / self.vs) ** 2))
+        return np.stack([s * (1.0 - e), s * e])

@@ -1,0 +1,49 @@
+"""An effort that comes late."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sysid_ros.effects.effect import Effect
+from sysid_ros.effects.motion import Motion
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+class TimeDelay(Effect):
+    """``tau = -delay dtau_link/dt``, to first order: the effort belongs to an earlier instant than the positions [s].
+
+    One sample alone does not tell how fast its torque changes; its columns are zero, those of a whole recording are not.
+
+    Args:
+        robot: the model. joints: unused, the whole arm is concerned.
+        around: delay at which the columns of a recording are exact, ``(tau(t - around) - tau(t)) / around`` [s].
+    """
+
+    id: ClassVar[str] = "time_delay"
+    label: ClassVar[str] = "effort late"
+    signature: ClassVar[str] = "in proportion to the rate of the torque, with one delay for all joints"
+    look_alikes: ClassVar[tuple[str, ...]] = ("viscous_friction", "joint_elasticity", "velocity_lag")
+    separated_by: ClassVar[str] = "fast motion: a delay grows with the square of the frequency, friction does not"
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), around: float = 0.0) -> None:
+        super().__init__(robot, joints)
+        self.around = float(around)
+        self.parameter_names, self.units = ("delay",), ("s",)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {"around": self.around}
+
+    def fill(self, sample: Sample, out: FloatArray) -> None:
+        out[:] = 0.0
+
+    def columns_along(self, motion: Motion) -> FloatArray:
+        if self.around:
+            drive = motion.drive_torque
+            earlier = [np.interp(motion.t - self.around, motion.t, drive[:, j]) for j in range(self.robot.n)]
+            return np.asarray((np.stack(earlier, axis=1) - drive) / self.around)[:, :, None]
+        return np.asarray(-motion.rate_of(motion.drive_torque))[:, :, None]

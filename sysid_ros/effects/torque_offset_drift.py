@@ -1,0 +1,42 @@
+"""An error of the torque measurement that grows with time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sysid_ros.effects.effect import JointEffect
+from sysid_ros.effects.motion import Motion
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+class TorqueOffsetDrift(JointEffect):
+    """``tau_j = rate_j (t - start)`` [N m], from the start of the recording.
+
+    Args:
+        robot: the model. joints: joints that drift; empty for all. start: time from which it drifts [s].
+    """
+
+    id: ClassVar[str] = "torque_offset_drift"
+    label: ClassVar[str] = "drift of the torque measurement"
+    symbol: ClassVar[str] = "rate"
+    unit: ClassVar[str] = "N m/s"
+    slide_unit: ClassVar[str] = "N/s"
+    signature: ClassVar[str] = "a slow ramp, whatever the motion"
+    look_alikes: ClassVar[tuple[str, ...]] = ("friction_drift", "payload_change")
+    separated_by: ClassVar[str] = "a long recording that repeats one motion at its start and at its end"
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), start: float = 0.0) -> None:
+        super().__init__(robot, joints)
+        self.start = float(start)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {"start": self.start}
+
+    def curve(self, sample: Sample | Motion) -> FloatArray:
+        since = np.asarray(sample.t) - self.start
+        return np.broadcast_to(since[..., None], sample.q.shape)

@@ -1,0 +1,194 @@
+"""Channels of a recording that do not measure: frozen, saturated, out of range; found, named, and kept out of the fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid_ros.exceptions import DataError
+from sysid_ros.identification.recording import Recording
+from sysid_ros.identification.result import Problem
+from sysid_ros.identification.rows import BoolArray
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+
+_FROZEN = 0.5
+"""Time for which a value must repeat exactly while the joint moves, to count as frozen [s]."""
+
+_USUAL_RUNS = 10.0
+"""A value must also repeat so many times longer than the channel's values usually do: a coarse resolution repeats them too."""
+
+_MOVED = 0.01
+"""Way of a joint above which it moved [rad or m]."""
+
+_SATURATED = 0.03
+"""Time for which the largest value must repeat exactly to count as saturated [s]."""
+
+_OUTSIDE = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedRecording:
+    """A recording, what was found in it, and which values must not be fitted: ``spoiled``, shape (N, n)."""
+
+    recording: Recording
+    problems: tuple[Problem, ...]
+    spoiled: BoolArray
+
+
+def check_channels(robot: RobotModel, recording: Recording, max_gap: float) -> CheckedRecording:
+    """Look at every channel by itself.
+
+    Raises:
+        DataError: the effort of a joint is one constant for most of the time that the joint moves.
+    """
+    spoiled: BoolArray = np.zeros(recording.tau.shape, dtype=np.bool_)
+    problems: list[Problem] = []
+    problems += _gaps(recording, max_gap)
+    for j, joint in enumerate(robot.joint_names):
+        problems += _frozen_effort(recording, j, joint, spoiled)
+        problems += _frozen_position(recording, j, joint, spoiled)
+        problems += _saturated(recording, j, joint, spoiled)
+        problems += _outside(robot, recording, j, joint)
+    return CheckedRecording(recording, tuple(problems), spoiled)
+
+
+def _gaps(recording: Recording, max_gap: float) -> list[Problem]:
+    steps = np.diff(recording.t)
+    back, gaps = int(np.sum(steps <= 0.0)), steps[steps > max_gap]
+    out = []
+    if len(gaps):
+        out.append(
+            Problem(
+                recording.name,
+                "",
+                "gaps",
+                f"{len(gaps)} gaps longer than {max_gap:g} s, {gaps.sum():.1f} s together, the longest {gaps.max():.1f} s. "
+                "Nothing is fitted across them; record without loss if they matter.",
+            )
+        )
+    if back:
+        out.append(
+            Problem(recording.name, "", "time_runs_back", f"The stamps run back {back} times; each part is used by itself.")
+        )
+    return out
+
+
+def _runs(values: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First index and length of every run of equal values, shape (r,) each."""
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0.0) + 1])
+    return starts, np.diff(np.concatenate([starts, [len(values)]]))
+
+
+def _frozen_effort(recording: Recording, j: int, joint: str, spoiled: BoolArray) -> list[Problem]:
+    period, tau, q = recording.period, recording.tau[:, j], recording.q[:, j]
+    starts, lengths = _runs(tau)
+    usual = float(np.median(np.repeat(lengths, lengths))) if len(lengths) > 4 else 1.0
+    frozen = np.flatnonzero((lengths * period >= _FROZEN) & (lengths >= _USUAL_RUNS * min(usual, _FROZEN / period)))
+    total, moving, longest = 0, _moving_samples(q, recording.t), (0, 0)
+    for r in frozen:
+        where = slice(int(starts[r]), int(starts[r] + lengths[r]))
+        if np.ptp(q[where]) <= _MOVED:
+            continue
+        spoiled[where, j] = True
+        total += int(lengths[r])
+        longest = max(longest, (int(lengths[r]), int(starts[r])))
+    if not total:
+        return []
+    value, since = tau[longest[1]], recording.t[longest[1]] - recording.t[0]
+    if total > 0.5 * moving:
+        raise DataError(
+            f"{recording.name}: the effort of {joint} is constant ({value:g}) for {100 * min(total / moving, 1.0):.0f} % of the "
+            "time that the joint moves; it measures nothing. Switch on the effort of this joint in its driver and record again, "
+            "or leave the joint out of joint_names (--config)."
+        )
+    return [
+        Problem(
+            recording.name,
+            joint,
+            "frozen_effort",
+            f"The effort of {joint} stays at {value:g} while the joint moves, {total * period:.1f} s in all, "
+            f"{longest[0] * period:.1f} s from {since:.1f} s on. These rows of {joint} are not used; check its driver.",
+        )
+    ]
+
+
+def _moving_samples(q: FloatArray, t: FloatArray) -> int:
+    """Samples in seconds in which the joint moves."""
+    second = np.floor(t - t[0]).astype(int)
+    ends = np.flatnonzero(np.diff(second)) + 1
+    parts = np.split(q, ends)
+    return max(sum(len(p) for p in parts if np.ptp(p) > _MOVED), 1)
+
+
+def _frozen_position(recording: Recording, j: int, joint: str, spoiled: BoolArray) -> list[Problem]:
+    """The position repeats while the message's velocity says that the joint moves."""
+    v, q, period = recording.v[:, j], recording.q[:, j], recording.period
+    if np.isnan(v).all():
+        return []
+    starts, lengths = _runs(q)
+    total, since = 0, 0.0
+    for r in np.flatnonzero(lengths * period >= 0.2):
+        where = slice(int(starts[r]), int(starts[r] + lengths[r]))
+        travel = float(np.nansum(np.abs(v[where]))) * period
+        if travel > 5.0 * _MOVED and float(np.nanmedian(np.abs(v[where]))) > 0.05:
+            since = since if total else float(recording.t[where.start] - recording.t[0])
+            spoiled[where] = True
+            total += int(lengths[r])
+    if not total:
+        return []
+    return [
+        Problem(
+            recording.name,
+            joint,
+            "frozen_position",
+            f"The position of {joint} does not change for {total * period:.1f} s, first at {since:.1f} s, while its velocity "
+            "says that it moves. These rows are not used on any joint; check its encoder.",
+        )
+    ]
+
+
+def _saturated(recording: Recording, j: int, joint: str, spoiled: BoolArray) -> list[Problem]:
+    """The largest or least effort repeats far longer than other values do, and more than once or for long."""
+    tau, period = recording.tau[:, j], recording.period
+    starts, lengths = _runs(tau)
+    ordinary = float(np.percentile(lengths, 99)) if len(lengths) > 20 else 1.0
+    found, bound, times = 0, 0.0, 0
+    for extreme in (float(tau.max()), float(tau.min())):
+        at = np.flatnonzero((tau[starts] == extreme) & (lengths >= max(5, 5.0 * ordinary)) & (lengths * period >= _SATURATED))
+        if not len(at) or extreme == 0.0 or (len(at) < 2 and lengths[at].sum() * period < 2.0 * _SATURATED):
+            continue
+        if np.ptp(recording.q[:, j]) <= _MOVED:
+            continue
+        for r in at:
+            spoiled[int(starts[r]) : int(starts[r] + lengths[r]), j] = True
+        found, bound, times = found + int(lengths[at].sum()), extreme, times + len(at)
+    if not found:
+        return []
+    return [
+        Problem(
+            recording.name,
+            joint,
+            "saturated_effort",
+            f"The effort of {joint} stops at {abs(bound):g} {times} times, {found * period:.2f} s in all: it is saturated. These "
+            f"rows of {joint} are not used; record a slower motion, or raise the limit of the measurement.",
+        )
+    ]
+
+
+def _outside(robot: RobotModel, recording: Recording, j: int, joint: str) -> list[Problem]:
+    q, low, high = recording.q[:, j], float(robot.position_lower[j]), float(robot.position_upper[j])
+    part = float(np.mean((q < low - _OUTSIDE) | (q > high + _OUTSIDE)))
+    if part < 0.01:
+        return []
+    return [
+        Problem(
+            recording.name,
+            joint,
+            "position_outside",
+            f"The position of {joint} goes from {q.min():.3g} to {q.max():.3g}; the URDF allows {low:.3g} to {high:.3g}. Is it "
+            "the URDF of this robot, with this zero?",
+        )
+    ]

@@ -1,0 +1,90 @@
+"""From raw recordings to an identification: checks, cut-off, rows, friction, fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from sysid_ros.exceptions import DataError, SettingsError
+from sysid_ros.identification.channel_checks import CheckedRecording, check_channels
+from sysid_ros.identification.friction_search import FRICTIONS, search_friction
+from sysid_ros.identification.held_out import Prior
+from sysid_ros.identification.identify import Choices, free_model, identify
+from sysid_ros.identification.least_squares import METHODS
+from sysid_ros.identification.plausibility import check_plausible
+from sysid_ros.identification.recording import Recording
+from sysid_ros.identification.result import CutOff, Identification, Problem
+from sysid_ros.identification.rows import FORMS, BagRows, collect_rows
+from sysid_ros.identification.spectrum import choose_cutoff
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.torque_model import TorqueModel
+
+
+def identify_recordings(
+    robot: RobotModel,
+    recordings: Sequence[Recording],
+    validation: Sequence[Recording],
+    provenance: dict[str, Any],
+    choices: Choices | None = None,
+    cutoff_hz: float = 0.0,
+    max_gap: float = 0.1,
+    measured_velocity: bool = False,
+    problems: Sequence[Problem] = (),
+    progress: Callable[[str], None] = lambda what: None,
+) -> Identification:
+    """Identify an arm from recordings in which it carries nothing (or always the same).
+
+    Args:
+        robot: the arm. recordings: to identify from. validation: to judge on, never fitted.
+        provenance: written into the model file. choices: how. cutoff_hz: of the low-pass [Hz]; 0 to choose it.
+        max_gap: a longer gap between samples is not bridged [s]. measured_velocity: take the messages' velocity where there is
+            one.
+        problems: found before. progress: told what is being done.
+
+    Raises:
+        SettingsError: a choice is unknown. DataError: the recordings can't tell the robot's parameters, and why.
+    """
+    choices = choices or Choices()
+    _require(choices)
+    checked = [check_channels(robot, r, max_gap) for r in (*recordings, *validation)]
+    found = [*problems, *(p for c in checked for p in c.problems)]
+    cutoff = CutOff(cutoff_hz, "as given") if cutoff_hz else choose_cutoff(recordings, robot.joint_names, max_gap)
+
+    def rows(model: TorqueModel, which: Sequence[CheckedRecording]) -> list[BagRows]:
+        out = []
+        for c in which:
+            progress(f"filtering {c.recording.name}")
+            name = c.recording.name
+            out.append(collect_rows(model, c.recording, name, cutoff.hz, max_gap, choices.form, measured_velocity, c.spoiled))
+        return out
+
+    fitted, judged = checked[: len(recordings)], checked[len(recordings) :]
+    model = free_model(robot)
+    bags = rows(model, fitted)
+    try:
+        found += check_plausible(robot, bags, Prior.of(model).mean)
+    except DataError as error:
+        if not choices.accept_doubts:
+            raise DataError(f"{error} --accept-doubts goes on regardless.") from None
+        found.append(Problem("", "", "implausible_effort", f"{str(error)[0].upper()}{str(error)[1:]}"))
+    friction, knobs = search_friction(robot, choices, lambda m: rows(m, fitted), progress)
+    if friction:
+        model = free_model(robot, friction)
+        bags = rows(model, fitted)
+    checks = rows(model, judged)
+    progress("solving")
+    return identify(model, bags, checks, provenance, choices, cutoff, found, knobs)
+
+
+def _require(choices: Choices) -> None:
+    for name, value, allowed in (
+        ("method", choices.method, METHODS),
+        ("form", choices.form, FORMS),
+        ("friction", choices.friction, FRICTIONS),
+    ):
+        if value not in allowed:
+            raise SettingsError(f"{name} is '{value}'; it must be one of {', '.join(allowed)}.")
+    if choices.prior_weight is not None and not choices.prior_weight > 0.0:
+        raise SettingsError(
+            f"the weight of the prior is {choices.prior_weight}; it must be above 0, or inf for the URDF's own links."
+        )

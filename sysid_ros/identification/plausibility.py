@@ -1,0 +1,168 @@
+"""Does the effort of recordings follow the URDF's gravity? Finds currents in place of torques, and another robot's URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid_ros.exceptions import DataError
+from sysid_ros.identification.result import Problem
+from sysid_ros.identification.rows import BagRows
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+
+_SHARE = 0.15
+"""Of the largest change of gravity torque of a joint; joints below it are not judged."""
+
+_FEWEST = 60
+_STANDARD_ERRORS = 4.0
+_TOO_LOW, _TOO_HIGH, _SUSPICIOUS = 0.35, 4.0, 1.8
+_EXPLAINED, _MOSTLY = 0.5, 0.8
+
+
+_CHANNELS: tuple[Callable[[BagRows], FloatArray], ...] = (
+    lambda bag: bag.q,
+    lambda bag: bag.v,
+    lambda bag: bag.a,
+    lambda bag: bag.tau,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """Torque regressed on the URDF's gravity torque, with offset, friction and inertia of the joint beside it, shape (n,) each.
+
+    ``tau = slope g(q) + offset + Fc sign(v) + b v + J a``: the slope is 1 where effort and URDF agree, the unit's factor where
+    effort is something else than N m, more with a tool that the URDF lacks.
+
+    Attributes:
+        slope: NaN where gravity changes too little to judge. error: standard error of it.
+        explained: part of what offset and friction leave of the torque that all of the URDF's torque and a rotor explain, 0 to 1;
+            NaN where that is next to nothing.
+    """
+
+    slope: FloatArray
+    error: FloatArray
+    explained: FloatArray
+
+
+def agreement(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatArray) -> Agreement:
+    """See :class:`Agreement`.
+
+    Args:
+        nominal: parameters of the URDF's links and 0 of the other effects, shape (p,).
+    """
+    n = robot.n
+    slope, error, explained, size, load = (np.full(n, np.nan) for _ in range(5))
+    asked = np.concatenate([bag.Y @ nominal for bag in bags])
+    q, v, a, tau = (np.concatenate([channel(bag) for bag in bags]) for channel in _CHANNELS)
+    moving = np.concatenate([bag.moving for bag in bags])
+    gravity = np.array([robot.gravity_torque(x) for x in q])
+    for j in range(n):
+        here = moving[:, j]
+        if int(here.sum()) < _FEWEST:
+            continue
+        beside = np.stack([np.ones(int(here.sum())), np.sign(v[here, j]), v[here, j], a[here, j]], axis=1)
+        x, y = _without(beside, gravity[here, j]), _without(beside, tau[here, j])
+        size[j] = np.std(x)
+        power = float(x @ x)
+        if not power > 0.0:
+            continue
+        slope[j] = float(x @ y) / power
+        residual = y - slope[j] * x
+        # neighbouring rows are alike, so eight count as one
+        error[j] = np.sqrt(8.0 * float(residual @ residual) / len(y) / power)
+        x, y = _without(beside[:, :3], asked[here, j]), _without(beside[:, :3], tau[here, j])
+        load[j] = np.std(x)
+        residual = _without(np.stack([x, _without(beside[:, :3], a[here, j])], axis=1), y)
+        explained[j] = 1.0 - float(residual @ residual) / max(float(y @ y), 1e-300)
+    judged = size >= max(_SHARE * float(np.nanmax(size, initial=0.0)), 1e-6)
+    loaded = load >= max(_SHARE * float(np.nanmax(load, initial=0.0)), 1e-6)
+    return Agreement(np.where(judged, slope, np.nan), np.where(judged, error, np.nan), np.where(loaded, explained, np.nan))
+
+
+def check_plausible(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatArray) -> list[Problem]:
+    """What is doubtful about effort and URDF together.
+
+    Args:
+        nominal: as of :func:`agreement`.
+
+    Raises:
+        DataError: the effort can't be the torque of this URDF's robot.
+    """
+    found = agreement(robot, bags, nominal)
+    names = robot.joint_names
+    margin = _STANDARD_ERRORS * found.error
+    listed = ", ".join(f"{names[j]} {found.slope[j]:.2g}" for j in np.flatnonzero(np.isfinite(found.slope)))
+    against = f"(slope of the effort on the URDF's gravity torque, 1 expected: {listed})"
+    judged = np.isfinite(found.slope)
+    if flipped := [names[j] for j in np.flatnonzero(found.slope + margin < -0.2)]:
+        raise DataError(
+            f"the effort of {', '.join(flipped)} runs against gravity {against}. Set effort_sign to -1 for these joints in "
+            "--config, or give the URDF of the robot that was recorded."
+        )
+    loaded = np.isfinite(found.explained)
+    follows = float(np.median(found.explained[loaded])) if loaded.any() else 1.0
+    part = ", ".join(f"{names[j]} {100 * found.explained[j]:.0f} %" for j in np.flatnonzero(loaded))
+    if follows < _EXPLAINED:
+        raise DataError(
+            f"the effort does not follow the URDF: of what friction leaves, it explains {part}; most of it is expected. "
+            "Give the URDF of the robot that was recorded, with its joints in the recording's zero and direction."
+        )
+    low, high = found.slope + margin < _TOO_LOW, found.slope - margin > _TOO_HIGH
+    if judged.any() and np.sum(low) > 0.5 * np.sum(judged):
+        scale = 1.0 / float(np.median(found.slope[low]))
+        raise DataError(
+            f"the effort is far smaller than the arm's weight asks for {against}. If it is a motor current (A) or a part of the "
+            f"rated torque, set effort_scale in --config to N m per unit, a joint each (about {scale:.2g} by these slopes); if "
+            "gravity is already taken out of it, record the total torque."
+        )
+    if judged.any() and np.sum(high) > 0.5 * np.sum(judged):
+        raise DataError(
+            f"the effort is far larger than the arm's weight asks for {against}. Give the URDF of the robot that was recorded, "
+            "or set effort_scale in --config if the effort is in another unit such as mA."
+        )
+    problems = [
+        Problem("", names[j], "effort_scale", f"The effort of {names[j]} is {_much(found.slope[j])} {against}. {_cure()}")
+        for j in np.flatnonzero(low | high)
+    ]
+    if follows < _MOSTLY:
+        problems.append(
+            Problem(
+                "",
+                "",
+                "urdf_mismatch",
+                f"The effort follows the URDF badly: of what friction leaves, it explains {part}; nearly all of it is expected. "
+                "Is it the URDF of the robot that was recorded, with its zero and its joint order?",
+            )
+        )
+    doubtful = judged & (found.slope - margin > _SUSPICIOUS) & ~high
+    if np.any(doubtful):
+        which = ", ".join(names[j] for j in np.flatnonzero(doubtful))
+        problems.append(
+            Problem(
+                "",
+                "",
+                "urdf_mismatch",
+                f"The arm weighs far more than its URDF says, seen at {which} {against}. Is it the URDF of another robot? Else a "
+                "tool that the URDF lacks is identified as part of the last links.",
+            )
+        )
+    return problems
+
+
+def _much(slope: float) -> str:
+    return "much smaller than its weight asks for" if slope < 1.0 else "much larger than its weight asks for"
+
+
+def _cure() -> str:
+    return "Check effort_scale of this joint, and whether a spring or balancer carries it."
+
+
+def _without(beside: FloatArray, values: FloatArray) -> FloatArray:
+    """What of the values the columns of ``beside`` do not explain."""
+    coefficients, *_ = np.linalg.lstsq(beside, values, rcond=None)
+    rest: FloatArray = values - beside @ coefficients
+    return rest

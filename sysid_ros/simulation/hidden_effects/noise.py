@@ -1,0 +1,44 @@
+"""Noise of the messages: white, and with a memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from sysid_ros.sample import FloatArray
+
+BAND = 8.0
+"""Low-pass in which effects are looked for [Hz]."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What the sensors add.
+
+    Attributes:
+        torque: standard deviation of the white part of the efforts, shape (n,) [N m].
+        coloured: standard deviation of their part with a memory, shape (n,) [N m]. memory: its correlation time [s].
+        encoder: resolution of the positions [rad]. velocity: standard deviation of the velocities [rad/s].
+    """
+
+    torque: FloatArray
+    coloured: FloatArray
+    memory: float = 1.0
+    encoder: float = 1e-4
+    velocity: float = 1e-3
+
+    def floor(self, rate: float) -> FloatArray:
+        """Standard deviation of the efforts below ``BAND`` when sampled at ``rate`` [Hz], shape (n,) [N m]."""
+        white = self.torque**2 * min(2.0 * BAND / rate, 1.0)
+        return np.asarray(np.sqrt(white + self.coloured**2))
+
+    def of_torque(self, count: int, period: float, rng: np.random.Generator) -> FloatArray:
+        """Noise of ``count`` messages, shape (count, n): white plus a first-order autoregression (stationary from the start)."""
+        n = self.torque.size
+        decay = np.exp(-period / self.memory)
+        drive = rng.standard_normal((count, n)) * np.sqrt(1.0 - decay**2)
+        start = rng.standard_normal((1, n))
+        slow, _ = lfilter([1.0], [1.0, -decay], drive, axis=0, zi=decay * start)
+        return np.asarray(self.torque * rng.standard_normal((count, n)) + self.coloured * slow)

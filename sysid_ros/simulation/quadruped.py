@@ -1,0 +1,151 @@
+"""QuadrupedWorld: a legged robot on a plane and the box on its back in PyBullet, in joint torque control."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pybullet
+
+from sysid_ros.sample import FloatArray
+from sysid_ros.simulation.arm import STEP
+from sysid_ros.simulation.carried_body import CarriedBody
+from sysid_ros.simulation.payload import Payload
+
+
+@dataclass(frozen=True, slots=True)
+class TrunkState:
+    """Where the trunk is and how it moves.
+
+    Attributes:
+        rotation: from the trunk's axes to the world's, shape (3, 3). position: of its origin, shape (3,) [m].
+        velocity: of its origin, in the world, shape (3,) [m/s]. omega: angular velocity in the world, shape (3,) [rad/s].
+    """
+
+    rotation: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    omega: FloatArray
+
+    def velocity_of(self, point: FloatArray) -> FloatArray:
+        """Velocity in the world of a point given in the trunk, shape (3,) [m/s]."""
+        return self.velocity + cross(self.omega, self.rotation @ point)
+
+
+class QuadrupedWorld:
+    """A floating trunk on legs whose feet may touch a plane, and a rigid body that a fixed constraint ties to the trunk.
+
+    Each step is ``v+ = v + h M(q)^-1 (S' tau + J' f - C(q, v) v - g(q)); q+ = q + h v+`` (PyBullet's semi-implicit Euler) with
+    the contact forces f that keep the feet out of the ground and within the friction cone. So torque, force and the difference of
+    velocities of a step belong together at its begin, as in :class:`sysid_ros.simulation.arm.ArmWorld`. Joint motors and all
+    damping are off; nothing but the feet touches.
+
+    Args:
+        urdf: text of the robot's URDF. trunk: its floating link. feet: links that touch, spheres.
+        normal: of the plane through the world's origin, shape (3,), upwards. friction: Coulomb coefficient of the feet.
+
+    Attributes:
+        joint_names: movable joints in PyBullet's order, that of all arrays here.
+        q, v: of the joints at the begin of the next step, shape (n,) [rad], [rad/s]. trunk: the trunk then.
+        foot_forces: of the ground on the feet in the last step, in the world, shape (k, 3) [N].
+        body: what is tied to the trunk.
+    """
+
+    def __init__(self, urdf: str, trunk: str, feet: Sequence[str], normal: FloatArray, friction: float = 0.8) -> None:
+        self._client = client = pybullet.connect(pybullet.DIRECT)
+        pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=client)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=STEP, numSolverIterations=100, solverResidualThreshold=1e-30, physicsClientId=client
+        )
+        shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=normal.tolist(), physicsClientId=client)
+        self._ground = pybullet.createMultiBody(0.0, shape, physicsClientId=client)
+        pybullet.changeDynamics(self._ground, -1, lateralFriction=1.0, restitution=0.0, physicsClientId=client)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "robot.urdf"
+            path.write_text(urdf)
+            self._robot: int = pybullet.loadURDF(str(path), flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=client)
+        count = pybullet.getNumJoints(self._robot, physicsClientId=client)
+        infos = [pybullet.getJointInfo(self._robot, j, physicsClientId=client) for j in range(count)]
+        movable = [info for info in infos if info[2] != pybullet.JOINT_FIXED]
+        self._joints = [int(info[0]) for info in movable]
+        self.joint_names: tuple[str, ...] = tuple(info[1].decode() for info in movable)
+        links = {info[12].decode(): int(info[0]) for info in infos}
+        self._feet = [links[name] for name in feet]
+        self.trunk_link = links.get(trunk, -1)
+        for link in range(-1, count):
+            pybullet.changeDynamics(
+                self._robot, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, lateralFriction=friction,
+                rollingFriction=0.0, spinningFriction=0.0, restitution=0.0, physicsClientId=client,
+            )  # fmt: skip
+        self._command(pybullet.VELOCITY_CONTROL, np.zeros(len(self._joints)))
+        com = pybullet.getDynamicsInfo(self._robot, -1, physicsClientId=client)
+        self._com, self._com_rotation = np.array(com[3]), _matrix(com[4])
+        self.body = CarriedBody(client, self._robot, -1)
+        self.foot_forces: FloatArray = np.zeros((len(feet), 3))
+        self._read()
+
+    def close(self) -> None:
+        """Free the world; it can't be used any more. A second call does nothing."""
+        if self._client >= 0:
+            pybullet.disconnect(self._client)
+            self._client = -1
+
+    def reset(self, rotation: FloatArray, position: FloatArray, q: FloatArray) -> None:
+        """Put trunk (3, 3), (3,) and joints (n,) at rest somewhere."""
+        com = position + rotation @ self._com
+        quaternion = CarriedBody.quaternion(rotation @ self._com_rotation)
+        pybullet.resetBasePositionAndOrientation(self._robot, com.tolist(), quaternion, physicsClientId=self._client)
+        pybullet.resetBaseVelocity(self._robot, [0.0] * 3, [0.0] * 3, physicsClientId=self._client)
+        for joint, angle in zip(self._joints, q, strict=True):
+            pybullet.resetJointState(self._robot, joint, angle, 0.0, physicsClientId=self._client)
+        self._read()
+
+    def step(self, tau: FloatArray) -> None:
+        """Apply joint torques (n,) [N m] for one step."""
+        self._command(pybullet.TORQUE_CONTROL, tau)
+        pybullet.stepSimulation(physicsClientId=self._client)
+        self._read()
+        self._read_contacts()
+        self.body.step(STEP)
+
+    def place(self, payload: Payload) -> None:
+        """Tie a body to the trunk; it appears there with the trunk's own motion."""
+        self.body.tie(payload)
+
+    def take_off(self) -> None:
+        """Untie the body and take it out of the world."""
+        self.body.untie(remove=True)
+
+    def _command(self, mode: int, forces: FloatArray) -> None:
+        pybullet.setJointMotorControlArray(self._robot, self._joints, mode, forces=forces, physicsClientId=self._client)
+
+    def _read(self) -> None:
+        states = pybullet.getJointStates(self._robot, self._joints, physicsClientId=self._client)
+        self.q: FloatArray = np.array([state[0] for state in states])
+        self.v: FloatArray = np.array([state[1] for state in states])
+        com, quaternion = pybullet.getBasePositionAndOrientation(self._robot, physicsClientId=self._client)
+        velocity, omega = pybullet.getBaseVelocity(self._robot, physicsClientId=self._client)
+        rotation = _matrix(quaternion) @ self._com_rotation.T
+        lever = rotation @ self._com
+        w = np.array(omega)
+        self.trunk = TrunkState(rotation, np.array(com) - lever, np.array(velocity) - cross(w, lever), w)
+
+    def _read_contacts(self) -> None:
+        forces = np.zeros((len(self._feet), 3))
+        for point in pybullet.getContactPoints(self._robot, self._ground, physicsClientId=self._client):
+            if point[3] in self._feet:
+                i = self._feet.index(point[3])
+                forces[i] += point[9] * np.array(point[7]) + point[10] * np.array(point[11]) + point[12] * np.array(point[13])
+        self.foot_forces = forces
+
+
+def cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross product of two vectors (3,): numpy's own takes longer than a step of the physics allows."""
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def _matrix(quaternion: Sequence[float]) -> FloatArray:
+    return np.array(pybullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)

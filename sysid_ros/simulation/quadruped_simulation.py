@@ -1,0 +1,284 @@
+"""QuadrupedSimulation: a scenario step by step."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sysid_ros.exceptions import SettingsError
+from sysid_ros.floating_base import FREE, FloatingBase
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.rotation import rotation_of
+from sysid_ros.sample import FloatArray
+from sysid_ros.simulation.arm import STEP
+from sysid_ros.simulation.payload import Payload
+from sysid_ros.simulation.quadruped import QuadrupedWorld, TrunkState
+from sysid_ros.simulation.quadruped_controller import QuadrupedController
+from sysid_ros.simulation.quadruped_description import FEET, IMU_LINK, TRUNK, quadruped_description
+from sysid_ros.simulation.quadruped_motion import Trot, TrunkMotion
+from sysid_ros.simulation.quadruped_scenario import SETTLE_TIME, QuadrupedScenario
+from sysid_ros.simulation.scenario import CONTROL_RATE
+
+HEIGHT = 0.27
+"""Of the trunk's origin over the ground [m]."""
+_POSTURE = (0.0, 0.83, -1.66)
+_GRAVITY = np.array([0.0, 0.0, -9.81])
+_TOUCHES = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class QuadrupedState:
+    """What the sensors of the quadruped would tell at one instant.
+
+    Attributes:
+        t: [s]. q, v, tau: of the joints in the model's order, shape (n,).
+        orientation: of the IMU in the world, quaternion x, y, z, w. omega: shape (3,) [rad/s], specific_force: shape (3,)
+            [m/s^2], both in the axes of the IMU.
+        contacts: 1.0 for each foot that touches, shape (k,). forces: of the ground on the feet in the trunk's axes, (k, 3) [N].
+    """
+
+    t: float
+    q: FloatArray
+    v: FloatArray
+    tau: FloatArray
+    orientation: FloatArray
+    omega: FloatArray
+    specific_force: FloatArray
+    contacts: FloatArray
+    forces: FloatArray
+
+
+class QuadrupedSimulation:
+    """The quadruped of a scenario, one message at a time.
+
+    A message at t holds q at t, the torque that acts from t on, and the mean of the velocities and angular velocities before and
+    after the step that begins at t. The specific force is what an integrating accelerometer tells: the change of velocity of its
+    place over one message period around t, less gravity. Noise is added to what is told, not to what the controller sees.
+
+    Args:
+        scenario: what is simulated.
+
+    Attributes:
+        base: the robot without load. urdf: its description. events: (t [s], 'pick' | 'drop') of all that happened.
+    """
+
+    def __init__(self, scenario: QuadrupedScenario) -> None:
+        self.scenario = scenario
+        self.urdf = quadruped_description(tuple(scenario.imu_xyz), tuple(scenario.imu_rpy))
+        self.frame = TRUNK
+        self.base = FloatingBase(RobotModel.from_urdf(self.urdf), FEET)
+        self.payload: Payload | None = scenario.payload
+        self.events: list[tuple[float, str]] = []
+        motion_seed, noise_seed = np.random.SeedSequence(scenario.seed).spawn(2)
+        self._noise = np.random.default_rng(noise_seed)
+        self._ground = scenario.ground
+        self.world = QuadrupedWorld(self.urdf, TRUNK, FEET, self._ground[:, 2])
+        names = self.base.legs.joint_names
+        self._to_world = np.array([names.index(name) for name in self.world.joint_names])
+        self._to_model = np.array([self.world.joint_names.index(name) for name in names])
+        motion = TrunkMotion(
+            scenario.gait, HEIGHT, np.random.default_rng(motion_seed), scenario.extent, scenario.speed, begin=0.0
+        )
+        trot = Trot(len(FEET), begin=0.0) if scenario.gait == "trot" else None
+        self._controller = QuadrupedController(self.base, motion, trot, self._ground)
+        self._imu_rotation = rotation_of(scenario.imu_rpy)
+        self._every = CONTROL_RATE // scenario.rate
+        self._schedule = _schedule(scenario)
+        self._stand()
+        self._k = -round(SETTLE_TIME * CONTROL_RATE)
+        self._steps: deque[QuadrupedState] = deque(maxlen=2 * (self._every // 2) + 1)
+        while self._k < -(self._every // 2):
+            self._physics_step()
+        self._steps.clear()
+
+    def _stand(self) -> None:
+        q = np.tile(_POSTURE, len(FEET))
+        centres, _ = self.base.contacts.jacobians(np.concatenate([np.zeros(FREE), q]))
+        if self.scenario.lifted_foot:
+            self._controller.lifted = FEET.index(self.scenario.lifted_foot)
+        slide = HEIGHT * (self._ground.T @ _GRAVITY)[:2] / (self._ground.T @ _GRAVITY)[2]
+        hips = centres[:, :2] - centres[:, :2].mean(axis=0) + 0.0
+        place = np.zeros(2)
+        if self._controller.lifted is not None:
+            # the trunk goes over the triangle of the others
+            place = 0.8 * np.delete(hips, self._controller.lifted, axis=0).mean(axis=0)
+        q = self._posture(hips - slide - place)
+        position = np.array([*place, HEIGHT])
+        self._controller.start(place, hips)
+        self.world.reset(self._ground, self._ground @ position, q[self._to_world])
+
+    def _posture(self, feet: FloatArray) -> FloatArray:
+        """Joint positions (n,) that put the feet at (k, 2) [m] in the trunk, on the ground."""
+        goal = np.column_stack([feet, np.full(len(feet), -HEIGHT) + self.base.foot_radius])
+        q = np.tile(_POSTURE, len(FEET)).astype(float)
+        for _ in range(50):
+            centres, jacobians = self.base.contacts.jacobians(np.concatenate([np.zeros(FREE), q]))
+            error = (goal - centres).ravel()
+            q = q + np.linalg.lstsq(jacobians[:, :3, FREE:].reshape(-1, q.size), error, rcond=1e-6)[0]
+            if np.abs(error).max() < 1e-9:
+                break
+        return q
+
+    @property
+    def t(self) -> float:
+        """Time of the next physics step since the start [s]."""
+        return self._k / CONTROL_RATE
+
+    @property
+    def carries(self) -> bool:
+        """True while the box is tied to the trunk."""
+        return self.world.body.tied
+
+    def pick(self) -> bool:
+        """Put the box on now; False where there is none, or it is on already."""
+        if self.payload is None or self.carries:
+            return False
+        self.world.place(self.payload)
+        if self.scenario.controller_knows_payload:
+            self._controller.load = self.payload.theta
+        self.events.append((self.t, "pick"))
+        return True
+
+    def drop(self) -> bool:
+        """Take the box off now; False where none is carried."""
+        if not self.carries:
+            return False
+        self.world.take_off()
+        self._controller.load = np.zeros(10)
+        self.events.append((self.t, "drop"))
+        return True
+
+    def step(self) -> QuadrupedState:
+        """Simulate until the next message is complete and return it, without noise; see :meth:`noisy`."""
+        half = self._every // 2
+        for _ in range(self._every if self._steps else 2 * half + 1):
+            self._physics_step()
+        weight = np.ones(2 * half + 1)
+        if self._every % 2 == 0:
+            weight[[0, -1]] = 0.5
+        force = np.average([step.specific_force for step in self._steps], axis=0, weights=weight)
+        told = self._steps[half]
+        orientation = np.array(self.world.body.quaternion(told.orientation))
+        return replace(told, orientation=orientation, specific_force=force)
+
+    def noisy(self, exact: QuadrupedState) -> QuadrupedState:
+        """The message as the robot's sensors would tell it."""
+        s, n = self.scenario, self.base.legs.n
+        joints, imu, chance = self._noise.standard_normal((3, n)), self._noise.standard_normal((2, 3)), self._noise.random(2)
+        contacts = exact.contacts.copy()
+        if chance[0] < s.contact_error:
+            foot = int(chance[1] * contacts.size)
+            contacts[foot] = 1.0 - contacts[foot]
+        return QuadrupedState(
+            exact.t,
+            exact.q + s.encoder_noise * joints[0],
+            exact.v + s.velocity_noise * joints[1],
+            exact.tau + s.torque_noise * joints[2],
+            exact.orientation,
+            exact.omega + s.gyro_noise * imu[0] + np.array(s.gyro_bias),
+            exact.specific_force + s.accelerometer_noise * imu[1] + np.array(s.accelerometer_bias),
+            contacts,
+            exact.forces,
+        )
+
+    def close(self) -> None:
+        """Free the PyBullet world."""
+        self.world.close()
+
+    def _physics_step(self) -> None:
+        t = self.t
+        while self._schedule and self._k >= self._schedule[0][0]:
+            _, kind = self._schedule.pop(0)
+            _ = self.pick() if kind == "pick" else self.drop()
+        world = self.world
+        trunk, q, v = world.trunk, world.q[self._to_model], world.v[self._to_model]
+        tau = self._controller.torque(t, STEP, trunk, q, v)
+        limit = self.base.legs.effort_limit
+        tau = np.clip(tau, -limit, limit)
+        world.step(tau[self._to_world])
+        self._check_stands(t)
+        self._steps.append(self._observe(t, trunk, q, v, tau))
+        self._k += 1
+
+    def _observe(self, t: float, trunk: TrunkState, q: FloatArray, v: FloatArray, tau: FloatArray) -> QuadrupedState:
+        after, place = self.world.trunk, np.array(self.scenario.imu_xyz)
+        axes = trunk.rotation @ self._imu_rotation
+        acceleration = (after.velocity_of(place) - trunk.velocity_of(place)) / STEP
+        omega = 0.5 * (trunk.omega + after.omega)
+        forces = self.world.foot_forces
+        return QuadrupedState(
+            t=t,
+            q=q,
+            v=0.5 * (v + self.world.v[self._to_model]),
+            tau=tau,
+            orientation=axes,
+            omega=axes.T @ omega,
+            specific_force=axes.T @ (acceleration - _GRAVITY),
+            contacts=(forces @ self._ground[:, 2] > _TOUCHES).astype(float),
+            forces=forces @ trunk.rotation,
+        )
+
+    def _check_stands(self, t: float) -> None:
+        height = float(self._ground[:, 2] @ self.world.trunk.position)
+        if not 0.1 < height < 0.5:
+            raise SettingsError(
+                f"payload_mass is {self.scenario.payload_mass} at {self.scenario.payload_com}, and the robot has fallen at "
+                f"{t:.2f} s. Take a lighter payload, nearer to the middle of the back, a smaller slope or a lower speed."
+            )
+
+    def truth(self, start_time: float = 0.0) -> dict[str, Any]:
+        """All that the recording hides, in plain types; times are stamps, ``start_time`` [s] is the first one."""
+        s, body = self.scenario, self.payload
+        first = {kind: start_time + t for t, kind in reversed(self.events)}
+        return {
+            "format": 1,
+            "robot": self.base.legs.name,
+            "joint_names": list(self.base.legs.joint_names),
+            "contact_frames": list(FEET),
+            "imu_frame": IMU_LINK,
+            "frame": self.frame,
+            "start_time": start_time,
+            "duration": s.duration if math.isfinite(s.duration) else None,
+            "rate": s.rate,
+            "seed": s.seed,
+            "gait": s.gait,
+            "slope": s.slope,
+            "slope_heading": s.slope_heading,
+            "lifted_foot": s.lifted_foot or None,
+            "payload": None
+            if body is None
+            else {
+                "mass": body.mass,
+                "com": body.com.tolist(),
+                "inertia_com": body.inertia_com.tolist(),
+                "theta": body.theta.tolist(),
+            },
+            "pick_time": first.get("pick"),
+            "drop_time": first.get("drop"),
+            "events": [{"t": start_time + t, "kind": kind} for t, kind in self.events],
+            "noise": {
+                "encoder": s.encoder_noise,
+                "velocity": s.velocity_noise,
+                "torque": s.torque_noise,
+                "gyro": s.gyro_noise,
+                "accelerometer": s.accelerometer_noise,
+                "contact_error": s.contact_error,
+            },
+            "imu": {
+                "xyz": list(s.imu_xyz),
+                "rpy": list(s.imu_rpy),
+                "gyro_bias": list(s.gyro_bias),
+                "accelerometer_bias": list(s.accelerometer_bias),
+            },
+        }
+
+
+def _schedule(scenario: QuadrupedScenario) -> list[tuple[int, str]]:
+    if scenario.payload_mass is None:
+        return []
+    times = [(-SETTLE_TIME if scenario.pick_time is None else scenario.pick_time, "pick"), (scenario.drop_time, "drop")]
+    return [(round(t * CONTROL_RATE), kind) for t, kind in times if t is not None and math.isfinite(t)]

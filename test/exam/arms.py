@@ -1,0 +1,68 @@
+"""Arms of different make: URDFs without meshes and without ``<dynamics>``, so that what they say is only their links."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from sysid_ros.robot_model import RobotModel
+
+# path below share/example-robot-data/robots, or below pybullet_data; joints that are no joints of the arm
+_FILES = {
+    "panda": ("panda_description/urdf/panda.urdf", ("finger",)),
+    "iiwa": ("kuka_iiwa/model.urdf", ()),
+    "ur5": ("ur_description/urdf/ur5_joint_limited_robot.urdf", ()),
+    "ur10": ("ur_description/urdf/ur10_joint_limited_robot.urdf", ()),
+    "xarm7": ("xarm_description/urdf/xarm7.urdf", ()),
+}
+ARMS = tuple(_FILES)
+
+
+@dataclass(frozen=True)
+class Arm:
+    """URDF text and the joints that its messages name."""
+
+    urdf: str
+    joint_names: tuple[str, ...]
+
+    def model(self) -> RobotModel:
+        return RobotModel.from_urdf(self.urdf, self.joint_names)
+
+
+def _file(relative: str) -> Path:
+    import pinocchio
+    import pybullet_data
+
+    below = [Path(pybullet_data.getDataPath())]
+    below += [parent / "share/example-robot-data/robots" for parent in Path(pinocchio.__file__).parents]
+    return next(folder / relative for folder in below if (folder / relative).is_file())
+
+
+@cache
+def arm(name: str) -> Arm:
+    """An arm of ``ARMS``."""
+    relative, foreign = _FILES[name]
+    root = ElementTree.parse(_file(relative)).getroot()
+    for parent, tag in (
+        (p, t) for p in root.iter() for t in ("visual", "collision", "dynamics", "transmission", "gazebo", "material")
+    ):
+        for element in parent.findall(tag):
+            parent.remove(element)
+    text = ElementTree.tostring(root, encoding="unicode")
+    names = RobotModel.from_urdf(text).joint_names
+    return Arm(text, tuple(j for j in names if not any(word in j for word in foreign)))
+
+
+def with_dynamics(base: Arm, damping: np.ndarray, friction: np.ndarray) -> Arm:
+    """The arm whose URDF declares viscous [N m s/rad] and Coulomb [N m] friction, shape (n,)."""
+    root = ElementTree.fromstring(base.urdf)
+    values = dict(zip(base.joint_names, zip(damping, friction, strict=True), strict=True))
+    for joint in root.findall("joint"):
+        if (name := joint.get("name")) in values:
+            b, fc = values[name]
+            ElementTree.SubElement(joint, "dynamics", damping=repr(float(b)), friction=repr(float(fc)))
+    return Arm(ElementTree.tostring(root, encoding="unicode"), base.joint_names)

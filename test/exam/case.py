@@ -1,0 +1,259 @@
+"""draw_case: a robot that hides something, as recordings to fit and to judge, all from a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from exam.ambiguity import told_apart
+from exam.arms import ARMS, Arm, arm, with_dynamics
+from sysid_ros.exceptions import SettingsError
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.simulation.hidden_effects import (
+    DRAWS,
+    OUTSIDE,
+    Circumstances,
+    DiagnosisMotion,
+    HiddenEffect,
+    HiddenRecording,
+    Noise,
+    TrueRobot,
+    move,
+    nominal_residual,
+    publish,
+    shown,
+    shown_as_itself,
+    stiffening_for,
+    torque_scale,
+    truth_of,
+)
+from sysid_ros.simulation.hidden_effects.channels import Signals
+
+LEVELS = ("single", "hard", "pairs", "healthy", "outside")
+SIMULATORS = ("compiled", "mujoco")
+_VISIBLE = 4.0
+_VISIBLE_ITSELF = 3.0
+_ATTEMPTS = 60
+# what is not seen in the torque, or not as something added to it
+_NOT_IN_TORQUE = {"velocity_lag", "torque_quantisation"}
+# what acts on its joints alone, and so must show on each of them
+_LOCAL = {
+    "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction", "asymmetric_coulomb_friction",
+    "load_dependent_friction", "quadratic_friction", "presliding_hysteresis", "friction_drift", "torque_offset",
+    "torque_offset_drift", "torque_scale", "torque_sign", "spring", "cogging", "joint_coupling", "torque_saturation",
+}  # fmt: skip
+_FRICTION = {id_ for id_ in _LOCAL if "friction" in id_} | {"presliding_hysteresis"}
+# they change what every other effect looks like; a pair with them has one answer only after they are undone
+_WHOLE_INPUT = {
+    "torque_unit",
+    "joint_order",
+    "joint_sign",
+    "torque_sign",
+    "velocity_lag",
+    "torque_quantisation",
+    "gravity_compensated_effort",
+}
+_BACKGROUND = ("coulomb_friction", "viscous_friction")
+
+
+@dataclass(frozen=True)
+class Case:
+    """What a diagnosis gets, and the truth.
+
+    Attributes:
+        seed, level: from which it was drawn. arm: its name.
+        nominal: URDF and joint names. train, validate: recordings to fit and to judge.
+        truth: what is hidden, see :func:`sysid_ros.simulation.hidden_effects.truth_of`.
+    """
+
+    seed: int
+    level: str
+    arm: str
+    nominal: Arm
+    train: tuple[HiddenRecording, ...]
+    validate: tuple[HiddenRecording, ...]
+    truth: dict[str, Any]
+
+    @property
+    def nominal_urdf(self) -> str:
+        return self.nominal.urdf
+
+
+@dataclass(frozen=True)
+class _Settings:
+    rate: int
+    scale: float
+    train: tuple[float, float]
+    validate: tuple[float, float] = (7.0, 3.6)
+
+
+def _settings(level: str, rng: np.random.Generator) -> _Settings:
+    if level == "hard":
+        return _Settings(250, float(rng.uniform(0.3, 0.4)), (7.6, 4.4))
+    return _Settings(
+        int(rng.choice([500, 1000], p=[0.7, 0.3])), 1.0, (float(rng.uniform(13.0, 14.0)), float(rng.uniform(8.6, 9.6)))
+    )
+
+
+def draw_case(seed: int, level: str = "single", effect: str | None = None, simulator: str | None = None) -> Case:
+    """The case of a seed.
+
+    Args:
+        seed: below 10000 for development, others for examination.
+        level: one of ``LEVELS``.
+        effect: id of what is hidden; None: by the seed, each id in turn.
+        simulator: one of ``SIMULATORS``; None: by the seed.
+    """
+    for attempt in range(_ATTEMPTS):
+        rng = np.random.default_rng([seed, LEVELS.index(level), attempt])
+        try:
+            return _draw(seed, level, effect, simulator, rng)
+        except SettingsError:
+            continue
+    raise SettingsError(
+        f"seed {seed} of level {level}: nothing was found in {_ATTEMPTS} attempts that shows and that the arm can bear."
+    )
+
+
+def _draw(seed: int, level: str, effect: str | None, simulator: str | None, rng: np.random.Generator) -> Case:
+    name = ARMS[int(rng.integers(len(ARMS)))]
+    simulator = simulator or SIMULATORS[(seed if level in ("single", "hard", "pairs") else seed // 4) % 2]
+    settings = _settings(level, rng)
+    nominal = arm(name)
+    robot = nominal.model()
+    motion = DiagnosisMotion(robot, rng, *settings.train)
+    other = DiagnosisMotion(robot, rng, *settings.validate)
+    noise = _noise(level, seed, robot, motion, rng)
+    usual = Circumstances(robot, motion, rng, settings.scale, noise.torque)
+    if level == "healthy" and seed % 2 == 1 and not np.any(noise.coloured):
+        declared = _friction_of_all(usual)
+        nominal = with_dynamics(nominal, declared["viscous_friction"], declared["coulomb_friction"])
+        robot = nominal.model()
+        usual.robot = robot
+    hidden = _hidden(level, seed, effect, usual)
+    background = _background(usual) if level == "hard" else ()
+    true = TrueRobot(robot, (*_without(background, hidden), *hidden))
+    if level == "hard":
+        true.scale_masses(1.0 + rng.choice([-0.02, 0.02], size=robot.n))
+    stiffening = stiffening_for(usual.torque)
+    for e in hidden:
+        _require_visible(e, robot, motion, settings.rate, stiffening, noise)
+    train = publish("train", true, _physics(simulator)(true, motion, settings.rate, stiffening), noise, rng)
+    true_then = TrueRobot(robot, tuple(_at_another_time(e, other, rng) for e in true.effects))
+    true_then.scale_masses(true.mass_factors)
+    validate = publish("validate", true_then, _physics(simulator)(true_then, other, settings.rate, stiffening), noise, rng)
+    truth = truth_of(true, noise, settings.rate, simulator, seed=seed, level=level, hidden=[e.id for e in hidden], arm=name)
+    return Case(seed, level, name, nominal, (train,), (validate,), truth)
+
+
+def _physics(simulator: str) -> Callable[[TrueRobot, DiagnosisMotion, int, np.ndarray], Signals]:
+    if simulator == "mujoco":
+        from exam.mujoco_physics import move_in_mujoco
+
+        return move_in_mujoco
+    return move
+
+
+def _noise(level: str, seed: int, robot: RobotModel, motion: DiagnosisMotion, rng: np.random.Generator) -> Noise:
+    """0.1 to 0.3 N m at the strongest joint, less at weaker ones; with a memory in hard and in a quarter of the healthy cases."""
+    q, v, a = motion.sample(np.arange(0.0, motion.duration, 0.05))
+    usual = torque_scale(robot.rnea_along(q, v, a))
+    white = rng.uniform(0.1, 0.3) * np.sqrt(usual / usual.max())
+    coloured = np.zeros(robot.n)
+    if level == "hard" or (level == "healthy" and seed % 4 == 1):
+        coloured = white * rng.uniform(0.4, 0.8)
+    return Noise(white, coloured, memory=float(np.exp(rng.uniform(np.log(0.3), np.log(3.0)))))
+
+
+def _friction_of_all(usual: Circumstances) -> dict[str, np.ndarray]:
+    n = usual.robot.n
+    level = np.array([usual.uniform(0.1, 0.4) for _ in range(n)]) * usual.torque
+    viscous = np.array([usual.uniform(0.05, 0.3) for _ in range(n)]) * usual.torque / usual.speed
+    return {"coulomb_friction": level, "viscous_friction": viscous}
+
+
+def _background(usual: Circumstances) -> tuple[HiddenEffect, ...]:
+    """Coulomb and viscous friction of every joint."""
+    joints, values = list(range(usual.robot.n)), _friction_of_all(usual)
+    symbols = {"coulomb_friction": ("Fc", "N m"), "viscous_friction": ("b", "N m s/rad")}
+    return tuple(
+        usual.effect(id_, joints, {symbol: (dict(enumerate(values[id_])), unit)}) for id_, (symbol, unit) in symbols.items()
+    )
+
+
+def _without(background: tuple[HiddenEffect, ...], hidden: tuple[HiddenEffect, ...]) -> tuple[HiddenEffect, ...]:
+    """The background, less the dry friction of joints whose hidden friction stands in its place."""
+    taken = {j for e in hidden if e.id in _FRICTION - {"viscous_friction", "quadratic_friction"} for j in e.joints}
+    out = []
+    for e in background:
+        kept = tuple(p for p in e.parameters if e.id != "coulomb_friction" or p.joint not in taken)
+        out.append(HiddenEffect(e.id, tuple(p.joint for p in kept), kept))  # type: ignore[misc]
+    return tuple(out)
+
+
+def _hidden(level: str, seed: int, effect: str | None, usual: Circumstances) -> tuple[HiddenEffect, ...]:
+    if level == "healthy":
+        return ()
+    if level == "outside":
+        ids = sorted(OUTSIDE)
+        return (OUTSIDE[effect or ids[seed % len(ids)]](usual),)
+    if level == "pairs":
+        return _pair(effect, usual)
+    ids = [id_ for id_ in DRAWS if level != "hard" or id_ not in _BACKGROUND]
+    return (DRAWS[effect or ids[(seed // 2) % len(ids)]](usual),)
+
+
+def _pair(effect: str | None, usual: Circumstances) -> tuple[HiddenEffect, ...]:
+    """Two effects that don't describe the same joint's friction twice."""
+    ids = [id_ for id_ in DRAWS if id_ not in _WHOLE_INPUT]
+    first = DRAWS[effect or str(usual.rng.choice(ids))](usual)
+    while True:
+        second = DRAWS[str(usual.rng.choice([id_ for id_ in ids if id_ != first.id]))](usual)
+        both = {first.id, second.id}
+        overlap = set(first.joints) & set(second.joints)
+        if both <= _FRICTION and overlap:
+            continue
+        if (
+            both in ({"payload", "payload_change"}, {"joint_elasticity", "backlash"}, {"torque_offset", "torque_offset_drift"})
+            and overlap
+        ):
+            continue
+        return (first, second)
+
+
+def _at_another_time(effect: HiddenEffect, motion: DiagnosisMotion, rng: np.random.Generator) -> HiddenEffect:
+    """The same effect in the recording that judges: what happened at a time happens at another."""
+    if effect.id != "payload_change":
+        return effect
+    from dataclasses import replace
+
+    t0 = float(rng.uniform(0.3, 0.7) * motion.duration)
+    return replace(effect, parameters=tuple(replace(p, value=t0) if p.name == "t0" else p for p in effect.parameters))
+
+
+def _require_visible(
+    effect: HiddenEffect, robot: RobotModel, motion: DiagnosisMotion, rate: int, stiffening: np.ndarray, noise: Noise
+) -> None:
+    """The effect, alone, shows in the efforts, and as itself; a local one on each of its joints.
+
+    Raises:
+        SettingsError: it does not.
+    """
+    if effect.id in _NOT_IN_TORQUE:
+        return
+    true = TrueRobot(robot, (effect,))
+    exact = move(true, motion, rate, stiffening)
+    for channel in true.channels:
+        exact = channel(exact, exact)
+    t, v, residual = nominal_residual(robot, exact)
+    floor = noise.floor(rate)
+    if not told_apart(true, motion, floor):
+        raise SettingsError(f"{effect.id} can't be told from another cause in this motion. Hide something else.")
+    seen, itself = shown(residual, floor), shown_as_itself(t, v, residual, floor, {effect.id})
+    good = (seen >= _VISIBLE) & (itself >= _VISIBLE_ITSELF)
+    needed = [robot.joint_names.index(j) for j in effect.joints[: 1 if effect.id == "joint_coupling" else None]]
+    if not (np.all(good[needed]) if effect.id in _LOCAL else np.any(good)):
+        raise SettingsError(f"{effect.id} does not show: at most {seen.max():.1f} floors. Hide something larger.")

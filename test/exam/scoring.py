@@ -1,0 +1,126 @@
+"""What a diagnosis got right, from its ``diagnosis.json`` and the truth."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+# What a hidden cause brings along, so that naming it beside the cause is no false alarm, and why.
+COMPANIONS = {
+    "joint_elasticity": {"rotor_inertia"},  # the motor behind the spring turns, and the URDF has no motors
+    "backlash": {"rotor_inertia"},
+    "friction_drift": {"coulomb_friction", "viscous_friction"},  # what drifts is these two
+}
+# Two names for one thing: right where the diagnosis names one and says that it can't be told from the other, and why.
+EQUIVALENT = {
+    frozenset(("asymmetric_coulomb_friction", "coulomb_friction")),  # with an offset, the same while the joint moves
+    frozenset(("asymmetric_coulomb_friction", "torque_offset")),
+    frozenset(("payload", "link_inertia")),  # a body on the last link is a part of the last link
+    frozenset(("link_inertia", "spring")),  # a link's weight about a horizontal axis is a balancer there
+    frozenset(("rotor_inertia", "link_inertia")),  # about a vertical first axis only the sum of inertias shows
+    frozenset(("backlash", "joint_offset")),  # one flank bears all the time: half the gap is an offset
+    frozenset(("torque_scale", "torque_sign")),  # a gain of -1
+}
+BACKGROUND = {"coulomb_friction", "viscous_friction"}
+# Where `joints` says nothing: these belong to the whole arm.
+WHOLE_ARM = {
+    "payload", "payload_change", "base_tilt", "gravity_compensated_effort", "external_force", "time_delay", "torque_unit",
+    "velocity_lag",
+}  # fmt: skip
+# No sizes: what they are is said by the name.
+DISCRETE = {"torque_sign", "joint_sign", "joint_order"}
+ROBUST = 1e-9
+
+
+def score(truth: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
+    """Named, exact, joints, covered, ratios of one case.
+
+    Args:
+        truth: of the case. document: the diagnosis as in ``diagnosis.json``.
+    """
+    hidden, level = list(truth["hidden"]), truth["level"]
+    effects = document["effects"]
+    friction = BACKGROUND if level == "hard" else set()
+    beyond = [e for e in effects if e["name"] not in friction]
+    named = [e["name"] for e in beyond]
+    tolerated = set().union(*(COMPANIONS.get(h, set()) for h in hidden))
+    out: dict[str, Any] = {
+        "verdict": document["verdict"],
+        "named": [e["name"] for e in effects],
+        "first": named[0] if named else document["verdict"],
+        "unexplained": document.get("unexplained_fraction"),
+        **_residual(document),
+    }
+    if level == "healthy":
+        return {**out, "right": document["verdict"] == "nothing_wrong"}
+    if level == "outside":
+        return {**out, "right": document["verdict"] in ("unexplained", "partly_explained")}
+    first = _is_one_of(beyond[0], hidden) if beyond else False
+    found = [h for h in hidden if any(_is_one_of(e, [h]) for e in beyond)]
+    extra = [
+        x for x in named if x not in hidden and x not in tolerated and not any(_same(x, h) for h in hidden if h not in named)
+    ]
+    joints = {h: _joints_right(_true_effect(truth, h), effects) for h in hidden if h in named}
+    covered = [c for h in hidden if joints.get(h) and h not in DISCRETE for c in _covered(_true_effect(truth, h), effects)]
+    return {
+        **out,
+        "right": first,
+        "found": len(found),
+        "all_found": len(found) == len(hidden),
+        "exact": len(found) == len(hidden) and not extra,
+        "extra": extra,
+        "joints": all(joints.get(h, False) or h not in named for h in hidden) and bool(joints) if joints else None,
+        "covered": float(np.mean([c for _, c in covered])) if covered else None,
+        "sizes": covered,
+    }
+
+
+def _same(one: str, other: str) -> bool:
+    return one == other or frozenset((one, other)) in EQUIVALENT
+
+
+def _is_one_of(effect: dict[str, Any], hidden: list[str]) -> bool:
+    """Named by its own id, or by an equivalent one that admits it."""
+    name = effect["name"]
+    return name in hidden or any(h in effect.get("cannot_be_told_from", ()) and _same(name, h) for h in hidden)
+
+
+def _true_effect(truth: dict[str, Any], id_: str) -> dict[str, Any]:
+    return next(e for e in truth["effects"] if e["name"] == id_)
+
+
+def _entries(id_: str, effects: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [e for e in effects if e["name"] == id_]
+
+
+def _joints_right(true: dict[str, Any], effects: list[dict[str, Any]]) -> bool:
+    if true["name"] in WHOLE_ARM:
+        return True
+    named = [j for e in _entries(true["name"], effects) for j in e["joints"]]
+    return named == true["joints"] if true["name"] == "joint_coupling" else set(named) == set(true["joints"])
+
+
+def _covered(true: dict[str, Any], effects: list[dict[str, Any]]) -> list[tuple[str, bool]]:
+    """Is the true size inside the interval, for every number that the diagnosis states."""
+    stated = [p for e in _entries(true["name"], effects) for p in e["parameters"]]
+    out = []
+    for p in true["parameters"]:
+        match = [s for s in stated if s["name"] == p["name"] and (p["joint"] is None or s["joint"] in (p["joint"], None))]
+        for s in match[:1] if p["joint"] is not None else match:
+            if isinstance(p["value"], str) or p["name"] == "harmonic":
+                continue
+            low, high = (np.atleast_1d(np.asarray(x, dtype=float)) for x in s["ci95"])
+            value = np.atleast_1d(np.asarray(p["value"], dtype=float))
+            out += [(p["name"], bool(lo - ROBUST <= x <= hi + ROBUST)) for x, lo, hi in zip(value, low, high, strict=True)]
+    return out
+
+
+def _residual(document: dict[str, Any]) -> dict[str, Any]:
+    """Held-out torque error in noise floors, rms over the joints."""
+    rmse = document.get("torque_rmse") or {}
+    floor = np.array(rmse.get("noise_floor") or [], dtype=float)
+    if not floor.size:
+        return {"before": None, "after": None}
+    before, after = (np.asarray(rmse[k], dtype=float) / np.maximum(floor, 1e-12) for k in ("before", "after"))
+    return {"before": float(np.sqrt(np.mean(before**2))), "after": float(np.sqrt(np.mean(after**2)))}

@@ -1,0 +1,128 @@
+"""Export to URDF: what is written comes back, whichever links are fixed to others or locked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from robots import ROBOTS, random_body, urdf, with_body
+
+from sysid_ros import inertial_parameters
+from sysid_ros.effects import CoulombFriction, Effect, LinkInertia, RotorInertia, ViscousFriction
+from sysid_ros.exceptions import ModelFileError
+from sysid_ros.identification.urdf_export import check_model_file, check_urdf, export_urdf, identified_urdf
+from sysid_ros.model_file import EffectBlock, ModelFile, urdf_digest
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+
+
+def model_file(robot: RobotModel, parts: list[tuple[Effect, FloatArray]]) -> ModelFile:
+    blocks = tuple(
+        EffectBlock(e.id, e.joint_names, e.settings, theta, e.parameter_names, e.units, np.eye(e.p)) for e, theta in parts
+    )
+    ones = np.ones(robot.n)
+    return ModelFile(robot.name, robot.joint_names, urdf_digest(robot.urdf), blocks, ones, ones)
+
+
+def identified(robot: RobotModel, seed: int = 0) -> ModelFile:
+    rng = np.random.default_rng(seed)
+    links = np.concatenate([inertial_parameters.from_com(*random_body(rng)) for _ in range(robot.n)])
+    return model_file(
+        robot,
+        [
+            (LinkInertia(robot), links),
+            (ViscousFriction(robot), rng.uniform(0.0, 3.0, robot.n)),
+            (CoulombFriction(robot), rng.uniform(0.0, 3.0, robot.n)),
+            (RotorInertia(robot), rng.uniform(0.0, 0.3, robot.n)),
+        ],
+    )
+
+
+def loaded(text: str, robot: RobotModel) -> RobotModel:
+    return RobotModel.from_urdf(text, robot.joint_names)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("drop", [0, 2])
+def test_what_is_written_comes_back(name: str, drop: int, tmp_path: Path) -> None:
+    full = RobotModel.from_urdf(urdf(name))
+    robot = RobotModel.from_urdf(urdf(name), full.joint_names[: full.n - drop])
+    model = identified(robot)
+    notes = export_urdf(robot, model, tmp_path / "out.urdf")
+    again = loaded((tmp_path / "out.urdf").read_text(), robot)
+    np.testing.assert_allclose(again.pi, model.effects[0].theta, rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(again.damping, model.effects[1].theta)
+    np.testing.assert_array_equal(again.friction, model.effects[2].theta)
+    np.testing.assert_array_equal(again.position_lower, robot.position_lower)
+    assert any("rotor_inertia" in note for note in notes)
+
+
+def test_a_light_fixed_link_keeps_its_mass_and_a_heavy_one_is_merged() -> None:
+    rng = np.random.default_rng(1)
+    _, com, inertia = random_body(rng)
+    for scale, kept in ((0.01, True), (3.0, False)):
+        text = with_body(urdf("small_arm"), RobotModel.from_urdf(urdf("small_arm")).default_frame, scale, com, scale * inertia)
+        robot = RobotModel.from_urdf(text)
+        links = RobotModel.from_urdf(urdf("small_arm")).pi
+        welded = inertial_parameters.from_com(0.01, com, 0.01 * inertia)
+        theta = links.copy()
+        theta[-10:] += welded
+        out, notes = identified_urdf(robot, model_file(robot, [(LinkInertia(robot), theta)]))
+        np.testing.assert_allclose(loaded(out, robot).pi, theta, rtol=1e-9, atol=1e-12)
+        assert any(("subtracted" if kept else "without mass") in note and "welded_body" in note for note in notes)
+
+
+def test_the_links_of_locked_joints_can_be_unlocked_again() -> None:
+    full = RobotModel.from_urdf(urdf("tree_robot"))
+    robot = RobotModel.from_urdf(urdf("tree_robot"), [j for j in full.joint_names if j not in ("grip", "right_slide")])
+    theta = robot.pi * 1.05
+    out, notes = identified_urdf(robot, model_file(robot, [(LinkInertia(robot), theta)]))
+    free = RobotModel.from_urdf(out)
+    np.testing.assert_allclose(loaded(out, robot).pi, theta, rtol=1e-9, atol=1e-12)
+    finger = full.body_names.index("finger")
+    np.testing.assert_allclose(free.pi[10 * finger : 10 * finger + 10], full.pi[10 * finger : 10 * finger + 10], rtol=1e-9)
+    assert any("finger" in note for note in notes)
+
+
+def test_what_the_model_does_not_say_stays_the_urdfs() -> None:
+    robot = RobotModel.from_urdf(urdf("small_arm"))
+    out, _ = identified_urdf(robot, model_file(robot, []))
+    again = loaded(out, robot)
+    np.testing.assert_allclose(again.pi, robot.pi, rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(again.damping, robot.damping)
+
+
+def test_links_that_are_no_bodies_are_refused() -> None:
+    robot = RobotModel.from_urdf(urdf("small_arm"))
+    theta = robot.pi.copy()
+    theta[10] = -1.0
+    with pytest.raises(ModelFileError, match=rf"{robot.body_names[1]}.*-1 kg.*physical consistency"):
+        identified_urdf(robot, model_file(robot, [(LinkInertia(robot), theta)]))
+
+
+def test_a_urdf_of_another_model_is_noticed() -> None:
+    robot = RobotModel.from_urdf(urdf("small_arm"))
+    out, _ = identified_urdf(robot, identified(robot, 0))
+    check_urdf(robot, identified(robot, 0), out)
+    with pytest.raises(ModelFileError, match="differ"):
+        check_urdf(robot, identified(robot, 1), out)
+
+
+def test_a_model_file_is_read_back(tmp_path: Path) -> None:
+    robot = RobotModel.from_urdf(urdf("small_arm"))
+    path = tmp_path / "model.yaml"
+    identified(robot, 0).write(path)
+    check_model_file(robot, identified(robot, 0), path)
+    with pytest.raises(ModelFileError, match="link_inertia"):
+        check_model_file(robot, identified(robot, 1), path)
+
+
+def test_comments_and_shapes_of_the_urdf_are_kept() -> None:
+    robot = RobotModel.from_urdf(urdf("tree_robot"))
+    theta = robot.pi.copy().reshape(-1, 10)
+    theta[theta[:, 0] == 0.0] = inertial_parameters.from_com(0.1, np.zeros(3), 1e-4 * np.eye(3))
+    out, _ = identified_urdf(robot, model_file(robot, [(LinkInertia(robot), theta.ravel())]))
+    assert out.startswith("<?xml")
+    for tag in ("<visual", "<collision", "<mimic", "<!--", "<limit"):
+        assert out.count(tag) == urdf("tree_robot").count(tag)
