@@ -188,29 +188,32 @@ class LogDetLeastSquares:
 
 
 def _bounded_least_squares(rows: FloatArray, target: FloatArray, lower: FloatArray) -> FloatArray:
-    """argmin |rows x - target| with x >= lower.
+    """argmin |rows x - target| with x >= lower, for rows of full rank.
 
-    Unknowns without a bound are eliminated by an orthogonal triangle, so that Lawson and Hanson's non-negative least squares
-    sees few columns of unit length.
+    One triangle with the unbounded unknowns first: its last block is all that Lawson and Hanson's non-negative least squares
+    needs to see, and the first gives the others.
     """
-    from scipy.linalg import qr
+    from scipy.linalg import solve_triangular
     from scipy.optimize import nnls
 
     size = np.linalg.norm(rows, axis=0)
     size[size == 0.0] = 1.0
-    scaled, least = rows / size, lower * size
-    free, *_ = np.linalg.lstsq(scaled, target, rcond=1e-15)
-    if np.all(free >= least):
-        return np.asarray(free / size)
-    open_, held = np.flatnonzero(np.isneginf(lower)), np.flatnonzero(np.isfinite(lower))
-    orthogonal, _, _ = qr(scaled[:, open_], mode="full", pivoting=True) if len(open_) else (np.eye(len(rows)), None, None)
-    outside = orthogonal[:, len(open_) :].T
-    x = np.zeros(len(lower))
-    above, _ = nnls(outside @ scaled[:, held], outside @ (target - scaled[:, held] @ least[held]))
-    x[held] = least[held] + above
-    if len(open_):
-        x[open_] = np.linalg.lstsq(scaled[:, open_], target - scaled[:, held] @ x[held], rcond=1e-15)[0]
-    return np.asarray(x / size)
+    order = np.argsort(np.isfinite(lower), kind="stable")
+    count, first = len(order), int(np.sum(np.isneginf(lower)))
+    triangle = np.linalg.qr(np.column_stack([(rows / size)[:, order], target]), mode="r")[:count]
+    right, side = triangle[:, :count], triangle[:, count]
+    diagonal = np.abs(np.diag(right))
+    right[np.diag_indices(count)] = np.where(diagonal > 1e-15 * diagonal.max(), np.diag(right), 1e-15 * diagonal.max())
+    least = (lower * size)[order]
+    x = solve_triangular(right, side)
+    if np.any(x[first:] < least[first:]):
+        block = right[first:, first:]
+        above, _ = nnls(block, side[first:] - block @ least[first:])
+        x[first:] = least[first:] + above
+        x[:first] = solve_triangular(right[:first, :first], side[:first] - right[:first, first:] @ x[first:]) if first else 0.0
+    out = np.empty(count)
+    out[order] = x
+    return np.asarray(out / size)
 
 
 def _is_positive(matrix: FloatArray) -> bool:
