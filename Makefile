@@ -3,6 +3,7 @@
 # make test-slow   the tests that take long, which make test leaves out
 # make lint        ruff and mypy
 # make bench       the benchmarks
+# make exam        the diagnosis on 200 robots that hide something; LEVEL=single, hard, pairs, healthy or outside
 # Each builds .venv first if it is not there. PYTHON=/path/to/python3.12 chooses the interpreter.
 
 VENV := .venv
@@ -19,10 +20,10 @@ export PYTHON
 unexport AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH RMW_IMPLEMENTATION VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test test-slow lint bench clean
+.PHONY: help venv demo test test-slow lint bench exam clean
 
 help:
-	@sed -n '1,6s/^# //p' Makefile
+	@sed -n '1,7s/^# //p' Makefile
 
 venv: $(READY)
 
@@ -49,6 +50,10 @@ BENCHMARKS := "step_time.py --rounds 3" "replay_speed.py --repeat 2" "accuracy_a
 
 bench: $(READY)
 	@failed=0; for run in $(BENCHMARKS); do echo "== benchmarks/$$run"; $(BIN)/python benchmarks/$$run || failed=1; done; exit $$failed
+
+LEVEL ?= single
+exam: $(READY)
+	@cd test && ../$(BIN)/python -m exam --level $(LEVEL)
 
 clean:
 	rm -rf $(VENV) build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache

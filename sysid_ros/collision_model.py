@@ -38,10 +38,10 @@ class CollisionModel:
 
     Meshes are replaced by their convex hulls, which lie around them: what is clear of the hulls is clear of the meshes. Where
     the hulls of two links touch at the reference posture and their meshes do not, the meshes are kept for that pair. Links that a
-    joint connects are not compared, nor links that touch at the reference posture: they are built that way, and named in the
-    notes. A pair nearer there than twice the clearance has to keep half its distance at that posture instead. The links on the
-    first joint need not be clear of the floor, if they touch it at the reference posture. A link without a shape is compared with
-    the floor by the lines between its joints.
+    joint connects are not compared, nor links that touch at the reference posture (0, or the middle of the range of a joint that
+    can't be at 0): they are built that way, and named in the notes. A pair nearer there than twice the clearance has to keep half
+    its distance at that posture instead. The links on the first joint need not be clear of the floor, if they touch it at the
+    reference posture. A link without a shape is compared with the floor by the lines between its joints.
 
     Args:
         robot: the model; its joints are the columns of the gradients. Other joints are locked at 0.
@@ -73,7 +73,11 @@ class CollisionModel:
         self._data = robot.model.createData()
         links = [robot.model.frames[o.parentFrame].name for o in self._geometry.geometryObjects]
         self._require_known(ignored, links)
-        reference = np.clip(np.zeros(robot.n), robot.position_lower, robot.position_upper)
+        # the end of a joint's range may be a folded posture, in which links touch that are not built together
+        lower, upper = robot.position_lower, robot.position_upper
+        beyond = (lower > 0.0) | (upper < 0.0)
+        reference = np.zeros(robot.n)
+        reference[beyond] = 0.5 * (lower[beyond] + upper[beyond])
         pairs = self._self_pairs(links, {frozenset(pair) for pair in ignored}, reference, clearance)
         if floor is not None:
             pairs += [p for p in self._floor_pairs(links, floor, reference, clearance) if p.links not in ignored]

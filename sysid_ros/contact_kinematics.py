@@ -18,7 +18,7 @@ class ContactKinematics:
         robot: the model. frames: names of k links that it has.
 
     Attributes:
-        joints_above: number of joints between the base and each link.
+        joints_above: number of joints between the base and each link. carriers: those that move each link, shape (k, n), bool.
     """
 
     def __init__(self, robot: RobotModel, frames: Sequence[str]) -> None:
@@ -26,6 +26,21 @@ class ContactKinematics:
         self.frames = tuple(frames)
         self._ids = [robot.frame_id(name) for name in frames]
         self.joints_above = tuple(len(self._model.supports[self._model.frames[i].parentJoint]) - 1 for i in self._ids)
+
+        self.carriers = np.zeros((len(frames), self._n), dtype=np.bool_)
+        for i, frame in enumerate(self._ids):
+            for joint in list(self._model.supports[self._model.frames[frame].parentJoint])[1:]:
+                self.carriers[i, self._model.joints[joint].idx_v] = True
+
+    def origins(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Origins, shape (k, 3) [m], and the motion that each joint gives to a body around the base's origin, shape (6, n):
+        velocity
+        and angular velocity. A point p of a link that joint j carries has the Jacobian ``v_j + w_j x p``."""
+        motions = pin.computeJointJacobians(self._model, self._data, q)
+        origins = np.empty((len(self._ids), 3))
+        for i, frame in enumerate(self._ids):
+            origins[i] = pin.updateFramePlacement(self._model, self._data, frame).translation
+        return origins, np.ascontiguousarray(motions)
 
     def jacobians(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Origins, shape (k, 3) [m], and Jacobians of velocity and angular velocity, shape (k, 6, n), at q (n,)."""

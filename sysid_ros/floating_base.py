@@ -11,6 +11,7 @@ from sysid_ros.contact_kinematics import ContactKinematics
 from sysid_ros.exceptions import RobotModelError
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.settings import OnlineSettings
 
 FREE = 6
 """Joints of the trunk: three slides, three turns."""
@@ -62,7 +63,8 @@ class FloatingBase:
         for frame, joints in zip(frames, self.contacts.joints_above, strict=True):
             if joints < FREE + 3:
                 raise RobotModelError(
-                    f"contact frame {frame} hangs on {max(joints - FREE, 0)} joints; the force on a foot is known from the torques "
+                    f"contact frame {frame} hangs on {max(joints - FREE, 0)} joints; the force on a foot is known "
+                    f"from the torques "
                     "of at least 3. Name the feet in contact_frames."
                 )
         self.foot_radius = _radii(root, frames)
@@ -81,7 +83,8 @@ class FloatingBase:
         """Positions, velocities and accelerations of all n joints.
 
         Args:
-            q, v, a: of the legs. omega: of the trunk [rad/s]. force: specific force of the trunk's origin [m/s^2]. omega_dot: angular
+            q, v, a: of the legs. omega: of the trunk [rad/s]. force: specific force of the trunk's origin [m/s^2]. omega_dot:
+            angular
                 acceleration [rad/s^2]; the three in the trunk's axes, shape (3,).
         """
         x, y, z = omega
@@ -97,6 +100,17 @@ class FloatingBase:
         """The link of every leg that is farthest from the leg's last joint, in the order of the URDF."""
         names = set(ContactKinematics.ends(self.robot))
         return tuple(str(link.get("name")) for link in root.findall("link") if link.get("name") in names)
+
+
+def floating_base_of(robot: RobotModel, settings: OnlineSettings) -> FloatingBase | None:
+    """The robot on a floating base where the setting ``base`` says so or, for ``auto``, its URDF looks so; else None.
+
+    Raises:
+        RobotModelError: ``contact_frames`` does not fit the robot.
+    """
+    if settings.base == "fixed" or (settings.base == "auto" and not (settings.contact_frames or is_legged(robot))):
+        return None
+    return FloatingBase(robot, settings.contact_frames)
 
 
 def is_legged(robot: RobotModel) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 import numpy as np
+from numba import njit
 
 from sysid_ros.floating_base import FREE, FloatingBase
 from sysid_ros.sample import FloatArray, Measurement, Sample
@@ -48,11 +49,10 @@ class FloatingDerivative:
         self._last = measurement.t, trunk.omega
         self._place = trunk.place
         self._told.append((measurement.t, trunk.contacts))
-        zero = np.zeros(3)
-        q = np.concatenate((zero, self._turned, measurement.q))
-        v = None if measurement.v is None else np.concatenate((zero, trunk.omega, measurement.v))
+        q, tau = np.zeros(self._base.robot.n), np.zeros(self._base.robot.n)
         # the specific force goes where a force of the trunk's slides would: through the same grid and the same delay
-        tau = np.concatenate((trunk.force, zero, measurement.tau))
+        q[3:FREE], q[FREE:], tau[:3], tau[FREE:] = self._turned, measurement.q, trunk.force, measurement.tau
+        v = None if measurement.v is None else np.concatenate((np.zeros(3), trunk.omega, measurement.v))
         return [self._of_all_joints(sample) for sample in self._inner.push(Measurement(measurement.t, q, v, tau))]
 
     def contacts(self, t: float) -> FloatArray | None:
@@ -65,16 +65,24 @@ class FloatingDerivative:
         return told
 
     def _of_all_joints(self, sample: Sample) -> Sample:
-        omega, omega_dot, p = sample.v[3:FREE], sample.a[3:FREE], self._place
-        force = sample.tau[:3]
-        if p.any():
-            force = force - _cross(omega_dot, p) - _cross(omega, _cross(omega, p))
-        tau = sample.tau.copy()
-        tau[:FREE] = 0.0
-        q, v, a = self._base.state(sample.q[FREE:], sample.v[FREE:], sample.a[FREE:], omega, force, omega_dot)
+        q, v, a, tau = sample.q.copy(), sample.v.copy(), sample.a.copy(), sample.tau.copy()
+        _hang(q, v, a, tau, self._place)
         return Sample(sample.t, q, v, a, tau)
 
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross product of two vectors (3,); numpy's own takes as long as the whole inverse dynamics."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _hang(q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray, p: FloatArray) -> None:
+    """The trunk's six joints from what went through the grid in their places, as :meth:`FloatingBase.state` has them, in
+    place."""
+    w, dw = v[3:6], a[3:6]
+    lever = np.empty(3)  # w x p
+    lever[0], lever[1], lever[2] = w[1] * p[2] - w[2] * p[1], w[2] * p[0] - w[0] * p[2], w[0] * p[1] - w[1] * p[0]
+    a[0] = tau[0] - (dw[1] * p[2] - dw[2] * p[1]) - (w[1] * lever[2] - w[2] * lever[1])
+    a[1] = tau[1] - (dw[2] * p[0] - dw[0] * p[2]) - (w[2] * lever[0] - w[0] * lever[2])
+    a[2] = tau[2] - (dw[0] * p[1] - dw[1] * p[0]) - (w[0] * lever[1] - w[1] * lever[0])
+    a[3] -= w[1] * w[2]
+    a[4] += w[0] * w[2]
+    a[5] -= w[0] * w[1]
+    q[:6] = 0.0
+    v[:3] = 0.0
+    tau[:6] = 0.0

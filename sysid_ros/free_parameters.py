@@ -6,13 +6,15 @@ import math
 
 import numpy as np
 
+from sysid_ros.contact_projection import ContactProjection
 from sysid_ros.effects import CoulombFriction, Effect, Payload, TorqueOffset, ViscousFriction
 from sysid_ros.estimators import ConstantForgetting, Estimator, JumpRule, VariableForgetting
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.front_end import FrontEnd, Rows, white_noise_variance
+from sysid_ros.floating_base import FloatingBase
+from sysid_ros.front_end import FrontEnd, Rows, white_noise_variance, white_variance
 from sysid_ros.model_file import ModelFile
 from sysid_ros.robot_model import RobotModel
-from sysid_ros.sample import FloatArray, Measurement
+from sysid_ros.sample import FloatArray, Measurement, Sample
 from sysid_ros.settings import OnlineSettings
 from sysid_ros.torque_model import TorqueModel
 
@@ -27,7 +29,8 @@ class FreeParameters:
     """The payload's ten parameters and, beside them, what offset and friction of each joint differ from the known model.
 
     Args:
-        robot: the arm. settings: prior and noise. known: the identified model, if any.
+        robot: the arm, or the legs of a floating base. settings: prior and noise. known: the identified model, if any.
+        base: the robot where it floats; the torques of its legs are then not told apart from friction, which is as known.
 
     Attributes:
         payload: the effect whose columns come first.
@@ -38,20 +41,24 @@ class FreeParameters:
         SettingsError: ``torque_std`` does not fit the robot.
     """
 
-    def __init__(self, robot: RobotModel, settings: OnlineSettings, known: ModelFile | None) -> None:
-        self._robot, self._settings, self._known = robot, settings, known
+    def __init__(
+        self, robot: RobotModel, settings: OnlineSettings, known: ModelFile | None, base: FloatingBase | None = None
+    ) -> None:
+        self._robot, self._settings, self._known, self._base = robot, settings, known, base
         if len(settings.torque_std) not in (0, 1, robot.n):
             raise SettingsError(
                 f"torque_std has {len(settings.torque_std)} values; it must have one for all joints or {robot.n}, "
                 f"one for each of {', '.join(robot.joint_names)}."
             )
-        self.payload = Payload(robot, frame=settings.frame_id)
+        whole = base.robot if base else robot
+        self.payload = Payload(whole, frame=settings.frame_id or (base.trunk if base else ""))
         effects: list[Effect] = [self.payload]
-        if settings.estimate_friction:
+        self._estimates_friction = settings.estimate_friction and base is None
+        if self._estimates_friction:
             effects += [TorqueOffset(robot), CoulombFriction(robot), ViscousFriction(robot)]
-        known_effects = known.known_effects(robot) if known else []
+        known_effects = known.known_effects(whole) if known else []
         self.model = TorqueModel(
-            robot, effects, known_effects, settings.effort_type == "total", known.uncertainty if known else None
+            whole, effects, known_effects, settings.effort_type == "total", known.uncertainty if known else None
         )
         self._coulomb = np.abs(self.model.known_theta("coulomb_friction"))
         self._viscous = np.abs(self.model.known_theta("viscous_friction"))
@@ -64,7 +71,7 @@ class FreeParameters:
     def _friction_prior(self) -> list[FloatArray]:
         """Of offset, Coulomb and viscous friction: small beside a known model, of the size of the effort limits without one."""
         s = self._settings
-        if not s.estimate_friction:
+        if not self._estimates_friction:
             return []
         if self._known is None:
             size = s.friction_unknown * np.where(np.isfinite(self._robot.effort_limit), self._robot.effort_limit, 50.0)
@@ -78,12 +85,14 @@ class FreeParameters:
         Args:
             theta: the free parameters as they are estimated now, shape (p,).
         """
+        if self._base is not None:
+            return np.zeros(rows.y.size)
         coulomb = self._coulomb
-        if self._settings.estimate_friction:
+        if self._estimates_friction:
             n = self._robot.n
             coulomb = np.abs(coulomb + theta[10 + n : 10 + 2 * n])
         extra: FloatArray = (0.5 * coulomb * rows.slow) ** 2
-        if float(rows.speed.max()) < self._settings.low_velocity:
+        if max(rows.speed.tolist()) < self._settings.low_velocity:
             extra += self._settings.stiction**2
         return extra
 
@@ -94,11 +103,28 @@ class FreeParameters:
         """
         if self._settings.torque_std:
             std: FloatArray = np.broadcast_to(np.array(self._settings.torque_std), (self._robot.n,))
-            return std**2 * sample_period
-        density = np.maximum(white_noise_variance(measurements), 1e-8) * sample_period
-        if self._known is not None:
-            density = np.maximum(density, self._known.error_density(self._robot))
-        return density
+            density = std**2 * sample_period
+        else:
+            density = np.maximum(white_noise_variance(measurements), 1e-8) * sample_period
+            if self._known is not None:
+                density = np.maximum(density, self._known.error_density(self._robot))
+        return density if self._base is None else self._of_trunk(self._base, measurements, density, sample_period)
+
+    def _of_trunk(
+        self, base: FloatingBase, measurements: list[Measurement], density: FloatArray, sample_period: float
+    ) -> FloatArray:
+        """As :meth:`noise_density`, of the six rows of a floating base, shape (6,): from the torques of the legs, shape (n,),
+        and the
+        noise of the accelerometer times the robot's mass."""
+        first = next(m for m in measurements if m.trunk is not None)
+        assert first.trunk is not None
+        zero = np.zeros(self._robot.n)
+        state = base.state(first.q, zero, zero, np.zeros(3), first.trunk.force, np.zeros(3))
+        matrix = ContactProjection(base).matrix_at(Sample(first.t, *state, np.zeros(base.robot.n)))
+        rows: FloatArray = (matrix * matrix) @ density
+        force = np.array([m.trunk.force for m in measurements if m.trunk is not None])
+        rows[:3] += base.mass**2 * white_variance(force) * sample_period
+        return rows
 
     def make_estimator(self, front_end: FrontEnd, floor: FloatArray) -> Estimator:
         """The estimator that the settings name, for rows of at least the variance ``floor``, shape (n,)."""
@@ -106,4 +132,5 @@ class FreeParameters:
         if s.estimator == "constant":
             return ConstantForgetting(self.prior_std, floor, math.exp(-front_end.period / s.forgetting_time))
         jump = JumpRule(PAYLOAD, np.array(_LEAST_JUMP), front_end.memory)
-        return VariableForgetting(self.prior_std, floor, front_end.period, s.forgetting_time, jump)
+        part = 1.0 if self._base is None else front_end.passed
+        return VariableForgetting(self.prior_std, floor, front_end.period, s.forgetting_time, jump, part)

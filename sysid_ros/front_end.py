@@ -7,9 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from sysid_ros.contact_projection import ContactProjection
+from sysid_ros.floating_base import FREE, FloatingBase
+from sysid_ros.floating_derivative import FloatingDerivative
 from sysid_ros.low_pass import LowPassBank
 from sysid_ros.sample import FloatArray, Measurement, Sample
 from sysid_ros.signals import CausalDerivative, default_cutoff, window_half_width
+from sysid_ros.stance_log import StanceLog
+from sysid_ros.standing_columns import StandingColumns
 from sysid_ros.torque_model import TorqueModel
 
 _SLOW = 0.06
@@ -29,6 +34,7 @@ class Rows:
         tau: measured torque, shape (n,) [N m].
         considered: torque of the errors of what is known, shape (n, c) [N m], see :class:`sysid_ros.known_error.KnownError`.
         sample: the newest sample that went in, not filtered.
+        trust: part of the row from when the feet of a floating base carried it, 0 to 1; 1 on an arm.
     """
 
     Y: FloatArray
@@ -39,10 +45,15 @@ class Rows:
     tau: FloatArray
     considered: FloatArray
     sample: Sample
+    trust: float = 1.0
 
 
 class FrontEnd:
     """Derivative, split into known and free, the low-pass on both sides, and every k-th of it.
+
+    On a floating base the rows go through :class:`ContactProjection` before the low-pass, and six are left of n. What was
+    measured
+    while the feet did not carry the robot is left out of them: the equation times a window is still an equation.
 
     Args:
         model: what is known and what is free.
@@ -50,27 +61,54 @@ class FrontEnd:
         update_rate: rows a second at most [Hz].
         cutoff_hz: of the low-pass [Hz]; 0 for the default of the rate.
         use_message_velocity: velocity from the messages instead of from the positions.
+        base: the robot of ``model`` where it floats. standstill: velocity below which it stands [rad/s]. stances: takes note of
+            what its feet do.
 
     Attributes:
+        projection: of a floating base, else None. rows: of an update.
+        passed: variance of a row over the long-run variance of the rows, for white noise.
         rate: measurements a second [Hz]. period: time between rows [s].
         memory: time after which a measurement has left the rows [s]. delay: of the rows behind their sample [s].
     """
 
     def __init__(
-        self, model: TorqueModel, period: float, update_rate: float, cutoff_hz: float = 0.0, use_message_velocity: bool = False
+        self,
+        model: TorqueModel,
+        period: float,
+        update_rate: float,
+        cutoff_hz: float = 0.0,
+        use_message_velocity: bool = False,
+        base: FloatingBase | None = None,
+        standstill: float = 0.05,
+        stances: StanceLog | None = None,
     ) -> None:
         self._model = model
         n, p = model.robot.n, model.p
         self.rate = 1.0 / period
-        self._derivative = CausalDerivative(n, period, window_half_width(self.rate), use_message_velocity)
+        half_width = window_half_width(self.rate)
+        self._derivative: CausalDerivative | FloatingDerivative = (
+            CausalDerivative(n, period, half_width, use_message_velocity)
+            if base is None
+            else FloatingDerivative(base, period, half_width, use_message_velocity)
+        )
         self._raw = np.zeros((n, p + 5 + model.error.c))
         self._columns, self._rest, self._considered = self._raw[:, :p], self._raw[:, p], self._raw[:, p + 5 :]
-        self._bank = LowPassBank(self._raw.shape, min(cutoff_hz or default_cutoff(self.rate), 0.4 * self.rate), self.rate)
+        cutoff = min(cutoff_hz or default_cutoff(self.rate), 0.4 * self.rate)
+        self.rows = n if base is None else FREE
+        self._bank = LowPassBank((self.rows, self._raw.shape[1]), cutoff, self.rate)
         self._every = max(1, round(self.rate / update_rate))
         self.period = self._every * period
+        self.passed = min(2.05 * cutoff * self.period, 1.0)
         self.memory = self._bank.memory
         self.delay = self._bank.delay
         self._tick = -max(round(2.0 * self.memory * self.rate), self._every)
+        self.projection = None if base is None else ContactProjection(base)
+        self._stances = stances
+        if base is not None:
+            self._projected = np.zeros((FREE, self._raw.shape[1]))
+            self._beside = np.zeros((n + 1, 2))
+            self._beside_bank = LowPassBank(self._beside.shape, cutoff, self.rate)
+            self._standing = StandingColumns(self.period, standstill)
 
     @property
     def filled(self) -> int:
@@ -79,13 +117,19 @@ class FrontEnd:
 
     def push(self, measurement: Measurement) -> list[Rows]:
         """Rows that are due: none while the filters fill and between updates, seldom more than one."""
-        rows = [self._filter(sample) for sample in self._derivative.push(measurement)]
-        return [r for r in rows if r is not None]
+        due = []
+        for sample in self._derivative.push(measurement):
+            rows = self._filter(sample)
+            if rows is not None:
+                due.append(rows)
+        return due
 
     def _filter(self, sample: Sample) -> Rows | None:
         p = self._model.p
         self._model.split_into(sample, self._columns, self._rest, self._considered)
         _fill_beside(self._raw, p + 1, sample.v, sample.a, sample.tau)
+        if self.projection is not None:
+            return self._project(sample, self.projection)
         out = self._bank.push(self._raw)
         self._tick += 1
         if self._tick < 0 or self._tick % self._every:
@@ -99,6 +143,34 @@ class FrontEnd:
             tau=out[:, p + 3].copy(),
             considered=np.ascontiguousarray(out[:, p + 5 :]),
             sample=sample,
+        )
+
+    def _project(self, sample: Sample, projection: ContactProjection) -> Rows | None:
+        """The six rows that are free of the forces on the feet."""
+        p, beside = self._model.p, self._beside
+        assert isinstance(self._derivative, FloatingDerivative)
+        stance = projection.update(sample, self._rest, self._derivative.contacts(sample.t))
+        if self._stances is not None:
+            self._stances.add(stance, sample.t)
+        if stance.trusted:
+            projection.apply(self._raw, self._projected)
+        else:
+            self._projected[:] = 0.0
+        beside[:-1, 0], beside[:-1, 1], beside[-1] = sample.v, sample.a, stance.trusted
+        out, other = self._bank.push(self._projected), self._beside_bank.push(beside)
+        self._tick += 1
+        if self._tick < 0 or self._tick % self._every:
+            return None
+        return Rows(
+            Y=self._standing.push(np.ascontiguousarray(out[:, :p]), np.abs(other[:-1, 0])),
+            y=out[:, p].copy(),
+            speed=np.abs(other[:-1, 0]),
+            slow=np.zeros(FREE),
+            acceleration=other[:-1, 1].copy(),
+            tau=out[:, p + 3].copy(),
+            considered=np.ascontiguousarray(out[:, p + 5 :]),
+            sample=sample,
+            trust=float(other[-1, 0]),
         )
 
 
@@ -118,6 +190,11 @@ def white_noise_variance(measurements: list[Measurement]) -> FloatArray:
 
     The median makes it robust against single faults; 0.455 is the median of chi-squared with one degree of freedom.
     """
-    second = np.diff([m.tau for m in measurements], 2, axis=0)
+    return white_variance(np.array([m.tau for m in measurements]))
+
+
+def white_variance(channels: FloatArray) -> FloatArray:
+    """Variance of the white part of each of c channels at N even samples, (N, c) -> (c,)."""
+    second = np.diff(channels, 2, axis=0)
     variance: FloatArray = np.median(second * second, axis=0) / 0.455 / 6.0
     return variance

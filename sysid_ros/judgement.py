@@ -23,7 +23,7 @@ class Judgement:
     def __init__(self, robot: RobotModel, settings: OnlineSettings, floor: FloatArray) -> None:
         self._settings = settings
         self._floor = floor
-        self._check = ModelCheck(robot)
+        self._check = ModelCheck(robot, rows=floor.size)
         self._known = False
 
     def add(self, rows: Rows, payload_torque: FloatArray, estimator: Estimator) -> None:

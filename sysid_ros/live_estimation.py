@@ -11,13 +11,13 @@ import numpy as np
 from sysid_ros.commit_gate import CommitGate
 from sysid_ros.estimators import Estimator
 from sysid_ros.exceptions import SysidError
-from sysid_ros.input_gate import GateHealth, InputGate, Level, Rejection
+from sysid_ros.input_gate import Gate, GateHealth, Level, gate_for
 from sysid_ros.joint_choice import JointChoice
 from sysid_ros.model_file import ModelFile
 from sysid_ros.online import OnlineEstimation
 from sysid_ros.payload_estimate import PayloadEstimate
 from sysid_ros.robot_model import RobotModel
-from sysid_ros.sample import JointStateRecord
+from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
 from sysid_ros.settings import OnlineSettings
 
 
@@ -52,7 +52,7 @@ class LiveEstimation:
         self.enabled = enabled
         joints = settings.joint_names or (known.joints if known else ())
         self.robot = RobotModel.from_urdf(urdf, joints, settings.gravity)
-        self.gate: InputGate | None = None
+        self.gate: Gate | None = None
         self.troubles: Counter[str] = Counter()
         self.last_trouble = ""
         self._choice: JointChoice | None = None
@@ -65,18 +65,17 @@ class LiveEstimation:
             self._choice = JointChoice(self.robot.joint_names)
             self.estimation = OnlineEstimation(self.robot, _without_joint_settings(settings))
 
-    def take(self, record: JointStateRecord) -> PayloadEstimate | None:
+    def take(self, record: JointStateRecord | ImuRecord | ContactRecord) -> PayloadEstimate | None:
         """Take in one message; the estimate when one is due, else None. Never raises."""
+        estimate = None
         try:
             gate = self.gate or self._choose(record)
             if gate is None:
                 return None
-            measurement = gate.accept(record)
-            if isinstance(measurement, Rejection):
-                return None
-            if (gate.gaps, gate.restarts) != self._breaks:
-                self._interrupted(gate)
-            estimate = self.estimation.step(measurement)
+            for measurement in gate.take(record):
+                if (gate.gaps, gate.restarts) != self._breaks:
+                    self._interrupted(gate)
+                estimate = self.estimation.step(measurement) or estimate
             if estimate is not None and not (np.isfinite(estimate.theta).all() and np.isfinite(estimate.covariance).all()):
                 raise FloatingPointError("the estimate is not finite")
         except Exception as error:  # noqa: BLE001 - a fault that nobody foresaw must not end the stream; it is counted and shown
@@ -134,14 +133,16 @@ class LiveEstimation:
         if not enabled:
             self.commit.interrupt("The estimation is disabled.")
 
-    def _begin(self) -> InputGate:
-        gate = InputGate(self.robot, self.settings)
+    def _begin(self) -> Gate:
         self.estimation = OnlineEstimation(self.robot, self.settings, self.known)
+        gate = gate_for(self.robot, self.estimation.base, self.settings)
         self.estimation.set_enabled(self.enabled)
         self.gate, self._choice = gate, None
         return gate
 
-    def _choose(self, record: JointStateRecord) -> InputGate | None:
+    def _choose(self, record: JointStateRecord | ImuRecord | ContactRecord) -> Gate | None:
+        if not isinstance(record, JointStateRecord):
+            return None
         assert self._choice is not None
         joints = self._choice.offer(record)
         if joints is None:
@@ -154,7 +155,7 @@ class LiveEstimation:
             self._choice.text = str(error)
             return None
 
-    def _interrupted(self, gate: InputGate) -> None:
+    def _interrupted(self, gate: Gate) -> None:
         restarted = gate.restarts != self._breaks[1]
         self._breaks = gate.gaps, gate.restarts
         self.commit.interrupt("Samples were missing.")

@@ -17,7 +17,7 @@ class ModelCheck:
 
     Args:
         robot: for the names of the joints.
-        memory: time constant of the averages [updates].
+        memory: time constant of the averages [updates]. rows: how many of its joints have rows, from the first on; None: all.
     """
 
     PART = 0.25
@@ -26,12 +26,13 @@ class ModelCheck:
     REMAINS = 0.03
     FEWEST = 300
 
-    def __init__(self, robot: RobotModel, memory: float = 3000.0) -> None:
-        self._names = robot.joint_names
-        self._weak = 0.005 * np.where(np.isfinite(robot.effort_limit), robot.effort_limit, 50.0)
+    def __init__(self, robot: RobotModel, memory: float = 3000.0, rows: int | None = None) -> None:
+        n = robot.n if rows is None else rows
+        self._names = robot.joint_names[:n]
+        self._weak = 0.005 * np.where(np.isfinite(robot.effort_limit), robot.effort_limit, 50.0)[:n]
         self._memory = memory
-        self._torque = np.zeros(robot.n)
-        self._unexplained = np.zeros(robot.n)
+        self._torque = np.zeros(n)
+        self._unexplained = np.zeros(n)
         self._count = 0
 
     def add(self, torque: FloatArray, unexplained: FloatArray) -> None:

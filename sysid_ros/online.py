@@ -6,10 +6,12 @@ The live node, the replay of a bag and a simulation all call the same :meth:`Onl
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from sysid_ros.estimators import Estimate, Estimator, VariableForgetting
+from sysid_ros.floating_base import floating_base_of
 from sysid_ros.free_parameters import PAYLOAD, FreeParameters
 from sysid_ros.front_end import FrontEnd, Rows
 from sysid_ros.judgement import Judgement
@@ -20,6 +22,7 @@ from sysid_ros.physical_projection import project
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement
 from sysid_ros.settings import OnlineSettings
+from sysid_ros.stance_log import StanceLog
 
 _FIRST = 25
 """Measurements from which rate and noise of the torque are read before anything is estimated."""
@@ -33,6 +36,8 @@ _LONGEST_FILL = 10.5
 """Longest step that is interpolated over [periods]."""
 _STANDS = 0.15
 """Time below the standstill velocity after which the robot stands [s]."""
+_TRUSTED = 0.5
+"""Part of a row that is from when the feet carried the robot, below which the row is left out."""
 _OBSERVABLE = 0.3
 """Part of a parameter's prior standard deviation below which it is the motion that determines it."""
 _NOT_A_BODY = 29.6
@@ -40,18 +45,21 @@ _NOT_A_BODY = 29.6
 
 
 class OnlineEstimation:
-    """Estimates the payload on a fixed-base arm: ``F(tau - tau_known) = F(Y_payload) theta + F(Y_friction) phi + noise``.
+    """Estimates the payload on an arm: ``F(tau - tau_known) = F(Y_payload) theta + F(Y_friction) phi + noise``.
+
+    A legged robot adds one step, see :class:`sysid_ros.contact_projection.ContactProjection`; standing still determines its
+    payload's mass, so it is updated at rest too.
 
     F is one low-pass, the same on both sides. Filters are made for the rate that the first measurements show, and again after a
     gap or a jump of time; nothing is updated while the robot stands.
 
     Args:
-        robot: the arm.
+        robot: the arm, or the legs of a floating base.
         settings: all that can be set.
         known: the identified model; without it the URDF's links and its ``<dynamics>`` are what is known.
 
     Attributes:
-        latest: the last estimate given out, or None.
+        base: the robot on its floating base, None for an arm. latest: the last estimate given out, or None.
         estimator: the recursion, once the first measurements are in.
 
     Raises:
@@ -60,7 +68,10 @@ class OnlineEstimation:
 
     def __init__(self, robot: RobotModel, settings: OnlineSettings, known: ModelFile | None = None) -> None:
         self.robot, self.settings = robot, settings
-        self._free = FreeParameters(robot, settings, known)
+        self.base = floating_base_of(robot, settings)
+        self._stances = StanceLog(self.base.contact_frames) if self.base else None
+        self._outliers = 0
+        self._free = FreeParameters(robot, settings, known, self.base)
         self._log = EventLog(settings.no_payload_mass)
         self._warnings = {note: note for note in known.notes(robot.urdf)} if known else {}
         self._tare = np.zeros(10), np.zeros((10, 10))
@@ -75,7 +86,7 @@ class OnlineEstimation:
         self._last_t = -math.inf
         self._since_check, self._checked_t = 0, 0.0
         self._longest_step = math.inf
-        self._still = 0.0
+        self._still = self._off_ground = 0.0
 
     @property
     def events(self) -> list[PayloadEvent]:
@@ -85,7 +96,13 @@ class OnlineEstimation:
     @property
     def warnings(self) -> list[str]:
         """What the user should know, one sentence or a few each."""
-        return list(self._warnings.values())
+        return [*self._warnings.values(), *(self._stances.warnings if self._stances else ())]
+
+    @property
+    def stance_counts(self) -> dict[str, int]:
+        """Of a floating base: samples by what was doubtful about its feet, and updates that did not fit the estimate
+        ('outlier')."""
+        return {} if self._stances is None else self._stances.counts | ({"outlier": self._outliers} if self._outliers else {})
 
     @property
     def frame(self) -> str:
@@ -167,14 +184,17 @@ class OnlineEstimation:
         self._front_end = None
         self._next_publish = -math.inf
         self._longest_step = math.inf
-        self._still = 0.0
+        self._still = self._off_ground = 0.0
 
     def _make_front_end(self, measurements: list[Measurement]) -> FrontEnd:
         s = self.settings
         sample_period = max(float(np.median(np.diff([m.t for m in measurements]))), _SHORTEST_PERIOD)
         self._since_check, self._checked_t = 0, measurements[-1].t
         self._longest_step = max(min(s.max_gap, _LONGEST_FILL * sample_period), 3.5 * sample_period)
-        front_end = FrontEnd(self._free.model, sample_period, s.update_rate, s.cutoff_hz, s.velocity_source == "message")
+        front_end = FrontEnd(
+            self._free.model, sample_period, s.update_rate, s.cutoff_hz, s.velocity_source == "message", self.base,
+            s.standstill_velocity, self._stances,
+        )  # fmt: skip
         if front_end.rate < 20.0:
             self._warnings["rate"] = (
                 f"The joint states come at {front_end.rate:.1f} Hz; below 20 Hz the accelerations are lost. Publish them faster."
@@ -182,13 +202,17 @@ class OnlineEstimation:
         if self.estimator is None:
             floor = self._free.noise_density(measurements, sample_period) / front_end.period
             self.estimator = self._free.make_estimator(front_end, floor)
-            self._judgement = Judgement(self.robot, s, floor)
+            self._judgement = Judgement(self.base.robot if self.base else self.robot, s, floor)
         return front_end
 
     def _take(self, front_end: FrontEnd, measurement: Measurement) -> PayloadEstimate | None:
         published = None
         for rows in front_end.push(measurement):
             assert self.estimator is not None
+            if rows.trust < _TRUSTED:
+                published = self._lifted(rows, front_end) or published
+                continue
+            self._off_ground = 0.0
             estimate = self._update(rows, front_end, self.estimator)
             if estimate.status == "not_finite":
                 self._forget_filters()
@@ -198,13 +222,28 @@ class OnlineEstimation:
                 published = self.latest = self._publish(estimate, rows, measurement.t, self.estimator)
         return published
 
+    def _lifted(self, rows: Rows, front_end: FrontEnd) -> PayloadEstimate | None:
+        """The feet do not carry the robot: nothing is updated, and after a while nothing is claimed."""
+        self._off_ground += front_end.period
+        if self._off_ground < self.settings.sensor_timeout or rows.sample.t < self._next_publish:
+            return None
+        self._next_publish = rows.sample.t + 1.0 / self.settings.publish_rate
+        self.latest = replace(
+            self.latest or self.prior(),
+            t=rows.sample.t,
+            status="stale",
+            reason=f"The feet have not carried the robot for {self._off_ground:.1f} s; the estimate is held.",
+        )
+        return self.latest
+
     def _update(self, rows: Rows, front_end: FrontEnd, estimator: Estimator) -> Estimate:
-        stands = float(rows.speed.max()) < self.settings.standstill_velocity
+        stands = max(rows.speed.tolist()) < self.settings.standstill_velocity
         self._still = self._still + front_end.period if stands else 0.0
-        hold = self._still > _STANDS
+        hold = self._still > _STANDS and self.base is None
         known = isinstance(estimator, VariableForgetting) and estimator.noise.known
         jumps, before = _jumps(estimator), estimator.theta
         estimate = estimator.update(rows.Y, rows.y, hold, self._free.friction_variance(rows, before), rows.considered)
+        self._outliers += estimate.status == "outlier"
         if not hold and self._judgement is not None:
             self._judgement.add(rows, rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD], estimator)
         if known and _jumps(estimator) != jumps and isinstance(estimator, VariableForgetting):
@@ -230,7 +269,11 @@ class OnlineEstimation:
         if status != "warming_up":
             self._log.refine(t, float(theta[0]))
         q, v = rows.sample.q, rows.sample.v
-        effort = self.robot.payload_regressor(q, v, rows.acceleration, self._free.payload.frame_index) @ theta
+        effort = self._free.model.robot.payload_regressor(q, v, rows.acceleration, self._free.payload.frame_index) @ theta
+        residual = rows.y - rows.Y @ estimate.theta
+        if self._front_end is not None and self._front_end.projection is not None:
+            legs = self._front_end.projection.leg_torque
+            effort, residual = legs(effort[: residual.size]), legs(residual)
         return PayloadEstimate(
             t=t,
             frame=self.frame,
@@ -239,7 +282,7 @@ class OnlineEstimation:
             status=status,
             reason=reason,
             observable=std < self._observable_std,
-            residual=rows.y - rows.Y @ estimate.theta,
+            residual=residual,
             payload_effort=effort,
         )
 

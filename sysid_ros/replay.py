@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from sysid_ros import inertial_parameters
-from sysid_ros.input_gate import InputGate, Rejection
+from sysid_ros.input_gate import Gate
 from sysid_ros.online import OnlineEstimation
 from sysid_ros.payload_estimate import PayloadEstimate, PayloadEvent
-from sysid_ros.sample import JointStateRecord
+from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +27,7 @@ class Replay:
         series: every estimate that a node would have published.
         final: the last one; the prior where the recording gave none.
         read, used: number of messages. rejected: by reason.
+        feet: of a floating base, samples by what was doubtful about its feet.
         start: first stamp [s]. duration: of the recording by its stamps [s]. seconds: that the replay took [s].
     """
 
@@ -42,11 +43,12 @@ class Replay:
     status: str
     reason: str
     warnings: list[str] = field(default_factory=list)
+    feet: dict[str, int] = field(default_factory=dict)
 
 
 def replay(
-    records: Iterable[JointStateRecord],
-    gate: InputGate,
+    records: Iterable[JointStateRecord | ImuRecord | ContactRecord],
+    gate: Gate,
     estimation: OnlineEstimation,
     progress: Callable[[int], None] = lambda n: None,
 ) -> Replay:
@@ -61,19 +63,18 @@ def replay(
     last_accepted = math.nan
     read = 0
     for record in records:
-        read += 1
-        if read % 1000 == 0:
-            progress(1000)
+        if isinstance(record, JointStateRecord):
+            read += 1
+            if read % 1000 == 0:
+                progress(1000)
         last_received = record.receive_time
-        measurement = gate.accept(record)
-        if isinstance(measurement, Rejection):
-            continue
-        last_t, last_accepted = measurement.t, record.receive_time
-        if math.isnan(first_t):
-            first_t = last_t
-        estimate = estimation.step(measurement)
-        if estimate is not None:
-            series.append(estimate)
+        for measurement in gate.take(record):
+            last_t, last_accepted = measurement.t, record.receive_time
+            if math.isnan(first_t):
+                first_t = last_t
+            estimate = estimation.step(measurement)
+            if estimate is not None:
+                series.append(estimate)
     progress(read % 1000)
     final = series[-1] if series else estimation.prior()
     status, reason = final.status, final.reason
@@ -96,6 +97,7 @@ def replay(
         status=status,
         reason=reason,
         warnings=[*estimation.warnings, *warnings],
+        feet=estimation.stance_counts,
     )
 
 
@@ -122,6 +124,8 @@ def as_json(result: Replay) -> dict[str, Any]:
         "events": [{"t": e.t, "kind": e.kind, "mass_before": e.mass_before, "mass_after": e.mass_after} for e in result.events],
         "warnings": result.warnings,
     }
+    if result.feet:
+        document["feet"] = result.feet
     plain: dict[str, Any] = _plain(document)
     return plain
 

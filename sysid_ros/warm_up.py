@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid_ros.input_gate import InputGate
+from sysid_ros.floating_base import FREE, FloatingBase
+from sysid_ros.input_gate import FloatingGate, InputGate
 from sysid_ros.online import OnlineEstimation
 from sysid_ros.physical_projection import project
 from sysid_ros.robot_model import RobotModel
-from sysid_ros.sample import JointStateRecord, Measurement
+from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord, Measurement
 from sysid_ros.settings import OnlineSettings
 
 RATE = 250.0
@@ -32,8 +33,13 @@ def warm_up(robot: RobotModel, settings: OnlineSettings, duration: float = 6.0) 
         effort_type=settings.effort_type,
         estimator=settings.estimator,
         estimate_friction=settings.estimate_friction,
+        base=settings.base,
+        contact_frames=settings.contact_frames,
     )
-    gate, estimation = InputGate(robot, free), OnlineEstimation(robot, free)
+    estimation = OnlineEstimation(robot, free)
+    if estimation.base is not None:
+        return _warm_up_on_legs(estimation, estimation.base, free, duration)
+    gate = InputGate(robot, free)
     frame = robot.frame_id(robot.default_frame)
     payload = np.array([1.0, 0.0, 0.0, 0.1, 0.02, 0.0, 0.02, 0.0, 0.0, 0.02])
     noise = np.random.default_rng(0)
@@ -52,5 +58,26 @@ def warm_up(robot: RobotModel, settings: OnlineSettings, duration: float = 6.0) 
         if isinstance(measurement, Measurement) and estimation.step(measurement) is not None:
             estimates += 1
     project(np.concatenate([payload[:4], -payload[4:]]), np.eye(10))
+    gate.health(1.0 + duration)
+    return estimates
+
+
+def _warm_up_on_legs(estimation: OnlineEstimation, base: FloatingBase, settings: OnlineSettings, duration: float) -> int:
+    """As :func:`warm_up`, of a robot that stands on bent legs and is loaded half-way."""
+    gate, noise, legs = FloatingGate(base, settings), np.random.default_rng(0), base.legs
+    low, high = np.clip(legs.position_lower, -1.5, 1.5), np.clip(legs.position_upper, -1.5, 1.5)
+    q, still, zero = low + 0.7 * (high - low), np.zeros(legs.n), np.zeros(3)
+    _, jacobians = base.contacts.jacobians(np.concatenate((np.zeros(FREE), q)))
+    gravity = np.array([0.0, 0.0, 9.81])
+    estimates = 0
+    for k in range(round(duration * RATE)):
+        t = 1.0 + k / RATE
+        weight = (base.mass + (1.0 if t > 1.0 + 0.5 * duration else 0.0)) * 9.81 / len(jacobians)
+        tau = base.robot.rnea(*base.state(q, still, still, zero, gravity, zero))[FREE:] - weight * jacobians[:, 2, FREE:].sum(axis=0)
+        gate.take(ContactRecord(t, np.ones(len(jacobians))))
+        gate.take(ImuRecord(t, t, base.trunk, (0.0, 0.0, 0.0, 1.0), zero, gravity + 0.01 * noise.standard_normal(3)))
+        tau = tau + 0.01 * noise.standard_normal(legs.n)
+        for measurement in gate.take(JointStateRecord(t, t, legs.joint_names, q, (), tau)):
+            estimates += estimation.step(measurement) is not None
     gate.health(1.0 + duration)
     return estimates

@@ -6,6 +6,8 @@ import csv
 import json
 import math
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -377,3 +379,11 @@ def test_help_has_an_example(capsys: pytest.CaptureFixture[str]) -> None:
     out = capsys.readouterr().out
     assert "sysid replay" in out
     assert "Exit codes" in out
+
+
+def test_what_takes_long_to_import_is_not_imported() -> None:
+    """Half of the time that a short replay takes would go there."""
+    slow = ("scipy.signal", "scipy.stats", "scipy.optimize", "cvxpy", "matplotlib", "plotly", "pybullet", "mujoco")
+    code = f"import sys, sysid_ros.cli.replay; print([name for name in {slow} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -107,6 +107,13 @@ def test_links_that_are_built_together_are_left_out_and_named() -> None:
         assert any("link1 and link3" in note and "touch" in note for note in model.notes) is together
 
 
+def test_a_joint_that_can_not_be_at_zero_counts_in_the_middle_of_its_range() -> None:
+    text = chain().replace('lower="-3" upper="3"', 'lower="-2.9" upper="-0.3"')
+    model = CollisionModel(RobotModel.from_urdf(text), clearance=10.0)
+    middle = CollisionModel(RobotModel.from_urdf(text)).room(np.full(3, -1.6))
+    assert model.clearance == pytest.approx(0.5 * middle, abs=1e-9)
+
+
 def test_links_that_are_built_near_each_other_keep_half() -> None:
     model = CollisionModel(RobotModel.from_urdf(chain('<sphere radius="0.25"/>')), clearance=0.15)
     k = model.pairs.index(("link1", "link3"))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from sysid_ros.estimators import ESTIMATORS, ConstantForgetting, Estimator, JumpRule, LongRunVariance, VariableForgetting
+from sysid_ros.estimators import ESTIMATORS, ConstantForgetting, Estimator, JumpRule, LongRunVariance, VariableForgetting, kernels
 from sysid_ros.estimators.estimator import STATUSES
 from sysid_ros.estimators.kernels import joseph_update
 from sysid_ros.sample import FloatArray
@@ -522,3 +522,31 @@ def test_interrupted_blocks_do_not_count() -> None:
             noise.add(np.array([100.0]))
         noise.interrupt()
     assert not noise.known
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rows_that_fit_are_told_from_those_that_do_not_by_the_normalised_innovation(seed: int) -> None:
+    """Whether or not the short cut settles it."""
+    rng = np.random.default_rng(seed)
+    Y, root = rng.normal(size=(4, 6)), rng.normal(size=(6, 6))
+    P, spread, extra = 0.3 * root @ root.T, rng.uniform(0.1, 1.0, 4), rng.uniform(0.0, 1.0, 4)
+    innovation = rng.normal(size=4) * rng.choice([0.3, 1.0, 3.0, 10.0])
+    S = Y @ P @ Y.T + np.diag(spread + extra)
+    z = float(innovation @ np.linalg.solve(S, innovation)) / 4
+    assert kernels.normalised_innovation(Y, P, spread, extra, innovation) == pytest.approx(z, rel=1e-9)
+    for threshold in (0.5 * z, 0.99 * z, 1.01 * z, 2.0 * z, 100.0 * z):
+        assert kernels.is_ordinary(Y, P, spread, extra, innovation, threshold) == (z <= threshold)
+
+
+def test_rows_with_zeros_are_taken_in_as_any_other() -> None:
+    """Columns of friction load one joint each: the loops leave out what is zero."""
+    rng = np.random.default_rng(3)
+    Y = np.concatenate([rng.normal(size=(5, 4, 3)), np.broadcast_to(np.eye(4), (5, 4, 4))], axis=2)
+    tau, variance = rng.normal(size=(5, 4)), rng.uniform(0.1, 1.0, 4)
+    theta, P = np.zeros(7), 4.0 * np.eye(7)
+    for rows, values in zip(Y, tau, strict=True):
+        joseph_update(theta, P, np.ascontiguousarray(rows), values, variance)
+    expected, covariance = batch(Y, tau, np.full(7, 2.0), variance)
+    np.testing.assert_allclose(theta, expected, atol=1e-12)
+    np.testing.assert_allclose(P, covariance, atol=1e-12)
+    np.testing.assert_array_equal(P, P.T)

@@ -86,7 +86,7 @@ def test_it_starts_and_ends_where_it_is_told() -> None:
 
 def test_joints_without_end_and_slides() -> None:
     arm = robot("small_arm")
-    settings = ExcitationSettings(duration=6.0, period=3.0, harmonics=4, starts=1, comparison=3)
+    settings = ExcitationSettings(duration=6.0, period=3.0, harmonics=3, starts=1, comparison=2)
     result, _ = search(arm, settings)
     q, v, a = result.trajectory.sample(result.trajectory.grid())
     tau = arm.rnea_along(q, v, a)
@@ -126,6 +126,14 @@ def test_the_figure_is_written(tmp_path: Path, found: tuple[Excitation, Collisio
         assert "joint2" in text
         assert "&lt;motion&gt;" in text or "\\u003cmotion" in text
         assert 'src="http' not in text
+
+
+def test_a_start_in_a_corner_does_not_throw_the_search_off() -> None:
+    text = chain().replace('lower="-3" upper="3"', 'lower="-3" upper="0.02"')
+    settings = ExcitationSettings(duration=4.0, harmonics=4, starts=2, comparison=2, acceleration_limit=20.0, velocity_scale=1.0)
+    result, collision = search(RobotModel.from_urdf(text), settings)
+    require_feasible(result, settings, collision, 2e-3)
+    assert min(result.start_d) > max(c.d for c in result.random)
 
 
 @pytest.mark.slow

@@ -14,11 +14,12 @@ PACKAGE = Path(__file__).resolve().parents[1] / "sysid_ros"
 LEVELS = (
     {"exceptions"},
     {"mesh_files", "sample", "settings"},
-    {"inertial_parameters", "joint_choice", "equivalent_box", "rotation"},
+    {"contact_kernels", "inertial_parameters", "joint_choice", "equivalent_box", "rotation"},
     {"payload_estimate", "physical_projection", "robot_model"},
     {"effects", "collision_model", "commit_gate", "contact_kinematics"},
     {"floating_base"},
     {"contact_projection"},
+    {"stance_log", "standing_columns"},
     {"known_effect"},
     {"known_error"},
     {"torque_model"},

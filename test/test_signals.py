@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from sysid_ros.low_pass import LowPassBank
+from sysid_ros.low_pass import LowPassBank, butterworth_sections
 from sysid_ros.sample import FloatArray, Measurement, Sample
-from sysid_ros.signals import CausalDerivative, default_cutoff, value_weights, window_half_width
+from sysid_ros.signals import CausalDerivative, default_cutoff, slope_weights, value_weights, window_half_width
 
 PERIOD = 0.004
 
@@ -204,3 +204,20 @@ def test_an_input_has_left_after_the_memory(cutoff: float, rate: float) -> None:
 def test_filters_for_a_rate(rate: float, half_width: int, cutoff: float) -> None:
     assert window_half_width(rate) == half_width
     assert default_cutoff(rate) == cutoff
+
+
+@pytest.mark.parametrize("order", [2, 4, 6])
+@pytest.mark.parametrize("part", [0.001, 0.05, 0.4])
+def test_sections_are_a_butterworth_low_pass(order: int, part: float) -> None:
+    """The same answer to an impulse as scipy's, and each section lets pass what is constant."""
+    rate, impulse = 250.0, np.eye(1, 2000)[0]
+    sections = butterworth_sections(order, part * rate, rate)
+    expected = signal.sosfilt(signal.butter(order, part * rate, output="sos", fs=rate), impulse)
+    np.testing.assert_allclose(signal.sosfilt(sections, impulse), expected, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(sections[:, :3].sum(axis=1), sections[:, 3:].sum(axis=1), rtol=1e-9)
+
+
+@pytest.mark.parametrize("half_width", [2, 3, 10, 15])
+def test_slope_weights_are_those_of_savitzky_and_golay(half_width: int) -> None:
+    expected = signal.savgol_coeffs(2 * half_width + 1, 3, deriv=1, delta=PERIOD, use="dot")
+    np.testing.assert_allclose(slope_weights(half_width, PERIOD), expected, rtol=1e-9, atol=1e-9 / PERIOD)

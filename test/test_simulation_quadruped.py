@@ -63,12 +63,10 @@ def _matrix(quaternion: FloatArray) -> FloatArray:
     )
 
 
-@pytest.mark.parametrize(
-    ("gait", "load", "slope"), [("stand", True, 10.0), ("sway", False, 0.0), ("sway", True, 8.0)], ids=lambda x: str(x)
-)
+@pytest.mark.parametrize(("gait", "load", "slope"), [("sway", False, 0.0), ("sway", True, 8.0)], ids=lambda x: str(x))
 def test_what_is_told_fulfils_the_equations_of_motion(gait: str, load: bool, slope: float) -> None:
     scenario = QuadrupedScenario(
-        gait=gait, duration=1.2, rate=1000, slope=slope, slope_heading=40.0, **QUIET, **(LOAD if load else {})
+        gait=gait, duration=1.0, rate=1000, slope=slope, slope_heading=40.0, **QUIET, **(LOAD if load else {})
     )
     record = simulate_quadruped(scenario)
     error = residuals(record, scenario.ground[:, 2])
@@ -76,6 +74,7 @@ def test_what_is_told_fulfils_the_equations_of_motion(gait: str, load: bool, slo
     assert np.abs(error.mean(axis=0)).max() < 0.005
 
 
+@pytest.mark.slow
 def test_a_trot_fulfils_them_on_average_across_its_impacts() -> None:
     scenario = QuadrupedScenario(gait="trot", duration=2.0, rate=1000, **QUIET, **LOAD)
     error = residuals(simulate_quadruped(scenario), scenario.ground[:, 2])
@@ -83,6 +82,7 @@ def test_a_trot_fulfils_them_on_average_across_its_impacts() -> None:
     assert np.sqrt((error**2).mean(axis=0)).max() < 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slope", [0.0, 10.0])
 def test_a_trot_keeps_its_feet_and_gets_somewhere(slope: float) -> None:
     scenario = QuadrupedScenario(gait="trot", duration=3.0, slope=slope, slope_heading=70.0, seed=3, **LOAD)

@@ -17,7 +17,15 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StorageP
 from sysid_ros.exceptions import BagError, RobotModelError
 from sysid_ros.sample import JointStateRecord
 from sysid_ros.sources import BagRecorder, BagSource, MemorySource, urdf_text
-from sysid_ros.sources.joint_state_cdr import JOINT_STATE, JointStateDecoder, decode_one, encode, encode_names, typestore
+from sysid_ros.sources.joint_state_cdr import (
+    JOINT_STATE,
+    JointStateDecoder,
+    decode_one,
+    decode_string,
+    encode,
+    encode_names,
+    typestore,
+)
 
 STORAGES = {"mcap": ".mcap", "sqlite3": ".db3"}
 URDF = "<robot name='one'/>"
@@ -476,3 +484,45 @@ def test_real_bags(bag: str, count: int, duration: float) -> None:
     with Reader(SHARED / bag) as reader:
         for (_, time, data), record in list(zip(reader.messages(), records, strict=True))[::50]:
             assert_same(decode_one(data, time * 1e-9), record)
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_iterations_do_not_disturb_each_other(tmp_path: Path, storage: str) -> None:
+    """Also where one begins while another is under way, or is left half-way."""
+    records = some_records(1300)
+    source = BagSource(write(tmp_path / "bag", records, storage))
+    next(iter(source))
+    for pair, record in zip(zip(source, source, strict=True), records, strict=True):
+        for read in pair:
+            assert_same(read, record, tolerance=1e-6)
+    assert source.robot_description == URDF
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.text(), st.booleans())
+def test_strings_are_decoded_as_rosbags_encodes_them(text: str, little_endian: bool) -> None:
+    text = text.replace("\x00", "").encode(errors="ignore").decode()
+    message = typestore().types["std_msgs/msg/String"](data=text)
+    data = bytes(typestore().serialize_cdr(message, "std_msgs/msg/String", little_endian=little_endian))
+    assert decode_string(data) == text
+    with pytest.raises(ValueError, match="bytes that are not a std_msgs"):
+        decode_string(data[:6])
+
+
+@settings(deadline=None, max_examples=200)
+@given(messages, st.integers(0, 10_000), st.integers(0, 2**32 - 1))
+def test_damaged_messages_are_left_out_or_read_alike(record: JointStateRecord, place: int, number: int) -> None:
+    """A wrong length in a message must not cost memory, nor be believed where rosbags does not."""
+    data = bytearray(encode(record, encode_names(record.names)))
+    struct.pack_into("<I", data, 12 + 4 * (place % ((len(data) - 12) // 4)), number)
+    decoder = JointStateDecoder()
+    decoded = decoder.decode([bytes(data)], [0.0])
+    try:
+        expected = decode_one(bytes(data), 0.0)
+    except ValueError:
+        assert decoder.failures == 1
+        assert decoded == []
+        return
+    for other in decoded:
+        assert_same(other, expected)
+    assert len(decoded) == 1

@@ -18,6 +18,7 @@ from sysid_ros.identification.friction_search import FRICTIONS
 from sysid_ros.identification.least_squares import METHODS
 from sysid_ros.identification.result import Problem
 from sysid_ros.identification.rows import FORMS
+from sysid_ros.identification.urdf_export import check_model_file, export_urdf
 from sysid_ros.input_gate import InputGate
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import Measurement
@@ -68,6 +69,10 @@ _PATH = click.Path(path_type=Path)
     type=click.FloatRange(0.0, min_open=True),
     help="How strongly the links are held to the URDF's; inf keeps them. Else chosen by the error on held-out data.",
 )
+@click.option(
+    "--payload-bag", type=_PATH, multiple=True, metavar="BAG...", help="Bags with a payload, found as the difference to BAGs."
+)
+@click.option("--payload-frame", default="", metavar="LINK", help="Link that carries it; the last one by default.")
 @click.option("--accept-doubts", is_flag=True, help="Go on where effort and URDF, or the bags among each other, don't fit.")
 @click.option("--topic", default="/joint_states", show_default=True)
 @click.option("--report", "report_path", type=_PATH, metavar="HTML", help="Write a report for people, one file.")
@@ -85,6 +90,8 @@ def command(
     friction: str,
     physical: bool,
     prior_weight: float | None,
+    payload_bag: tuple[Path, ...],
+    payload_frame: str,
     accept_doubts: bool,
     topic: str,
     report_path: Path | None,
@@ -104,30 +111,32 @@ def command(
     settings = settings_from(read_config(config_path))
     robots: list[RobotModel] = []
     problems: list[Problem] = []
-    read = [_read(path, urdf, topic, settings, robots, problems) for path in (*bags, *validate)]
+    read = [_read(path, urdf, topic, settings, robots, problems) for path in (*bags, *validate, *payload_bag)]
     provenance = {"bags": [str(b) for b in bags], "command": shlex.join(["sysid", *sys.argv[1:]]), "version": __version__}
     with progress_bar("identifying", 0) as _:
         result = identify_recordings(
             robots[0],
             read[: len(bags)],
-            read[len(bags) :],
+            read[len(bags) : len(bags) + len(validate)],
             provenance,
-            Choices(method, form, friction, physical, prior_weight, accept_doubts),
+            Choices(method, form, friction, physical, prior_weight, accept_doubts, payload_frame),
             cutoff or 0.0,
             settings.max_gap,
             settings.velocity_source == "message",
             problems,
+            read[len(bags) + len(validate) :],
         )
     for problem in result.problems:
         warn(f"{Path(problem.bag).name}: {problem.text}" if problem.bag else problem.text)
+    for sentence in result.physical.notes if result.physical else ():
+        note(sentence)
     result.model.write(out_path)
+    check_model_file(robots[0], result.model, out_path)
     if json_path:
         write_json(json_path, as_json(result))
     show(result)
     note(f"Model written to {out_path}.")
     if urdf_out:
-        from sysid_ros.identification.urdf_export import export_urdf
-
         for sentence in export_urdf(robots[0], result.model, urdf_out):
             note(sentence)
         note(f"URDF written to {urdf_out}.")

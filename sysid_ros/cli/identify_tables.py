@@ -39,6 +39,7 @@ def show(result: Identification) -> None:
     _show_errors(console, result)
     _show_noise(console, result)
     _show_repeatability(console, result)
+    _show_payload(console, result)
     if result.record_next:
         console.print("[bold]What to record next[/bold]")
         for sentence in result.record_next:
@@ -128,6 +129,18 @@ def _show_repeatability(console: Console, result: Identification) -> None:
     console.print(table)
 
 
+def _show_payload(console: Console, result: Identification) -> None:
+    p = result.payload
+    if p is None:
+        return
+    com = ", ".join(f"{1e3 * c:.1f} ± {1.96e3 * s:.1f}" for c, s in zip(p.com, p.com_std, strict=True))
+    console.print(
+        f"Payload at {p.frame}: mass {p.mass:.3f} ± {1.96 * p.mass_std:.2g} kg, centre of mass ({com}) mm, with 95 % intervals"
+        + ("." if p.consistent else ". The two runs differ by more than a payload: no body explains the difference."),
+        highlight=False,
+    )
+
+
 def as_json(result: Identification) -> dict[str, Any]:
     """The result in plain types; what is not known is null."""
     physical = result.physical
@@ -159,6 +172,7 @@ def as_json(result: Identification) -> dict[str, Any]:
         },
         "whiteness": [{**asdict(w), "white": w.white} for w in result.whiteness],
         "repeatability": [asdict(r) for r in result.repeatability],
+        "payload": None if result.payload is None else asdict(result.payload),
         "problems": [asdict(p) for p in result.problems],
         "record_next": result.record_next,
     }

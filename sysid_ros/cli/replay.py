@@ -9,10 +9,12 @@ from rich.table import Table
 
 from sysid_ros.cli.inputs import open_bag, read_config, settings_from
 from sysid_ros.cli.output import progress_bar, report, warn, write_json
-from sysid_ros.input_gate import InputGate
+from sysid_ros.exceptions import BagError
+from sysid_ros.input_gate import gate_for
 from sysid_ros.model_file import ModelFile
 from sysid_ros.online import OnlineEstimation
 from sysid_ros.replay import Replay, as_json, replay, write_series
+from sysid_ros.sources import FloatingBagSource
 
 _PATH = click.Path(path_type=Path)
 
@@ -24,6 +26,8 @@ _PATH = click.Path(path_type=Path)
 @click.option("--model", "model_path", type=_PATH, help="model.yaml of 'sysid identify': what is known of the arm itself.")
 @click.option("--config", "config_path", type=_PATH, help="Parameters of the node, a ROS 2 YAML file.")
 @click.option("--topic", default="/joint_states", show_default=True)
+@click.option("--imu-topic", default="", help="sensor_msgs/Imu of a legged robot; else /imu, or the only one in the bag.")
+@click.option("--contact-topic", default="", help="Which feet stand; else /contacts, if it is in the bag.")
 @click.option("--json", "json_path", type=_PATH, help="Write the result for machines.")
 @click.option("--series", "series_path", type=_PATH, help="Write every estimate as a row of CSV.")
 @click.option("--plot", "plot_path", type=_PATH, help="Draw the estimate over time: .png or .html.")
@@ -34,6 +38,8 @@ def command(
     model_path: Path | None,
     config_path: Path | None,
     topic: str,
+    imu_topic: str,
+    contact_topic: str,
     json_path: Path | None,
     series_path: Path | None,
     plot_path: Path | None,
@@ -46,6 +52,7 @@ def command(
     Example:
       sysid identify empty_run/ --urdf arm.urdf --out model.yaml
       sysid replay pick_and_drop.mcap --urdf arm.urdf --model model.yaml --json estimate.json --plot estimate.png
+      sysid replay walk.mcap --urdf quadruped.urdf --imu-topic /imu/data --contact-topic /feet --json estimate.json
 
     Exit codes: 0 done; 2 bad input or usage. Whether the estimate can be believed is its status.
     """
@@ -55,8 +62,13 @@ def command(
     model_path = model_path or _path_in(parameters, "model_path")
     source, robot = open_bag(bag, topic, urdf, settings)
     estimation = OnlineEstimation(robot, settings, ModelFile.read(model_path) if model_path else None)
+    records = FloatingBagSource(source, imu_topic, contact_topic) if estimation.base else source
+    gate = gate_for(robot, estimation.base, settings)
     with progress_bar("replay", source.message_count) as advance:
-        result = replay(source, InputGate(robot, settings), estimation, advance)
+        result = replay(records, gate, estimation, advance)
+    if estimation.base and result.used == 0:
+        worst = max(gate.counts, key=lambda reason: gate.counts[reason], default="")
+        raise BagError(f"bag '{bag}': no joint state of it can be used. {gate.last_texts.get(worst, '')}")
     if json_path:
         write_json(json_path, as_json(result))
     if series_path:

@@ -16,6 +16,7 @@ from sysid_ros.exceptions import SettingsError, SysidError
 from sysid_ros.sources import BagRecorder
 
 try:
+    from sysid_ros.cli.simulate_hidden import record_hidden
     from sysid_ros.cli.simulate_output import Bar, named_option, prepare
     from sysid_ros.cli.simulate_quadruped import quadruped
     from sysid_ros.simulation import ArmRecord, ArmScenario, simulate_arm
@@ -103,6 +104,22 @@ command.add_command(quadruped)
     default="0",
     help="What the sensors show too much, for all joints, or one a joint. [N m]",
 )
+@click.option(
+    "--hide",
+    multiple=True,
+    metavar="EFFECT[@JOINT]",
+    help="Hide a cause that the URDF lacks, by its id in the reports of sysid diagnose; joint and size are drawn. Repeatable.",
+)
+@click.option(
+    "--hide-value", multiple=True, metavar="NAME=X[,X,X]", help="A size of what is hidden that is not drawn, such as Fc=2.5."
+)
+@click.option(
+    "--hide-seed",
+    type=int,
+    default=0,
+    show_default=True,
+    help="Of what is hidden; --seed draws another motion of the same robot.",
+)
 @click.option("--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), help="Write the summary for machines.")
 def arm(bag: Path, storage: str, json_file: Path | None, **options: Any) -> None:
     """Record a 7-joint arm (KUKA LBR iiwa in PyBullet) in an exciting motion, with a payload that it picks up and drops.
@@ -113,10 +130,16 @@ def arm(bag: Path, storage: str, json_file: Path | None, **options: Any) -> None
     Examples:
       sysid simulate arm --bag pick_and_drop --payload-mass 1.5 --payload-com 0.03 -0.02 0.08 --pick 4 --drop 10
       sysid simulate arm --bag empty --duration 60 --viscous-friction 0.5 --coulomb-friction 0.6,0.6,0.4,0.4,0.2,0.2,0.1
+      sysid simulate arm --bag worn --hide stribeck_friction@lbr_iiwa_joint_4 --hide-value vs=0.08
 
     Exit codes: 0 done; 2 bad input or usage.
     """
     prepare(bag, json_file)
+    if options["hide"]:
+        record_hidden(bag, storage, json_file, options)
+        return
+    for name in ("hide", "hide_value", "hide_seed"):
+        del options[name]
     truth_file = truth_path(bag)
     recorder = BagRecorder(bag, storage)
     began = time.perf_counter()

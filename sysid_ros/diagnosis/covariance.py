@@ -32,14 +32,19 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, tuple
                 column[:, term.row] = slope
             extra.append(column / np.sqrt(fit.variance))
             owners.append((term, knob.name, value))
-    active = problem.active
-    X = np.concatenate([fit.whitened, *(c[:, :, None] for c in extra)], axis=2)[:, active]
-    X = X.reshape(X.shape[0] * len(active), -1)
-    information = X.T @ X
     count = len(fit.theta)
+    information = np.zeros((count + len(extra), count + len(extra)))
+    own = np.arange(count, count + len(extra))
+    for j, (index, X) in fit.blocks.items():
+        every = np.concatenate([index, own])
+        columns = np.concatenate([X / np.sqrt(fit.variance[:, j, None]), *(c[:, j, None] for c in extra)], axis=1)
+        information[np.ix_(every, every)] += columns.T @ columns
+    for term, where in zip(fit.terms, fit.slices, strict=True):
+        at = np.arange(where.start, where.stop)
+        information[at, at] += term.prior
     if fit.inexact:
-        own = np.arange(count - len(problem.prior), count)
-        information[own, own] += problem.prior
+        links = np.arange(count - len(problem.prior), count)
+        information[links, links] += problem.prior
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-30))
     scaled = information * scale[:, None] * scale
     scaled[np.diag_indices(len(scaled))] += 1e-9

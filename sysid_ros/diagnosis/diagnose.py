@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy import stats
 
+from sysid_ros.diagnosis.channel_faults import Fault, find_faults, undo
 from sysid_ros.diagnosis.covariance import with_knobs
+from sysid_ros.diagnosis.extended_model import extended_model
+from sysid_ros.diagnosis.fault_findings import finding_of, signal_findings
 from sysid_ros.diagnosis.faults import refusal_of
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
@@ -23,6 +27,7 @@ from sysid_ros.diagnosis.term import Term
 from sysid_ros.exceptions import DataError
 from sysid_ros.model_file import ModelFile
 from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
 
 _HELD_OUT = 0.3
 """Part of the recordings that is held out where no others are given to judge on."""
@@ -30,6 +35,7 @@ _LEFT = 0.1
 """Part of the nominal residual's power that may be left where it counts as explained."""
 
 Progress = Callable[[str], None]
+Values = dict[Term, tuple[FloatArray, FloatArray]]
 
 
 def diagnose(
@@ -38,6 +44,7 @@ def diagnose(
     validation: Sequence[Recording] = (),
     known: ModelFile | None = None,
     progress: Progress = lambda sentence: None,
+    provenance: dict[str, Any] | None = None,
 ) -> Diagnosis:
     """What is wrong with the nominal model of a robot.
 
@@ -45,7 +52,7 @@ def diagnose(
         robot: the nominal model. recordings: to fit on. validation: to judge on, never fitted; without any, the last part of the
             recordings is held out.
         known: a model that was identified before; it is the nominal model then.
-        progress: called with what is being done.
+        progress: called with what is being done. provenance: written into the extended model.
 
     Raises:
         DataError: no recording is given, or its channels do not fit the robot.
@@ -55,6 +62,12 @@ def diagnose(
         return Diagnosis("refused", robot.joint_names, refusal=reason)
     fitted, judged = (list(recordings), list(validation)) if validation else _split(recordings)
     effects = known.known_effects(robot) if known else []
+    progress("looking for faults of units, signs and order")
+    faults = [] if known else find_faults(robot, fitted)
+    raw = prepare(robot, judged, effects)
+    signals = signal_findings(fitted, judged, robot.joint_names)
+    for fault in faults:
+        fitted, judged = ([undo(r, fault.effect) for r in part] for part in (fitted, judged))
     progress("filtering")
     train = prepare(robot, fitted, effects)
     library = Library(robot, train.band)
@@ -62,8 +75,14 @@ def diagnose(
     selection = Selection(train.problem, library, train.nominal, progress=progress)
     fit = selection.run()
     progress("judging on held-out data")
-    held = HeldOut.of(robot, prepare(robot, judged, effects), fit)
-    return _report(robot, train, selection, fit, held)
+    held = HeldOut.of(robot, prepare(robot, judged, effects) if faults else raw, fit)
+    values = with_knobs(train.problem, library, fit)
+    found = _report(robot, train, selection, fit, held, values)
+    if faults or signals:
+        first = [finding_of(f, robot.joint_names, len(train.band.f)) for f in faults]
+        found = _with_faults(found, first, signals, faults, raw, held, fit)
+    model = extended_model(robot, known, fit, values, train, float(recordings[0].t[0]), provenance or {})
+    return replace(found, model=model)
 
 
 def _check(robot: RobotModel, recordings: Sequence[Recording]) -> None:
@@ -96,7 +115,7 @@ def _groups(terms: Sequence[Term]) -> dict[tuple[str, tuple[int, ...]], list[Ter
     return groups
 
 
-def _report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, held: HeldOut) -> Diagnosis:
+def _report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, held: HeldOut, values: Values) -> Diagnosis:
     problem, n = train.problem, robot.n
     active = problem.active
     before, after = held.prepared.problem.y, held.residual(fit)
@@ -107,7 +126,6 @@ def _report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, 
     power_before = float(np.sum(held.rms(before) ** 2 * weight))
     excess = float(np.sum(np.maximum(held.rms(after) ** 2 - floor**2, 0.0) * weight))
     unexplained = min(1.0, excess / max(power_before, 1e-12))
-    values = with_knobs(problem, selection.library, fit)
     findings = []
     for (name, _), terms in _groups(fit.terms).items():
         rest = problem.fit([t for t in fit.terms if t not in terms], fit.noise, inexact=fit.inexact)
@@ -147,6 +165,40 @@ def _report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, 
     )
 
 
+def _with_faults(
+    found: Diagnosis,
+    first: list[Finding],
+    signals: list[Finding],
+    faults: Sequence[Fault],
+    raw: Prepared,
+    held: HeldOut,
+    fit: Fit,
+) -> Diagnosis:
+    """The diagnosis with the faults of the channels before its causes, and its torques as they are published."""
+    assert found.torque is not None
+    assert found.predictions is not None
+    rows, floor, extended = held.residual(fit), found.torque.noise_floor[None], found.predictions.extended
+    for fault in reversed(faults):
+        rows, floor, extended = (np.abs(fault.effect.publish(x)) if x is floor else fault.effect.publish(x) for x in (rows, floor, extended))
+    torque, predictions = found.torque, found.predictions
+    if faults:
+        measured = np.concatenate([m.tau for m in raw.motions])
+        torque = TorqueRmse(
+            found.joints,
+            held.rms(raw.problem.y),
+            held.rms(rows),
+            floor[0],
+            held.rms(raw.band.rows([m.tau for m in raw.motions])),
+        )
+        predictions = replace(predictions, measured=measured, nominal=np.concatenate(raw.nominal), extended=extended)
+    # the share of each later cause is that of what the faults leave
+    left = 1.0 - max((f.heldout_gain for f in first), default=0.0)
+    later = [replace(f, heldout_gain=left * f.heldout_gain) for f in found.findings]
+    findings = tuple(first) + tuple(sorted([*later, *signals], key=lambda f: -f.heldout_gain))
+    verdict = "explained" if found.verdict == "nothing_wrong" else found.verdict
+    return replace(found, verdict=verdict, findings=findings, torque=torque, predictions=predictions)
+
+
 def _record_next(findings: Sequence[Finding]) -> tuple[str, ...]:
     return tuple(
         f"To tell {f.id} from {' and '.join(f.cannot_be_told_from)}: {f.separated_by}." for f in findings if f.cannot_be_told_from
@@ -161,4 +213,7 @@ def _predictions(robot: RobotModel, held: HeldOut, fit: Fit) -> Predictions:
         measured=np.concatenate([m.tau for m in motions]),
         nominal=np.concatenate(held.prepared.nominal),
         extended=np.concatenate(held.predictions(fit, robot)),
+        q=np.concatenate([m.q for m in motions]),
+        v=np.concatenate([m.v for m in motions]),
+        a=np.concatenate([m.a for m in motions]),
     )

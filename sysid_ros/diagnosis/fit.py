@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.noise import Noise
-from sysid_ros.diagnosis.term import Term, design
+from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
+
+Block = tuple[NDArray[np.intp], FloatArray]
+"""Which parameters load a joint, and their columns there, shape (K, m_j)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,9 +25,8 @@ class Fit:
     Attributes:
         terms: in the order of theta. theta: shape (m,), the nuisance parameters last.
         inverse: of the information, shape (m, m).
-        noise: of each joint. loglik: of the rows, less what the nuisance parameters cost.
-        residual: shape (K, n). whitened: columns over the noise's standard deviation, shape (K, n, m).
-        variance: of the coefficients, shape (K, n).
+        noise: of each joint. loglik: of the rows, with the nuisance parameters integrated out.
+        residual: shape (K, n). blocks: columns of each active joint. variance: of the coefficients, shape (K, n).
         inexact: whether the nuisance parameters are free.
     """
 
@@ -32,7 +36,7 @@ class Fit:
     noise: Noise
     loglik: float
     residual: FloatArray
-    whitened: FloatArray
+    blocks: dict[int, Block]
     variance: FloatArray
     inexact: bool
 
@@ -69,42 +73,64 @@ class Problem:
         self.active = np.flatnonzero(band.active)
         self.nuisance, self.prior = nuisance, 1.0 / nuisance_std**2
 
-    def fit(self, terms: list[Term], noise: Noise | None = None, iterations: int = 4, inexact: bool = False) -> Fit:
+    def blocks(self, terms: Sequence[Term], inexact: bool) -> tuple[dict[int, Block], int]:
+        """Columns of each active joint, and the number of parameters."""
+        index: dict[int, list[NDArray[np.intp]]] = {int(j): [] for j in self.active}
+        columns: dict[int, list[FloatArray]] = {int(j): [] for j in self.active}
+        start = 0
+        for term in terms:
+            where = np.arange(start, start + term.p)
+            start += term.p
+            for j in index if term.row is None else (term.row,):
+                if j in index:
+                    index[j].append(where)
+                    columns[j].append(term.columns[:, j] if term.row is None else term.columns)
+        if inexact:
+            for j in index:
+                index[j].append(np.arange(start, start + len(self.prior)))
+                columns[j].append(self.nuisance[:, j])
+            start += len(self.prior)
+        nothing = np.zeros((len(self.y), 0))
+        out = {}
+        for j in index:
+            out[j] = (
+                np.concatenate([np.zeros(0, dtype=np.intp), *index[j]]),
+                np.ascontiguousarray(np.concatenate([nothing, *columns[j]], axis=1)),
+            )
+        return out, start
+
+    def fit(self, terms: Sequence[Term], noise: Noise | None = None, iterations: int = 3, inexact: bool = False) -> Fit:
         """The most likely parameters and noise, in turns.
 
         Args:
-            noise: to start from, else that of the residual of equal weights. inexact: leave the nuisance parameters free, within
-                their usual size; the likelihood is then that of the rows for any values of theirs (marginal).
+            noise: to start from, else that of the torque itself. inexact: leave the nuisance parameters free, within their usual
+                size; the likelihood is then that of the rows for any values of theirs (marginal).
         """
-        f, active = self.band.f, self.active
-        K, n = self.y.shape
-        terms_columns = design(terms, K, n)
-        count = terms_columns.shape[2]
-        X = np.concatenate([terms_columns, self.nuisance], axis=2) if inexact else terms_columns
-        Xa, ya = np.ascontiguousarray(X[:, active]), self.y[:, active]
-        m = X.shape[2]
-        prior = np.concatenate([np.zeros(count), self.prior if inexact else np.zeros(0)])
-        if noise is None:
-            noise = Noise.of(f, self.y**2)
+        f = self.band.f
+        blocks, m = self.blocks(terms, inexact)
+        count = m - (len(self.prior) if inexact else 0)
+        prior = np.concatenate([np.zeros(0), *(term.prior for term in terms), self.prior if inexact else np.zeros(0)])
+        noise = noise or Noise.of(f, self.y**2)
+        residual = self.y.copy()
         for _ in range(iterations):
             variance = noise.variance(f)
-            weight = 1.0 / np.sqrt(variance[:, active])
-            W = (Xa * weight[:, :, None]).reshape(len(f) * len(active), m)
-            z = (ya * weight).ravel()
-            information = W.T @ W
-            information[np.diag_indices(m)] += prior
+            information, score = np.diag(prior), np.zeros(m)
+            for j, (index, X) in blocks.items():
+                weighted = X / variance[:, j, None]
+                information[np.ix_(index, index)] += weighted.T @ X
+                score[index] += weighted.T @ self.y[:, j]
             scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-30))
             scaled = information * scale[:, None] * scale
             scaled[np.diag_indices(m)] += 1e-9
             inverse = np.linalg.inv(scaled) * scale[:, None] * scale
-            theta = inverse @ (W.T @ z)
-            residual = self.y - X @ theta
+            theta = inverse @ score
+            for j, (index, X) in blocks.items():
+                residual[:, j] = self.y[:, j] - X @ theta[index]
             noise = Noise.of(f, residual**2)
         variance = noise.variance(f)
-        loglik = -0.5 * float(np.sum((np.log(variance) + residual**2 / variance)[:, active])) - 0.5 * float(theta**2 @ prior)
+        fit_quality = (np.log(variance) + residual**2 / variance)[:, self.active]
+        loglik = -0.5 * float(np.sum(fit_quality)) - 0.5 * float(theta**2 @ prior)
         if inexact:
             both, own = np.linalg.slogdet(scaled)[1], np.linalg.slogdet(scaled[:count, :count])[1]
             loglik -= 0.5 * float(both - own - 2.0 * np.sum(np.log(scale[count:])) - np.sum(np.log(self.prior)))
-        whitened = np.zeros_like(X)
-        whitened[:, active] = Xa / np.sqrt(variance[:, active])[:, :, None]
-        return Fit(tuple(terms), theta, inverse, noise, loglik, residual, whitened, variance, inexact)
+        return Fit(tuple(terms), theta, inverse, noise, loglik, residual, blocks, variance, inexact)

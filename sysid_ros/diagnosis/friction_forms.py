@@ -13,8 +13,11 @@ from sysid_ros.diagnosis.refine import refine
 from sysid_ros.diagnosis.scoring import Scorer
 from sysid_ros.diagnosis.term import DRY, Term
 
-_SHARE = 2e-3
+_SHARE = 0.01
 """A richer form must explain this part of the power of the friction torque that the simplest form leaves."""
+
+_WORTH_A_LOOK = 4.0
+"""Likelihood that a richer form must gain beside the present one before it is tried in its place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +35,13 @@ def forms(problem: Problem, library: Library, fit: Fit, present: Term) -> list[F
     assert joint is not None
     others = [t for t in fit.terms if t is not present]
     scorer = Scorer(problem, problem.fit(others, fit.noise, 2, fit.inexact))
+    beside = Scorer(problem, fit)
     found = []
     for name in DRY:
+        if DRY.index(name) > DRY.index(present.id):
+            gains = [s.gain for s in beside.local(library.local_options(name, joint))]
+            if max(gains, default=0.0) < _WORTH_A_LOOK:
+                continue
         kept = [t for t in others if not (name == "friction_drift" and t.row == joint and t.id == "viscous_friction")]
         options = scorer.local(library.local_options(name, joint))
         if not options:

@@ -57,7 +57,7 @@ class Library:
     def __init__(self, robot: RobotModel, band: Band) -> None:
         self.robot, self.band = robot, band
         self._curves: dict[tuple[str, str], FloatArray] = {}
-        self._options: dict[str, list[dict[str, Any]]] = {}
+        self._options: dict[tuple[str, int], list[Term]] = {}
 
     def update(self, link_torque: Sequence[FloatArray], drive_torque: Sequence[FloatArray]) -> None:
         """Take in what is now known of the torques on both sides of the gears; terms that depend on them are made anew."""
@@ -66,6 +66,8 @@ class Library:
         )
         for key in [k for k in self._curves if k[0] in ON_LOAD + ON_DRIVE]:
             del self._curves[key]
+        for option in [k for k in self._options if k[0] in ON_LOAD + ON_DRIVE]:
+            del self._options[option]
 
     @property
     def motions(self) -> tuple[Motion, ...]:
@@ -92,7 +94,7 @@ class Library:
         """Columns of a term that loads one joint, shape (K, p), computed for that joint alone."""
         effect = self._make(effect_id, (joint,), settings)
         assert isinstance(effect, JointEffect | JointCurves)
-        return self.band.joint_curves(joint, [np.asarray(effect.curves_along(m))[:, :, joint] for m in self.motions])
+        return self.band.joint_curves(joint, [np.asarray(effect.curves_along(m.of_joint(joint)))[:, :, 0] for m in self.motions])
 
     def whole(
         self, effect_id: str, joints: Sequence[int] = (), basis: FloatArray | None = None, form: str = "", **settings: Any
@@ -106,14 +108,20 @@ class Library:
         columns = self.band.rows([effect.columns_along(m) for m in self.motions])
         if basis is not None:
             columns = columns @ basis
-        return Term(effect, tuple(joints) or tuple(range(self.robot.n)), None, columns, basis, form)
+        load = 0.0
+        if len(joints) == 1:
+            load = float(np.sqrt(np.mean([np.mean(m.link_torque[:, joints[0]] ** 2) for m in self.motions])))
+        return Term(effect, tuple(joints) or tuple(range(self.robot.n)), None, columns, basis, form, load)
 
     def _make(self, effect_id: str, joints: Sequence[int], settings: dict[str, Any]) -> Effect:
         return EFFECTS[effect_id].from_settings(self.robot, [self.robot.joint_names[j] for j in joints], settings)
 
     def local_options(self, effect_id: str, joint: int) -> list[Term]:
         """One term for each setting of the knobs that is tried first."""
-        return [self.local(effect_id, joint, **settings) for settings in self._settings(effect_id, joint)]
+        key = effect_id, joint
+        if key not in self._options:
+            self._options[key] = [self.local(effect_id, joint, **settings) for settings in self._settings(effect_id, joint)]
+        return self._options[key]
 
     def _settings(self, effect_id: str, joint: int) -> list[dict[str, Any]]:
         effect = EFFECTS[effect_id]

@@ -18,6 +18,10 @@ _POSITIVE = (
 )
 _UNIT_SHARE = (0.6, 1.5)
 _COMPENSATED = 0.15
+_BREAKAWAY = 4.0
+"""Breakaway friction is not more than so many times the friction of steady sliding."""
+_YIELDS = 0.2
+"""No gear yields by more under the loads of a recording [rad]."""
 
 
 def allowed(term: Term, theta: FloatArray, std: FloatArray) -> bool:
@@ -26,14 +30,14 @@ def allowed(term: Term, theta: FloatArray, std: FloatArray) -> bool:
     Args:
         theta, std: of the term's columns, shape (p,).
     """
-    low, high = theta - 2.0 * std, theta + 2.0 * std
+    high = theta + 2.0 * std
     value = float(theta[0])
-    if term.id in _POSITIVE:
-        return value > 0.0
+    if term.id in _POSITIVE and value <= 0.0:
+        return False
     if term.id == "asymmetric_coulomb_friction":
         return bool(np.all(high > 0.0)) and float(theta.sum()) > 0.0
     if term.id == "stribeck_friction":
-        return high[0] > 0.0 and theta[1] > 0.0 and float(theta[1] - theta[0]) > 0.0
+        return high[0] > 0.0 and max(theta[0], 0.0) < theta[1] < _BREAKAWAY * max(high[0], 0.2 * theta[1])
     if term.id == "load_dependent_friction":
         return high[0] > 0.0 and theta[1] > 0.0
     if term.id == "friction_drift":
@@ -48,6 +52,8 @@ def allowed(term: Term, theta: FloatArray, std: FloatArray) -> bool:
         return value > -0.9
     if term.id == "base_tilt":
         return bool(np.all(np.abs(theta) < 0.6))
+    if term.id == "joint_elasticity" and value * term.load > _YIELDS:
+        return False
     if term.id == "joint_offset":
         return abs(value) < 0.7
     if term.id == "time_delay":
@@ -59,5 +65,4 @@ def allowed(term: Term, theta: FloatArray, std: FloatArray) -> bool:
         return bool(robot.pi[10 * term.joints[0]] + high[0] > 0.0)
     if term.id == "link_inertia":
         return value > -1.0
-    del low
     return True

@@ -15,6 +15,9 @@ from sysid_ros.sample import FloatArray
 
 _STEPS = 8
 _FIXED_POINTS = 3
+_BUMPY = ("t0", "harmonic")
+"""Knobs with several local optima near the first value."""
+_SCAN = 13
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
@@ -86,6 +89,10 @@ def search(term: Term, settings: dict[str, Any], cost: Callable[[dict[str, Any]]
             changed = {**settings, knob.name: float(np.exp(x) if knob.logarithmic else x)}
             return cost(changed), changed
 
+        if knob.name in _BUMPY:
+            grid = np.linspace(a, b, _SCAN)
+            x = grid[int(np.argmin([at(float(g))[0] for g in grid]))]
+            a, b = x - (grid[1] - grid[0]), x + (grid[1] - grid[0])
         x1, x2 = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
         f1, f2 = at(x1), at(x2)
         for _ in range(_STEPS):
@@ -106,18 +113,13 @@ def search(term: Term, settings: dict[str, Any], cost: Callable[[dict[str, Any]]
 def _around(term: Term, knob: Knob, value: float) -> tuple[float, float]:
     """The neighbours of a value on the grid that was tried first."""
     if knob.name == "t0":
-        return value - 0.08 * knob_range(term), value + 0.08 * knob_range(term)
+        return value - 2.0, value + 2.0
     if knob.name == "harmonic":
         return value - 0.6, value + 0.6
     if knob.name == "limit":
         return 0.9 * value, 1.1 * value
     ratio = 5.0 if knob.name == "width" else (knob.high / knob.low) ** (1.1 / 7.0)
     return max(value / ratio, knob.low / 2.0), min(value * ratio, knob.high * 2.0)
-
-
-def knob_range(term: Term) -> float:
-    """Time that a change is searched in [s]."""
-    return 26.0
 
 
 def remake(library: Library, term: Term, settings: dict[str, Any]) -> Term:

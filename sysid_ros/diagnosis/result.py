@@ -97,13 +97,16 @@ class SimulationError:
 
 @dataclass(frozen=True)
 class Predictions:
-    """Torques on the held-out data: t since the first stamp, shape (N,) [s]; torques of shape (N, n) [N m]."""
+    """Torques on the held-out data: t since the first stamp, shape (N,) [s]; torques of shape (N, n) [N m], and the motion."""
 
     t: FloatArray
     joints: tuple[str, ...]
     measured: FloatArray
     nominal: FloatArray
     extended: FloatArray
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,6 @@ class Scorer:
         self._active = problem.active
         self._root = 1.0 / np.sqrt(fit.variance)
         self._residual = fit.residual * self._root
-        self._X = fit.whitened
         self._rss = np.maximum(np.sum(self._residual**2, axis=0), 1e-9)
         self._count = K
 
@@ -45,10 +44,10 @@ class Scorer:
         assert j is not None
         if j not in self._active:
             return []
-        X = self._X[:, j]
+        index, X = self._fit.blocks[j]
         C = np.concatenate([t.columns for t in terms], axis=1) * self._root[:, j, None]
-        B = X.T @ C
-        GB = self._fit.inverse @ B
+        B = (X * self._root[:, j, None]).T @ C
+        GB = self._fit.inverse[np.ix_(index, index)] @ B
         g = C.T @ self._residual[:, j]
         out, start = [], 0
         for term in terms:
@@ -62,16 +61,22 @@ class Scorer:
 
     def whole(self, term: Term) -> Score:
         """Score of a term that loads several joints."""
-        active = self._active
-        C = (term.columns * self._root[:, :, None])[:, active].reshape(-1, term.p)
-        X = self._X[:, active].reshape(self._count * len(active), self._X.shape[2])
-        r = self._residual[:, active].ravel()
-        B = X.T @ C
+        active, p = self._active, term.p
+        B, own, score = np.zeros((len(self._fit.theta), p)), np.zeros((p, p)), np.zeros(p)
+        whitened = {int(j): term.columns[:, j] * self._root[:, j, None] for j in active}
+        for j, C in whitened.items():
+            index, X = self._fit.blocks[j]
+            B[index] += (X * self._root[:, j, None]).T @ C
+            own += C.T @ C
+            score += C.T @ self._residual[:, j]
         GB = self._fit.inverse @ B
-        own = C.T @ C
-        theta, _, std = _solve(own - B.T @ GB, C.T @ r, np.diag(own))
-        left = (r - C @ theta + X @ (GB @ theta)).reshape(-1, len(active))
-        rss = np.maximum(np.sum(left**2, axis=0), 1e-9)
+        theta, _, std = _solve(own - B.T @ GB, score, np.diag(own))
+        change = GB @ theta
+        rss = np.empty(len(active))
+        for i, (j, C) in enumerate(whitened.items()):
+            index, X = self._fit.blocks[j]
+            left = self._residual[:, j] - C @ theta + (X @ change[index]) * self._root[:, j]
+            rss[i] = max(float(left @ left), 1e-9)
         gain = 0.5 * self._count * float(np.sum(np.log(self._rss[active] / rss)))
         return Score(term, gain, theta, std)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid_ros.diagnosis.cross_validation import worth
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.friction_forms import forms, simplest
 from sysid_ros.diagnosis.library import LINK_SIDE, LOCAL, MEASUREMENT, ON_DRIVE, ON_LOAD, Library
@@ -17,7 +18,14 @@ from sysid_ros.diagnosis.term import DRY, Term
 from sysid_ros.sample import FloatArray
 
 _TRIED_IN_FULL = 10
+_REFINED = 4
 _MOST_STEPS = 30
+_ELSEWHERE = 3.0
+"""Likelihood that a term must gain on segments that it was not fitted to."""
+ON_EVENTS = ("payload_change",)
+"""Effects that happen once: the segments before tell nothing of those after."""
+_SEEN_OF_ALL = 0.03
+"""Least part of the nominal residual of all joints (rms, each over its noise)."""
 _SEEN = 0.04
 """Least part of the nominal residual (rms) that an effect must make on one of its joints."""
 
@@ -96,9 +104,7 @@ class Selection:
         """Make anew the columns that depend on torques, with those of the present fit."""
         link, drive = torques(self.library, self.fit, self._links, self._nominal)
         self.library.update(link, drive)
-        self._whole = [
-            remake(self.library, t, t.effect.settings) if t.id in ON_LOAD + ON_DRIVE else t for t in self._whole
-        ]
+        self._whole = [remake(self.library, t, t.effect.settings) if t.id in ON_LOAD + ON_DRIVE else t for t in self._whole]
         if any(t.id in ON_LOAD + ON_DRIVE for t in self.fit.terms):
             terms = [remake(self.library, t, t.effect.settings) if t.id in ON_LOAD + ON_DRIVE else t for t in self.fit.terms]
             self.fit = self.problem.fit(terms, self.fit.noise, inexact=self.fit.inexact)
@@ -132,6 +138,8 @@ class Selection:
                 groups.append((score.gain - self.price(term), [term]))
         groups.sort(key=lambda g: -g[0])
         proposals = [p for _, terms in groups[:_TRIED_IN_FULL] if (p := self._try(terms)) is not None]
+        proposals.sort(key=lambda p: -p.score)
+        proposals = [self._refined(p) for p in proposals[:_REFINED]] + proposals[_REFINED:]
         if not self.fit.inexact and (p := self._inexact()) is not None:
             proposals.append(p)
         self.last = proposals
@@ -143,9 +151,7 @@ class Selection:
         return Proposal((), score, fit) if score > 0.0 else None
 
     def _best_option(self, scorer: Scorer, name: str, joint: int) -> Score | None:
-        options = [
-            t for t in self.library.local_options(name, joint) if not any(t.key == other.key for other in self.fit.terms)
-        ]
+        options = [t for t in self.library.local_options(name, joint) if not any(t.key == other.key for other in self.fit.terms)]
         if not options:
             return None
         scores = [
@@ -167,32 +173,40 @@ class Selection:
             fit = self.problem.fit([*kept, *new], self.fit.noise, inexact=self.fit.inexact)
             wrong = [t for t in new if not allowed(t, fit.theta_of(t), fit.std_of(t)) or not self.visible(fit, t)]
             if not wrong:
-                refined = refine(self.problem, self.library, fit, new)
-                new = list(refined.terms[len(kept) :])
                 paid = sum(map(self.price, new)) - sum(self.price(t) for t in self.fit.terms if t not in kept)
-                score = refined.loglik - self.fit.loglik - paid
-                return Proposal(tuple(new), score, refined) if score > 0.0 else None
+                score = fit.loglik - self.fit.loglik - paid
+                return Proposal(tuple(new), score, fit) if score > 0.0 else None
             new = [t for t in new if t not in wrong]
         return None
 
+    def _refined(self, proposal: Proposal) -> Proposal:
+        fit = refine(self.problem, self.library, proposal.fit, proposal.terms)
+        terms = fit.terms[len(fit.terms) - len(proposal.terms) :]
+        return Proposal(terms, proposal.score + fit.loglik - proposal.fit.loglik, fit)
+
     def visible(self, fit: Fit, term: Term) -> bool:
-        """True where a term is a part of the nominal residual that one can see, on one joint at least."""
+        """True where a term is a part of the nominal residual that one can see, over the noise of each joint."""
         torque = term.columns @ fit.theta_of(term)
-        rows = [term.row] if term.row is not None else self._joints
-        power = np.sum(torque**2, axis=0).reshape(-1)
-        if term.row is None:
-            power = power[self._joints]
-        return bool(np.any(power > _SEEN**2 * np.sum(self.problem.y[:, rows] ** 2, axis=0)))
+        share = torque if term.row is None else torque[:, None]
+        rows = self._joints if term.row is None else [term.row]
+        power = np.sum(share[:, self._joints if term.row is None else [0]] ** 2, axis=0)
+        nominal = np.sum(self.problem.y**2, axis=0)
+        noise = np.sum(fit.variance, axis=0)
+        seen = np.any(power > _SEEN**2 * nominal[rows])
+        total = np.sum(nominal[self._joints] / noise[self._joints])
+        return bool(seen and np.sum(power / noise[rows]) > _SEEN_OF_ALL**2 * total)
 
     def prune(self) -> None:
         """Take out, one after the other, what is no longer worth its price or no longer possible."""
         while self.fit.terms:
             worst, margin, without = None, 0.0, self.fit
+            elsewhere = worth(self.problem, self.fit)
             for term in self.fit.terms:
                 theta, std = self.fit.theta_of(term), self.fit.std_of(term)
                 price = self.price(term)
                 significance = 0.5 * float(np.sum((theta / np.maximum(std, 1e-30)) ** 2))
                 impossible = not allowed(term, theta, std) or not self.visible(self.fit, term)
+                impossible = impossible or (elsewhere[term] < _ELSEWHERE and term.id not in ON_EVENTS)
                 if significance > 20.0 * price and not impossible:
                     continue
                 rest = self.problem.fit([t for t in self.fit.terms if t is not term], self.fit.noise, inexact=self.fit.inexact)

@@ -19,6 +19,8 @@ DRY = (
 )
 """Forms of dry friction, of which a joint has at most one; the simpler ones first."""
 
+_BODIES = ("payload", "payload_change", "link_inertia")
+
 
 @dataclass(frozen=True, eq=False)
 class Term:
@@ -31,6 +33,7 @@ class Term:
         columns: shape (K, p) where it loads one joint, else (K, n, p).
         basis: the effect's parameters are ``basis @ theta``, shape (effect.p, p); None for the identity.
         form: which of several forms with the same name it is, for messages.
+        load: rms torque on the joint's links, where the effect is a deflection under it [N m].
     """
 
     effect: Effect
@@ -39,6 +42,7 @@ class Term:
     columns: FloatArray
     basis: FloatArray | None = None
     form: str = ""
+    load: float = 0.0
 
     @property
     def id(self) -> str:
@@ -56,6 +60,13 @@ class Term:
         return int(self.columns.shape[-1])
 
     @property
+    def prior(self) -> FloatArray:
+        """Inverse variance of the columns' parameters before any data, shape (p,): for what a motion does not show of a body."""
+        if self.id not in _BODIES or self.form == "scale":
+            return np.zeros(self.p)
+        return np.asarray(1.0 / np.array([30.0] + [10.0] * 3 + [3.0] * 6)[: self.p] ** 2)
+
+    @property
     def cost(self) -> int:
         """Number of parameters with the nonlinear ones."""
         return self.p + len(self.effect.knobs)
@@ -63,13 +74,6 @@ class Term:
     def theta_of_effect(self, theta: FloatArray) -> FloatArray:
         """Parameters of the effect, shape (effect.p,)."""
         return theta if self.basis is None else self.basis @ theta
-
-    def fill(self, out: FloatArray) -> None:
-        """Write the columns into ``out`` of shape (K, n, p)."""
-        if self.row is None:
-            out[:] = self.columns
-        else:
-            out[:, self.row] = self.columns
 
     def excludes(self, other: Term) -> bool:
         """True where the two can't stand side by side: forms of one thing on the same joint."""
@@ -83,13 +87,3 @@ class Term:
                 return True
             return pair == {"friction_drift", "viscous_friction"}
         return False
-
-
-def design(terms: list[Term], count: int, n: int) -> FloatArray:
-    """Columns of terms side by side, shape (K, n, m)."""
-    out = np.zeros((count, n, sum(term.p for term in terms)))
-    start = 0
-    for term in terms:
-        term.fill(out[:, :, start : start + term.p])
-        start += term.p
-    return out

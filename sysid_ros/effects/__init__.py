@@ -3,6 +3,7 @@
 from sysid_ros.effects.asymmetric_coulomb_friction import AsymmetricCoulombFriction
 from sysid_ros.effects.backlash import Backlash
 from sysid_ros.effects.base_tilt import BaseTilt
+from sysid_ros.effects.channel_effect import ChannelEffect, Channels
 from sysid_ros.effects.cogging import Cogging
 from sysid_ros.effects.coulomb_friction import CoulombFriction
 from sysid_ros.effects.effect import Effect, JointCurves, JointEffect, Knob
@@ -12,6 +13,8 @@ from sysid_ros.effects.gravity_compensated_effort import GravityCompensatedEffor
 from sysid_ros.effects.joint_coupling import JointCoupling
 from sysid_ros.effects.joint_elasticity import JointElasticity
 from sysid_ros.effects.joint_offset import JointOffset
+from sysid_ros.effects.joint_order import JointOrder
+from sysid_ros.effects.joint_sign import JointSign
 from sysid_ros.effects.link_inertia import LinkInertia
 from sysid_ros.effects.load_dependent_friction import LoadDependentFriction
 from sysid_ros.effects.motion import Motion
@@ -25,8 +28,12 @@ from sysid_ros.effects.stribeck_friction import StribeckFriction
 from sysid_ros.effects.time_delay import TimeDelay
 from sysid_ros.effects.torque_offset import TorqueOffset
 from sysid_ros.effects.torque_offset_drift import TorqueOffsetDrift
+from sysid_ros.effects.torque_quantisation import TorqueQuantisation
 from sysid_ros.effects.torque_saturation import TorqueSaturation
 from sysid_ros.effects.torque_scale import TorqueScale
+from sysid_ros.effects.torque_sign import TorqueSign
+from sysid_ros.effects.torque_unit import TorqueUnit
+from sysid_ros.effects.velocity_lag import VelocityLag
 from sysid_ros.effects.viscous_friction import ViscousFriction
 
 _CLASSES: tuple[type[Effect], ...] = (
@@ -61,11 +68,19 @@ _CLASSES: tuple[type[Effect], ...] = (
 EFFECTS: dict[str, type[Effect]] = {effect.id: effect for effect in _CLASSES}
 """Every effect by the name it has in ``model.yaml``."""
 
+CHANNEL_EFFECTS: dict[str, type[ChannelEffect]] = {
+    effect.id: effect for effect in (TorqueUnit, TorqueSign, JointSign, JointOrder, VelocityLag, TorqueQuantisation)
+}
+"""Every fault of the published channels by its name."""
+
 __all__ = [
+    "CHANNEL_EFFECTS",
     "EFFECTS",
     "AsymmetricCoulombFriction",
     "Backlash",
     "BaseTilt",
+    "ChannelEffect",
+    "Channels",
     "Cogging",
     "CoulombFriction",
     "Effect",
@@ -77,6 +92,8 @@ __all__ = [
     "JointEffect",
     "JointElasticity",
     "JointOffset",
+    "JointOrder",
+    "JointSign",
     "Knob",
     "LinkInertia",
     "LoadDependentFriction",
@@ -91,7 +108,11 @@ __all__ = [
     "TimeDelay",
     "TorqueOffset",
     "TorqueOffsetDrift",
+    "TorqueQuantisation",
     "TorqueSaturation",
     "TorqueScale",
+    "TorqueSign",
+    "TorqueUnit",
+    "VelocityLag",
     "ViscousFriction",
 ]

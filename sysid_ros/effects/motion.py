@@ -38,6 +38,7 @@ class Motion:
         self.robot, self.t, self.q, self.v, self.a, self.tau = robot, t, q, v, a, tau
         self._link_torque, self._drive_torque = link_torque, drive_torque
         self._payload: dict[str, FloatArray] = {}
+        self._joints: dict[int, Motion] = {}
 
     @property
     def period(self) -> float:
@@ -91,6 +92,14 @@ class Motion:
                 other.__dict__[name] = self.__dict__[name]
         other._payload = self._payload
         return other
+
+    def of_joint(self, joint: int) -> Motion:
+        """The channels of one joint alone, shape (N, 1) each: for curves that depend on nothing but that joint."""
+        if joint not in self._joints:
+            one = slice(joint, joint + 1)
+            channels = (x[:, one] for x in (self.q, self.v, self.a, self.tau, self.link_torque, self.drive_torque))
+            self._joints[joint] = Motion(self.robot, self.t, *channels)
+        return self._joints[joint]
 
     def samples(self) -> list[Sample]:
         """The grid's points one by one."""

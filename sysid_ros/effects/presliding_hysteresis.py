@@ -43,7 +43,7 @@ class PreslidingHysteresis(JointCurves):
     symbols: ClassVar[tuple[str, ...]] = ("Fc",)
     symbol_units: ClassVar[tuple[str, ...]] = ("N m",)
     slide_units: ClassVar[tuple[str, ...]] = ("N",)
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("z_s", 5e-4, 0.2, "rad"),)
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("z_s", 2e-3, 0.2, "rad"),)
     signature: ClassVar[str] = "after a reversal the residual follows the displacement: a loop against the position"
     look_alikes: ClassVar[tuple[str, ...]] = ("coulomb_friction", "stribeck_friction", "joint_elasticity")
     separated_by: ClassVar[str] = "slow reversals with strokes of a few hundredths of a radian"

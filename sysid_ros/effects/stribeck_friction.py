@@ -27,7 +27,7 @@ class StribeckFriction(JointCurves):
     symbols: ClassVar[tuple[str, ...]] = ("Fc", "Fs")
     symbol_units: ClassVar[tuple[str, ...]] = ("N m", "N m")
     slide_units: ClassVar[tuple[str, ...]] = ("N", "N")
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("vs", 0.01, 0.5, "rad/s"), Knob("width", 0.001, 0.1, "rad/s"))
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("vs", 0.02, 0.5, "rad/s"), Knob("width", 0.001, 0.1, "rad/s"))
     signature: ClassVar[str] = "two levels by direction, with a bump at speeds below three Stribeck velocities"
     look_alikes: ClassVar[tuple[str, ...]] = ("coulomb_friction", "presliding_hysteresis", "viscous_friction")
     separated_by: ClassVar[str] = "slow moves at several constant speeds between 0.02 and 0.2 rad/s, in both directions"

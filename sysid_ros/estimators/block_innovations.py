@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sysid_ros.estimators import kernels
 from sysid_ros.sample import FloatArray
 
 _MOST_LEVERAGE = 3.0
@@ -19,42 +20,37 @@ class BlockInnovations:
 
     Args:
         lengths: rows a block, a level, shape (levels,). m: rows of an update. p: parameters.
+
+    Attributes:
+        total, starts, known, progress: what :func:`kernels.add_to_blocks` adds to.
     """
 
     def __init__(self, lengths: FloatArray, m: int, p: int) -> None:
         levels = len(lengths)
-        self._lengths = lengths
-        self._filled = np.zeros(levels)
-        self._Y = np.zeros((levels, m, p))
-        self._tau = np.zeros((levels, m))
-        self._theta = np.zeros((levels, p))
-        self._P = np.zeros((levels, p, p))
+        self.progress = np.zeros((2, levels))
+        self.progress[kernels.LENGTH] = lengths
+        self.total = np.zeros((m, p + 1))
+        self.starts = np.zeros((levels, m, p + 1))
+        self.known = np.zeros((levels, p, p + 1))
 
     def interrupt(self) -> None:
         """Drop the blocks in progress."""
-        self._filled[:] = 0.0
+        self.progress[kernels.FILLED] = 0.0
 
-    def add(
-        self, Y: FloatArray, tau: FloatArray, theta: FloatArray, P: FloatArray, variance: FloatArray
-    ) -> list[tuple[int, FloatArray]]:
-        """Take in rows (m, p), (m,) with what was known before them, (p,) and (p, p), and their noise (m,).
+    def pop_full(self, variance: FloatArray) -> list[tuple[int, FloatArray]]:
+        """The level of each block that is full, and its estimate of the noise, shape (m,); they begin anew.
 
-        Returns the level of each block that is full now and its estimate of the noise, shape (m,).
+        Args:
+            variance: noise of the rows as it is known, shape (m,).
         """
-        for level in np.flatnonzero(self._filled == 0.0):
-            self._theta[level], self._P[level] = theta, P
-            self._Y[level] = 0.0
-            self._tau[level] = 0.0
-        self._Y += Y
-        self._tau += tau
-        self._filled += 1.0
+        filled, lengths = self.progress
         full = []
-        for level in np.flatnonzero(self._filled >= self._lengths):
-            self._filled[level] = 0.0
-            length = self._lengths[level]
-            Ysum = self._Y[level]
-            innovation = self._tau[level] - Ysum @ self._theta[level]
-            leverage = ((Ysum @ self._P[level]) * Ysum).sum(axis=1) / (length * variance)
+        for level in np.flatnonzero(filled >= lengths):
+            filled[level] = 0.0
+            sums, known = self.total - self.starts[level], self.known[level]
+            Ysum, P = sums[:, :-1], known[:, :-1]
+            innovation = sums[:, -1] - Ysum @ known[:, -1]
+            leverage = ((Ysum @ P) * Ysum).sum(axis=1) / (lengths[level] * variance)
             if float(leverage.max()) < _MOST_LEVERAGE:
-                full.append((int(level), innovation**2 / length / (1.0 + leverage)))
+                full.append((int(level), innovation**2 / lengths[level] / (1.0 + leverage)))
         return full

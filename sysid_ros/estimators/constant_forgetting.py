@@ -8,6 +8,8 @@ from sysid_ros.estimators import kernels
 from sysid_ros.estimators.estimator import Estimate, Estimator
 from sysid_ros.sample import FloatArray
 
+_NOT_FINITE = "the rows hold values that are not finite, or absurd"
+
 
 class ConstantForgetting(Estimator):
     """``P <- P / lambda`` before each Joseph-form update (Ljung 1999, section 11.2); lambda = 1 is least squares with a prior.
@@ -24,7 +26,7 @@ class ConstantForgetting(Estimator):
     def __init__(
         self, prior_std: FloatArray, variance: FloatArray, forgetting_factor: float = 1.0, prior_mean: FloatArray | None = None
     ) -> None:
-        self.p, self.m = len(prior_std), len(variance)
+        super().__init__(len(prior_std), len(variance))
         self.forgetting_factor = forgetting_factor
         self._prior_std = np.asarray(prior_std, dtype=float)
         self._prior_mean = np.zeros(self.p) if prior_mean is None else np.asarray(prior_mean, dtype=float)
@@ -36,13 +38,6 @@ class ConstantForgetting(Estimator):
         self._P = np.diag(self._prior_std**2)
         self._sensitivity = np.zeros((self.p, 0))
 
-    @property
-    def theta(self) -> FloatArray:
-        return self._theta.copy()
-
-    def covariance(self) -> FloatArray:
-        return self._P + self._sensitivity @ self._sensitivity.T
-
     def update(
         self,
         Y: FloatArray,
@@ -51,17 +46,14 @@ class ConstantForgetting(Estimator):
         extra_variance: FloatArray | None = None,
         considered: FloatArray | None = None,
     ) -> Estimate:
-        innovation = tau - Y @ self._theta
-        if not self.usable(Y, tau):
-            return self._estimate(innovation, "not_finite", "the rows hold values that are not finite, or absurd")
+        innovation = np.empty(self.m)
         if hold:
-            return self._estimate(innovation, "not_excited", "nothing excites the parameters; the estimate is held")
-        if self.forgetting_factor < 1.0:
-            self._P /= self.forgetting_factor
+            if kernels.innovate(Y, tau, self._theta, innovation):
+                return self._estimate(innovation, "not_excited", "nothing excites the parameters; the estimate is held")
+            return self._estimate(innovation, "not_finite", _NOT_FINITE)
         variance = self.variance if extra_variance is None else self.variance + extra_variance
-        Z = self._fit_sensitivity(considered)
-        kernels.joseph_update_considering(self._theta, self._P, Y, tau, variance, self._sensitivity, Z)
-        return self._estimate(innovation, "ok", "")
-
-    def _estimate(self, innovation: FloatArray, status: str, reason: str) -> Estimate:
-        return Estimate(self._theta.copy(), self.covariance(), innovation, status, reason)
+        Z = self._fit_considered(considered)
+        used = kernels.innovate_and_update(
+            Y, tau, Z, variance, self._theta, self._P, self._sensitivity, innovation, self.forgetting_factor
+        )
+        return self._estimate(innovation, "ok", "") if used else self._estimate(innovation, "not_finite", _NOT_FINITE)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,11 +12,7 @@ from sysid_ros.sample import FloatArray
 STATUSES = ("warming_up", "ok", "not_excited", "outlier", "not_finite")
 
 
-_ABSURD = 1e9
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
+class Estimate(NamedTuple):
     """Result of one update.
 
     Attributes:
@@ -41,19 +37,29 @@ class Estimator(ABC):
         p: number of parameters. m: number of rows of an update.
     """
 
-    p: int
-    m: int
+    _theta: FloatArray
+    _P: FloatArray
+    """Covariance of theta, without the considered errors, shape (p, p)."""
     _sensitivity: FloatArray
     """Derivative of theta by the considered errors, shape (p, c)."""
 
+    def __init__(self, p: int, m: int) -> None:
+        self.p, self.m = p, m
+        self._nothing_considered = np.empty((m, 0))
+
     @property
-    @abstractmethod
     def theta(self) -> FloatArray:
         """Parameters as they are now, shape (p,)."""
+        return self._theta.copy()
 
-    @abstractmethod
     def covariance(self) -> FloatArray:
-        """Covariance of theta as it is now, shape (p, p)."""
+        """Covariance of theta as it is now, with what the considered errors do to it, shape (p, p)."""
+        if self._sensitivity.shape[1] == 0:
+            return self._P.copy()
+        return self._P + self._sensitivity @ self._sensitivity.T
+
+    def _estimate(self, innovation: FloatArray, status: str, reason: str) -> Estimate:
+        return Estimate(self._theta.copy(), self.covariance(), innovation, status, reason)
 
     @abstractmethod
     def update(
@@ -74,17 +80,16 @@ class Estimator(ABC):
                 does to theta is in the covariance.
         """
 
-    @staticmethod
-    def usable(Y: FloatArray, tau: FloatArray) -> bool:
-        """True where the rows are finite and so small that their squares do not overflow what they are added to."""
-        return bool(np.abs(Y).max() < _ABSURD and np.abs(tau).max() < _ABSURD)
-
-    def _fit_sensitivity(self, considered: FloatArray | None) -> FloatArray:
-        """Z, shape (m, c), with the sensitivity made to fit it."""
-        Z = np.empty((self.m, 0)) if considered is None else considered
+    def _fit_considered(self, considered: FloatArray | None) -> FloatArray:
+        """Z, shape (m, c), with all that belongs to the considered errors made to fit it."""
+        Z = self._nothing_considered if considered is None else considered
         if Z.shape[1] != self._sensitivity.shape[1]:
-            self._sensitivity = np.zeros((self.p, Z.shape[1]))
+            self._consider(Z.shape[1])
         return Z
+
+    def _consider(self, count: int) -> None:
+        """Consider another number of errors; what the ones before did is forgotten."""
+        self._sensitivity = np.zeros((self.p, count))
 
     @abstractmethod
     def reset(self) -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
-from sysid_ros.estimators import kernels
 from sysid_ros.sample import FloatArray
 
 
@@ -22,6 +22,10 @@ class LongRunVariance:
         period: time between updates [s].
         floor: variance below which the estimate never falls, shape (m,), as the variance of one update's row.
         memory: time constant of fading [s].
+
+    Attributes:
+        known: True once enough blocks were seen for the estimate to rest on data.
+        variance: of each row, shape (m,).
     """
 
     BLOCKS = (0.25, 0.5, 1.0, 2.0, 4.0)
@@ -39,37 +43,30 @@ class LongRunVariance:
         self._power = np.zeros((len(self.BLOCKS), m))
         self._count = np.zeros(len(self.BLOCKS))
         self.variance = self.CAUTION * floor
+        self.known = False
 
     @property
     def fewest_updates(self) -> int:
         """Residuals that it takes to know the noise."""
         return int(self.FEWEST * self.lengths[0])
 
-    @property
-    def known(self) -> bool:
-        """True once enough blocks were seen for the estimate to rest on data."""
-        return bool(self._count[0] > self.FEWEST - 0.5)
-
     def add(self, residual: FloatArray) -> bool:
         """Take in the residual after an update, shape (m,); True where the noise is known otherwise than before."""
         before = self._count[0]
-        kernels.accumulate_blocks(residual, self._sums, self._filled, self.lengths, self._power, self._count, self._keep)
-        if self._count[0] == before or not self.known:
-            return False
-        self._estimate()
-        return True
+        _accumulate(residual, self._sums, self._filled, self.lengths, self._power, self._count, self._keep)
+        return self._count[0] != before and self._estimate()
 
     def add_block(self, level: int, power: FloatArray) -> bool:
         """Take in what a block of a level says of the noise, shape (m,); True where the noise is known otherwise than before."""
         fade = self._keep ** self.lengths[level]
         self._power[level] = fade * self._power[level] + power
         self._count[level] = fade * self._count[level] + 1.0
-        if level > 0 or not self.known:
-            return False
-        self._estimate()
-        return True
+        return level == 0 and self._estimate()
 
-    def _estimate(self) -> None:
+    def _estimate(self) -> bool:
+        self.known = bool(self._count[0] > self.FEWEST - 0.5)
+        if not self.known:
+            return False
         chosen = self._power[0] / self._count[0] * _small_sample(self._count[0])
         for level in range(1, len(self.BLOCKS)):
             count = self._count[level]
@@ -79,6 +76,7 @@ class LongRunVariance:
             grown = 2.0 * longer - self._power[level - 1] / self._count[level - 1]
             chosen = np.where(longer > chosen * (1.0 + 1.5 * np.sqrt(2.0 / count)), grown * _small_sample(count), chosen)
         self.variance = np.maximum(chosen, self.floor)
+        return True
 
     def interrupt(self) -> None:
         """Drop the blocks in progress: the residuals to come do not follow the ones before."""
@@ -89,3 +87,28 @@ class LongRunVariance:
 def _small_sample(count: float) -> float:
     """Widens the variance as Student's t does the interval."""
     return 1.0 + 4.0 / count
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _accumulate(
+    residual: FloatArray,
+    sums: FloatArray,
+    filled: FloatArray,
+    lengths: FloatArray,
+    power: FloatArray,
+    count: FloatArray,
+    keep: float,
+) -> None:
+    """Batch means at several block lengths: adds a residual (m,) to ``sums`` (levels, m); a block that is full adds its squared
+    sum over its length to ``power`` (levels, m) and one to ``count`` (levels,), both fading by ``keep`` a sample of the block."""
+    for level in range(lengths.size):
+        for i in range(residual.size):
+            sums[level, i] += residual[i]
+        filled[level] += 1.0
+        if filled[level] >= lengths[level]:
+            fade = keep ** lengths[level]
+            count[level] = fade * count[level] + 1.0
+            for i in range(residual.size):
+                power[level, i] = fade * power[level, i] + sums[level, i] * sums[level, i] / lengths[level]
+                sums[level, i] = 0.0
+            filled[level] = 0.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid_ros.estimators import kernels
 from sysid_ros.sample import FloatArray
 
 
@@ -16,6 +15,9 @@ class NormalEquations:
 
     Args:
         prior_variance: diagonal of P0, shape (p,). m: rows of an update.
+
+    Attributes:
+        rows: ``[A_i | b_i | C_i]`` of each row, shape (m, p, p + 1 + c), to which :func:`kernels.take_in` adds.
     """
 
     def __init__(self, prior_variance: FloatArray, m: int) -> None:
@@ -25,38 +27,34 @@ class NormalEquations:
 
     def start(self, P: FloatArray, theta: FloatArray, S: FloatArray) -> None:
         """Begin from what is known: estimate (p,), covariance (p, p) and sensitivity (p, c)."""
-        self._L = self._invert(P, self._std)
-        self._h = self._L @ theta
-        self._H = -self._L @ S
-        self._A = np.zeros((self._m, self._p, self._p))
-        self._b = np.zeros((self._m, self._p))
-        self._C = np.zeros((self._m, self._p, S.shape[1]))
+        L = self._invert(P, self._std)
+        self._known = np.hstack([L, L @ np.column_stack([theta, -S])])
+        self.rows = np.zeros((self._m, *self._known.shape))
 
-    def add(self, Y: FloatArray, tau: FloatArray, Z: FloatArray, weight: FloatArray) -> None:
-        """Take in rows (m, p), (m,), (m, c) with a weight each, relative to the row's noise, shape (m,)."""
-        if Z.shape[1] != self._H.shape[1]:
-            self._H = np.zeros((self._p, Z.shape[1]))
-            self._C = np.zeros((self._m, self._p, Z.shape[1]))
-        kernels.accumulate_normal_equations(Y, tau, Z, weight, self._A, self._b, self._C)
+    def consider(self, c: int) -> None:
+        """Make room for another number of considered errors; what the ones before did is forgotten."""
+        kept = self._p + 1
+        self._known = np.hstack([self._known[:, :kept], np.zeros((self._p, c))])
+        self.rows = np.concatenate([self.rows[:, :, :kept], np.zeros((self._m, self._p, c))], axis=2)
 
     def forget(self, epsilon: float, theta: FloatArray, S: FloatArray) -> None:
         """The information of ``P <- P + eps (P - P P0^-1 P)``: a part eps of it is exchanged for the prior around theta."""
-        keep = 1.0 - epsilon
+        keep, p = 1.0 - epsilon, self._p
         prior = epsilon / self._std**2
-        self._L *= keep
-        self._L.flat[:: self._p + 1] += prior
-        self._h = keep * self._h + prior * theta
-        self._H = keep * self._H - prior[:, None] * S if S.shape == self._H.shape else keep * self._H
-        self._A *= keep
-        self._b *= keep
-        self._C *= keep
+        self.rows *= keep
+        self._known *= keep
+        self._known.flat[:: self._known.shape[1] + 1] += prior
+        self._known[:, p] += prior * theta
+        self._known[:, p + 1 :] -= prior[:, None] * S
 
     def solve(self, variance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Estimate (p,), covariance (p, p) and sensitivity (p, c) for rows of this noise, shape (m,)."""
-        weight = 1.0 / variance
-        lower = np.tensordot(weight, self._A, axes=1)
-        P = self._invert(self._L + lower + np.tril(lower, -1).T, 1.0 / self._std)
-        return P @ (self._h + weight @ self._b), P, -P @ (self._H + np.tensordot(weight, self._C, axes=1))
+        p = self._p
+        total = self._known.copy()
+        for weight, rows in zip(1.0 / variance, self.rows, strict=True):
+            total += weight * rows
+        P = self._invert(total[:, :p], 1.0 / self._std)
+        return P @ total[:, p].copy(), P, -P @ total[:, p + 1 :]
 
     @staticmethod
     def _invert(matrix: FloatArray, scale: FloatArray) -> FloatArray:

@@ -2,46 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from sysid_ros.estimators import kernels
 from sysid_ros.estimators.block_innovations import BlockInnovations
 from sysid_ros.estimators.estimator import Estimate, Estimator
+from sysid_ros.estimators.jump_search import JumpRule, JumpSearch
 from sysid_ros.estimators.noise import LongRunVariance
 from sysid_ros.estimators.normal_equations import NormalEquations
+from sysid_ros.estimators.resetting import forget_towards_prior
 from sysid_ros.sample import FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class JumpRule:
-    """Which parameters may jump, and what counts as a jump.
-
-    Attributes:
-        block: the parameters that may jump.
-        least: change of the block's parameters of which one must be exceeded, shape (size of block,); infinite where it does
-            not count.
-        memory: time after a jump during which old data are still in the rows [s].
-    """
-
-    block: slice
-    least: FloatArray
-    memory: float
 
 
 class VariableForgetting(Estimator):
     """Joseph-form recursive least squares that remembers while the innovations fit and forgets when they do not.
 
-    - Time update: exponential resetting towards the prior (Salgado, Goodwin, Middleton 1988), which bounds P by P0 in every
-    direction, only
-      while something excites the parameters.
     - Measurement update: Joseph form, row by row, with the long-run variance of the residuals as noise
-    (:class:`LongRunVariance`).
-    - Change: a run of innovations too large for ``Y P Y' + Rd`` is fitted with a jump of the block that may jump (Willsky,
-    Jones 1976); if
-      the jump explains it, that block's covariance goes back to the prior, and once more when the old data have left the filters.
+      (:class:`LongRunVariance`).
+    - Time update: exponential resetting towards the prior (Salgado, Goodwin, Middleton 1988), which bounds P by P0 in every
+      direction, only while something excites the parameters.
+    - Change: a run of innovations too large for ``Y P Y' + Rd`` is fitted with a jump of the block that may jump
+      (:class:`JumpSearch`); if the jump explains it, that block's covariance goes back to the prior, and once more when the old
+      data have left the filters.
     - Outlier: an innovation too large that no jump explains gets less weight.
+
+    Rows that fit, which nearly all do, are done in one call of :func:`kernels.take_in`.
 
     Args:
         prior_std: standard deviation of each parameter before any data, shape (p,).
@@ -49,24 +34,34 @@ class VariableForgetting(Estimator):
         period: time between updates [s].
         forgetting_time: time constant of the resetting [s].
         jump: which parameters may jump.
+        part: least variance of a single row as a part of ``floor``, which is that of the mean of many: what a low-pass leaves.
     """
 
     THRESHOLD = 4.0
-    HITS = 5
-    EXPLAINED = 0.8
-    SIGNIFICANT = 25.0
+    HITS = JumpSearch.HITS
     FORGET_EVERY = 10
+    SPREAD_MEMORY = 10.0
+    """Time constant of the mean of squared residuals [s]."""
     INDEPENDENT = 0.1
     """Time after which a coloured residual counts as a new one, in the first rows [s]."""
 
-    def __init__(self, prior_std: FloatArray, floor: FloatArray, period: float, forgetting_time: float, jump: JumpRule) -> None:
-        self.p, self.m = len(prior_std), len(floor)
+    def __init__(
+        self,
+        prior_std: FloatArray,
+        floor: FloatArray,
+        period: float,
+        forgetting_time: float,
+        jump: JumpRule,
+        part: float = 1.0,
+    ) -> None:
+        super().__init__(len(prior_std), len(floor))
         self._prior_variance = np.asarray(prior_std, dtype=float) ** 2
         self._floor = np.asarray(floor, dtype=float)
+        self._part = part
         self._period = period
         self._epsilon = min(self.FORGET_EVERY * period / forgetting_time, 0.5)
         self._jump = jump
-        self._work = np.zeros((self.p, self.p))
+        self._no_extra = np.zeros(self.m)
         self.reset()
 
     def reset(self) -> None:
@@ -74,19 +69,18 @@ class VariableForgetting(Estimator):
         self._P = np.diag(self._prior_variance)
         self._sensitivity = np.zeros((self.p, 0))
         self.noise = LongRunVariance(self.m, self._period, self._floor)
-        self._spread: FloatArray = self._floor * self.noise.CAUTION
+        self._levels = np.stack([self._floor * self.noise.CAUTION, self._floor, self._part * self._floor])
         self._spread_count = 0
         self._updates = 0
         self._blocks = BlockInnovations(self.noise.lengths, self.m, self.p)
         self._equations = NormalEquations(self._prior_variance, self.m)
+        self._search = JumpSearch(self._jump, self._prior_variance)
         self._settling = 0
         self._burst = 0
         self._early: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         self._early_jump = False
         self.jumps = 0
         self.last_jump: FloatArray = np.zeros(len(range(*self._jump.block.indices(self.p))))
-        self.z = 0.0
-        self._clear_hits()
 
     @property
     def prior_variance(self) -> FloatArray:
@@ -94,13 +88,10 @@ class VariableForgetting(Estimator):
         return self._prior_variance
 
     @property
-    def theta(self) -> FloatArray:
-        return self._theta.copy()
-
-    @property
     def row_variance(self) -> FloatArray:
         """Variance of the residual of single rows, shape (m,): without what follows from their colour."""
-        return self._spread
+        variance: FloatArray = self._levels[kernels.SPREAD].copy()
+        return variance
 
     @property
     def settling(self) -> bool:
@@ -115,185 +106,181 @@ class VariableForgetting(Estimator):
         extra_variance: FloatArray | None = None,
         considered: FloatArray | None = None,
     ) -> Estimate:
-        innovation = tau - Y @ self._theta
-        if not self.usable(Y, tau):
-            return self._estimate(innovation, "not_finite", "the rows hold values that are not finite, or absurd")
-        extra = np.zeros(self.m) if extra_variance is None else extra_variance
-        spread = self._spread + extra
-        self.z = z = kernels.normalised_innovation(Y, self._P, spread, innovation)
-        jumped = self._watch(Y, innovation, spread, extra, z)
-        if jumped and hold:
-            self._burst = round(0.5 / self._period)
-        if hold and self._burst == 0:
-            self._interrupt_noise()
-            return self._held(innovation)
-        self._burst = max(self._burst - 1, 0)
-        known = self.noise.known
-        variance = (self.noise.variance if known else self._floor) + extra
-        outlier = z > self.THRESHOLD and not self.settling
-        if outlier:
-            variance = variance * z
-        Z = self._fit_sensitivity(considered)
-        self._forget()
-        noise_is_new = known and not outlier and self._learn_colour(Y, tau, extra)
-        kernels.joseph_update_considering(self._theta, self._P, Y, tau, variance, self._sensitivity, Z)
-        self._equations.add(Y, tau, Z, (self.noise.variance if known else self._floor) / variance)
-        self._updates += 1
-        self._settle()
-        if known:
-            self._learn_noise(tau - Y @ self._theta, extra, learn_colour=False)
-            if noise_is_new:
-                self._weigh_anew()
-        elif not self.settling:
-            self._early.append((Y, tau, extra))
-            self._learn_early()
-        if not np.isfinite(self._theta).all():
+        extra = self._no_extra if extra_variance is None else extra_variance
+        Z = self._fit_considered(considered)
+        innovation, outlier = np.empty(self.m), False
+        if hold or self._settling or self._burst or self._search.hits:
+            done = kernels.NOT_ORDINARY
+        else:
+            done = self._take_in(Y, tau, extra, Z, innovation, self.THRESHOLD)
+        if done == kernels.NOT_ORDINARY and kernels.innovate(Y, tau, self._theta, innovation):
+            z = kernels.normalised_innovation(Y, self._P, self._levels[kernels.SPREAD], extra, innovation)
+            jumped = self._watch(Y, innovation, extra, z)
+            if jumped and hold:
+                self._burst = round(0.5 / self._period)
+            if hold and self._burst == 0:
+                self._interrupt_noise()
+                return self._estimate(innovation, "not_excited", "nothing excites the parameters; the estimate is held")
+            self._burst = max(self._burst - 1, 0)
+            outlier = z > self.THRESHOLD and not self.settling
+            done = self._take_in(Y, tau, extra, Z, innovation, np.inf, z if outlier else 1.0)
+        if done not in (kernels.TAKEN_IN, kernels.BLOCK_FULL):
+            if done != kernels.BROKEN_DOWN:
+                return self._estimate(innovation, "not_finite", "the rows hold values that are not finite, or absurd")
             self.reset()
             return self._estimate(innovation, "not_finite", "the recursion broke down and started again")
+        if self._settling:
+            self._settle()
+        if not self.noise.known:
+            self._learn_early(Y, tau, extra)
+        elif done == kernels.BLOCK_FULL:
+            self._learn_colour()
+        self._updates += 1
+        if self._updates % self.FORGET_EVERY == 0 and not self._settling:
+            self._forget()
         if outlier:
             return self._estimate(innovation, "outlier", "the torques do not fit the estimate; they were given less weight")
         if not self.noise.known:
             return self._estimate(innovation, "warming_up", "the noise of the torques is not known yet")
-        if self.settling:
+        if self._settling:
             return self._estimate(innovation, "warming_up", "the parameters have just jumped")
         return self._estimate(innovation, "ok", "")
 
-    def covariance(self) -> FloatArray:
-        """Covariance of theta, shape (p, p), with what the considered errors do to it."""
-        return self._P + self._sensitivity @ self._sensitivity.T
+    def _take_in(
+        self,
+        Y: FloatArray,
+        tau: FloatArray,
+        extra: FloatArray,
+        Z: FloatArray,
+        innovation: FloatArray,
+        threshold: float,
+        inflation: float = 1.0,
+    ) -> int:
+        blocks, rate, clip = self._blocks, 0.0, False
+        if self.noise.known and not self._settling:
+            rate, clip = self._next_rate()
+        done: int = kernels.take_in(
+            Y,
+            tau,
+            extra,
+            Z,
+            self._theta,
+            self._P,
+            self._sensitivity,
+            self._equations.rows,
+            self._levels,
+            blocks.total,
+            blocks.starts,
+            blocks.known,
+            blocks.progress,
+            innovation,
+            threshold,
+            inflation,
+            rate,
+            clip,
+        )
+        if rate > 0.0 and done in (kernels.TAKEN_IN, kernels.BLOCK_FULL):
+            self._spread_count += 1
+        return done
+
+    def _consider(self, count: int) -> None:
+        super()._consider(count)
+        self._equations.consider(count)
+
+    def _next_rate(self) -> tuple[float, bool]:
+        """How much the next squared residual counts in the mean of them, and whether a large one counts less."""
+        count = self._spread_count
+        return max(1.0 / (count + 1), self._period / self.SPREAD_MEMORY), count * self._period > 0.5
+
+    def _forget(self) -> None:
+        forget_towards_prior(self._P, self._prior_variance, self._epsilon)
+        self._equations.forget(self._epsilon, self._theta, self._sensitivity)
 
     def _weigh_anew(self) -> None:
         """Rows were weighted with the noise known when they came; weight them all with what is known now."""
+        self._levels[kernels.NOISE] = self.noise.variance
         self._theta, self._P, self._sensitivity = self._equations.solve(self.noise.variance)
 
-    def _learn_early(self) -> None:
+    def _learn_colour(self) -> None:
+        """Read the long-run variance from the blocks that are full."""
+        known_anew = False
+        for level, power in reversed(self._blocks.pop_full(self.noise.variance)):
+            known_anew = self.noise.add_block(level, power)
+        if known_anew:
+            self._weigh_anew()
+
+    def _learn_early(self, Y: FloatArray, tau: FloatArray, extra: FloatArray) -> None:
         """The first residuals say nothing while the fit still follows every row: the noise is read from one fit to all first
         rows.
 
         They were weighted with the least noise; once it is known they are taken in again with what it is.
         """
+        if self._settling:
+            return
+        self._early.append((Y, tau, extra))
         count, fewest = len(self._early), self.noise.fewest_updates
         if count not in (fewest // 2, fewest):
             return
         self._spread_count = 0
         freedom = max(1.0 - self.p / (self.m * count * self._period / self.INDEPENDENT), 0.25)
-        for Y, tau, extra in self._early:
-            self._learn_noise((tau - Y @ self._theta) / np.sqrt(freedom), extra, learn_colour=count == fewest)
+        for rows, torque, more in self._early:
+            residual = (torque - rows @ self._theta) / np.sqrt(freedom)
+            spread = self._levels[kernels.SPREAD]
+            weighted = residual * np.sqrt(spread / (spread + more))
+            kernels.learn_spread(residual, more, self._levels, *self._next_rate())
+            self._spread_count += 1
+            if count == fewest:
+                self.noise.add(weighted)
         if count == fewest:
             self._early = []
             self._weigh_anew()
 
-    def _held(self, innovation: FloatArray) -> Estimate:
-        return self._estimate(innovation, "not_excited", "nothing excites the parameters; the estimate is held")
-
-    def _estimate(self, innovation: FloatArray, status: str, reason: str) -> Estimate:
-        return Estimate(self._theta.copy(), self.covariance(), innovation, status, reason)
-
-    def _forget(self) -> None:
-        if self._updates % self.FORGET_EVERY == 0 and not self.settling:
-            kernels.forget_towards_prior(self._P, self._prior_variance, self._epsilon, self._work)
-            self._equations.forget(self._epsilon, self._theta, self._sensitivity)
-
-    def _watch(self, Y: FloatArray, innovation: FloatArray, spread: FloatArray, extra: FloatArray, z: float) -> bool:
+    def _watch(self, Y: FloatArray, innovation: FloatArray, extra: FloatArray, z: float) -> bool:
         """Collect innovations that are too large; True where a jump explains them."""
         if self.settling or self._spread_count == 0 or (self._early_jump and not self.noise.known):
             return False
         if not z > self.THRESHOLD:
-            self._hits -= 1
-            if self._hits <= 0:
-                self._clear_hits()
+            self._search.miss()
             return False
-        self._hits += 1
-        block = Y[:, self._jump.block]
-        weighted = block / spread[:, None]
-        self._information += weighted.T @ block
-        self._coloured_information += (block / (self._coloured_variance() + extra)[:, None]).T @ block
-        self._score += weighted.T @ innovation
-        self._statistic += float(innovation @ (innovation / spread))
-        if self._hits < self.HITS:
-            return False
-        prior = np.diag(1.0 / self._prior_variance[self._jump.block])
-        change = np.linalg.solve(self._information + prior, self._score)
-        explained = float(change @ self._score) / self._statistic
-        significance = float(change @ self._coloured_information @ change)
-        self._clear_hits()
-        if explained < self.EXPLAINED or significance < self.SIGNIFICANT or not np.any(np.abs(change) > self._jump.least):
+        change = self._search.hit(Y, innovation, self._levels[kernels.SPREAD] + extra, self._coloured_variance() + extra)
+        if change is None:
             return False
         self.jumps += 1
-        self.last_jump = np.asarray(change)
+        self.last_jump = change
         self._settling = max(round(self._jump.memory / self._period), 1)
         self._interrupt_noise()
-        if self.noise.known:
-            self._reset_block()
-        else:
-            self._start_again()
+        self._begin_again()
         return True
 
     def _coloured_variance(self) -> FloatArray:
         """Long-run variance of the rows; while it is not known, as if what is left kept its value for a block, shape (m,)."""
         if self.noise.known:
             return self.noise.variance
-        return np.maximum(self.noise.variance, self._spread * self.noise.BLOCKS[0] / self._period)
-
-    def _clear_hits(self) -> None:
-        size = len(range(*self._jump.block.indices(self.p)))
-        self._hits = 0
-        self._information = np.zeros((size, size))
-        self._coloured_information = np.zeros((size, size))
-        self._score = np.zeros(size)
-        self._statistic = 0.0
-
-    def _reset_block(self) -> None:
-        """Start the block that jumped again; the others start from what they are known to now."""
-        block = self._jump.block
-        self._P[block, :] = 0.0
-        self._P[:, block] = 0.0
-        self._P[block, block] = np.diag(self._prior_variance[block])
-        self._equations.start(self._P, self._theta, self._sensitivity)
-
-    def _start_again(self) -> None:
-        """Before the noise is known nothing learned is worth keeping through a jump."""
-        self._theta = np.zeros(self.p)
-        self._P = np.diag(self._prior_variance)
-        self._sensitivity[:] = 0.0
-        self._equations.start(self._P, self._theta, self._sensitivity)
-        self._early = []
-        self._early_jump = True
+        variance: FloatArray = np.maximum(self.noise.variance, self._levels[kernels.SPREAD] * self.noise.BLOCKS[0] / self._period)
+        return variance
 
     def _settle(self) -> None:
-        if self._settling > 0:
-            self._settling -= 1
-            if self._settling == 0 and self.noise.known:
-                self._reset_block()
-            elif self._settling == 0:
-                self._start_again()
+        self._settling -= 1
+        if self._settling == 0:
+            self._begin_again()
 
-    def _learn_colour(self, Y: FloatArray, tau: FloatArray, extra: FloatArray) -> bool:
-        """Take rows into the blocks that the long-run variance is read from; True where it is known otherwise than before."""
-        if self.settling:
-            return False
-        weight = np.sqrt(self._spread / (self._spread + extra))
-        full = self._blocks.add(weight[:, None] * Y, weight * tau, self._theta, self._P, self.noise.variance)
-        known_anew = False
-        for level, power in reversed(full):
-            known_anew = self.noise.add_block(level, power)
-        return known_anew
+    def _begin_again(self) -> None:
+        """Start the block that jumped again; the others start from what they are known to now. Before the noise is known nothing
+        learned is worth keeping through a jump."""
+        if self.noise.known:
+            block = self._jump.block
+            self._P[block, :] = 0.0
+            self._P[:, block] = 0.0
+            self._P[block, block] = np.diag(self._prior_variance[block])
+        else:
+            self._theta = np.zeros(self.p)
+            self._P = np.diag(self._prior_variance)
+            self._sensitivity[:] = 0.0
+            self._early = []
+            self._early_jump = True
+        self._equations.start(self._P, self._theta, self._sensitivity)
 
     def _interrupt_noise(self) -> None:
         """Residuals to come do not follow the ones before."""
         self.noise.interrupt()
         self._blocks.interrupt()
-
-    def _learn_noise(self, residual: FloatArray, extra: FloatArray, learn_colour: bool) -> None:
-        if self.settling:
-            self._interrupt_noise()
-            return
-        weighted: FloatArray = residual * np.sqrt(self._spread / (self._spread + extra))
-        squared: FloatArray = weighted * weighted
-        if self._spread_count * self._period > 0.5:
-            np.minimum(squared, 9.0 * self._spread, out=squared)
-        self._spread_count += 1
-        rate = max(1.0 / self._spread_count, self._period / 10.0)
-        self._spread = np.maximum((1.0 - rate) * self._spread + rate * squared, self._floor)
-        if learn_colour:
-            self.noise.add(weighted)

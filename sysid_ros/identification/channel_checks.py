@@ -48,9 +48,9 @@ def check_channels(robot: RobotModel, recording: Recording, max_gap: float) -> C
     problems: list[Problem] = []
     problems += _gaps(recording, max_gap)
     for j, joint in enumerate(robot.joint_names):
+        problems += _saturated(recording, j, joint, spoiled)
         problems += _frozen_effort(recording, j, joint, spoiled)
         problems += _frozen_position(recording, j, joint, spoiled)
-        problems += _saturated(recording, j, joint, spoiled)
         problems += _outside(robot, recording, j, joint)
     return CheckedRecording(recording, tuple(problems), spoiled)
 
@@ -90,7 +90,7 @@ def _frozen_effort(recording: Recording, j: int, joint: str, spoiled: BoolArray)
     total, moving, longest = 0, _moving_samples(q, recording.t), (0, 0)
     for r in frozen:
         where = slice(int(starts[r]), int(starts[r] + lengths[r]))
-        if np.ptp(q[where]) <= _MOVED:
+        if np.ptp(q[where]) <= _MOVED or spoiled[where, j].all():
             continue
         spoiled[where, j] = True
         total += int(lengths[r])
@@ -160,7 +160,7 @@ def _saturated(recording: Recording, j: int, joint: str, spoiled: BoolArray) -> 
         at = np.flatnonzero((tau[starts] == extreme) & (lengths >= max(5, 5.0 * ordinary)) & (lengths * period >= _SATURATED))
         if not len(at) or extreme == 0.0 or (len(at) < 2 and lengths[at].sum() * period < 2.0 * _SATURATED):
             continue
-        if np.ptp(recording.q[:, j]) <= _MOVED:
+        if np.ptp(recording.q[:, j]) <= _MOVED or np.ptp(tau) == 0.0:
             continue
         for r in at:
             spoiled[int(starts[r]) : int(starts[r] + lengths[r]), j] = True

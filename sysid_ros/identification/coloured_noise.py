@@ -44,18 +44,20 @@ def coloured_information(
             continue
         # The noise is that of sqrt(w) e: with the weights of a robust loss it is what is left of the outliers.
         scaled = np.sqrt(w)
-        columns = np.zeros((size, p))
-        columns[place] = scaled[:, None] * bag.Y[:, j]
+        here = np.flatnonzero(bag.Y[:, j].any(axis=0))
+        columns = np.zeros((size, len(here)))
+        columns[place] = scaled[:, None] * bag.Y[:, j][:, here]
         noise = np.zeros(size)
         noise[place] = scaled * residual[:, j]
         Z = fft.rfft(columns, axis=0)
         del columns
         power = np.abs(fft.rfft(noise)) ** 2
-        followed = np.sum(np.abs(Z @ root) ** 2, axis=1)
+        parts = np.ascontiguousarray(Z.real), np.ascontiguousarray(Z.imag)
+        followed = np.sum([np.sum((part @ root[here]) ** 2, axis=1) for part in parts], axis=0)
         count = float(used.sum())
         spectrum = _smooth(power, count - followed, size, count)
         mass = both_sides * spectrum / size
-        total += ((Z.conj() * mass[:, None]).T @ Z).real
+        total[np.ix_(here, here)] += np.sum([(part * mass[:, None]).T @ part for part in parts], axis=0)
         # of the scaled rows, so w times the variance of a row
         level[j] = float(np.sum(both_sides * spectrum * followed) / max(np.sum(both_sides * followed), 1e-300)) / _mean(w, used)
     return total, level

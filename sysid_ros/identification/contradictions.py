@@ -20,6 +20,10 @@ _TIMES_ALONE, _PART_ALONE = 3.0, 0.10
 """A joint speaks against a bag where the common model leaves so many times the residual of the bag's own model, and so much of
 the torque. Friction that has warmed up stays below; one joint alone must speak louder."""
 
+_OWN_ITERATIONS = 5
+_COLOURED = 4.0
+"""Rows that count as one where only the size of the residual is known."""
+
 
 def check_contradictions(
     bags: Sequence[BagRows], found: Fit, prior: Prior, joint_names: Sequence[str], accept: bool = False
@@ -35,7 +39,7 @@ def check_contradictions(
     if len(bags) < 2:
         return []
     equations = found.equations
-    own, torque = _own(equations, found, prior), np.sqrt(equations.power / np.maximum(equations.count, 1.0))
+    own, torque = _own(equations, prior), np.sqrt(equations.power / np.maximum(equations.count, 1.0))
     against = _against(equations, found.theta, own, torque)
     if not against.any():
         return []
@@ -63,13 +67,22 @@ def _rms(equations: NormalEquations, theta: FloatArray) -> FloatArray:
     return root
 
 
-def _own(equations: NormalEquations, found: Fit, prior: Prior) -> FloatArray:
-    """rms of the residual of each bag's own fit, shape (B, n)."""
+def _own(equations: NormalEquations, prior: Prior) -> FloatArray:
+    """rms of the residual of each bag's own fit, weighted by its own noise, shape (B, n) [N m].
+
+    The weights of the common fit won't do: a joint that does not fit the other bags hardly weighs in it.
+    """
     precision = prior.precision()
     out = []
-    for b, (information, score) in enumerate(zip(found.bag_information, found.bag_score, strict=True)):
-        theta = np.linalg.solve(information + np.diag(precision), score + precision * prior.mean)
-        out.append(_rms(equations.only([b]), theta)[0])
+    for b in range(len(equations.count)):
+        bag = equations.only([b])
+        residual = np.sqrt(bag.power / np.maximum(bag.count, 1.0))
+        for _ in range(_OWN_ITERATIONS):
+            weight = 1.0 / (_COLOURED * np.maximum(residual, 1e-9) ** 2)
+            A = bag.information(weight) + np.diag(precision)
+            theta = np.linalg.solve(A, bag.right_side(weight) + precision * prior.mean)
+            residual = _rms(bag, theta)
+        out.append(residual[0])
     own: FloatArray = np.maximum(np.array(out), 1e-9)
     return own
 

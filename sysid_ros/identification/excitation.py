@@ -90,7 +90,7 @@ def excite(
         postures = feasibility.postures(generator, tries[0] * tries[1]).reshape(*tries, limits.robot.n)
     else:
         postures = np.tile(start, (*tries, 1))
-    search = ExcitationSearch(ExcitationCriteria(model, limits), feasibility, basis, start)
+    search = ExcitationSearch(ExcitationCriteria(model, limits), feasibility, basis)
     motions: list[tuple[Criteria, FourierTrajectory]] = []
     for some in postures:
         motion = search.random(generator, some)

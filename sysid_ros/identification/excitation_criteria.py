@@ -17,6 +17,8 @@ from sysid_ros.torque_model import TorqueModel
 _STATES = 500
 _STEP = 1e-6
 _SMOOTH = 0.05
+_VISIBLE = 1e-3
+"""A combination that shows less than this beside the others is there only because a URDF rounds its angles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +64,7 @@ class ExcitationCriteria:
         size = np.where(np.isfinite(limits.effort), limits.effort, 3.0 * typical)
         self.weight: FloatArray = float(np.exp(np.mean(np.log(size)))) / size
         Y = self._rows(q, v, a)
-        self.base = BaseParameters(np.einsum("kia,kib->ab", Y, Y) / _STATES)
+        self.base = BaseParameters(np.einsum("kia,kib->ab", Y, Y) / _STATES, _VISIBLE)
         self.columns = np.sort(self.base.independent)
         self.names = tuple(model.parameter_names[i] for i in self.columns)
         weighted = self.weight[:, None] * Y[:, :, self.columns]

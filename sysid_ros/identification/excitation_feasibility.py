@@ -25,8 +25,8 @@ class Use:
 
     Attributes:
         limits: largest part of each limit, shape (4, n), in the order of :data:`KINDS`.
-        room: least distance of each pair of links less what it must keep, shape (P,) [m]; of the pairs that were looked at where
-            the check stopped early.
+        room: least distance of each pair of links less what it must keep, shape (P,) [m]; exact for the pair with the least, for
+            others of the times that had to be looked at.
     """
 
     limits: FloatArray
@@ -54,8 +54,7 @@ class Feasibility:
         """What a motion uses, at times ``step`` [s] apart over one period, which the others repeat."""
         q, v, a = trajectory.sample(trajectory.grid(step, one_period=True))
         limits = np.abs(self.limits.use(q, v, a, self.limits.torque(q, v, a))).max(axis=1)
-        room = np.min([self.collision.room(x) for x in q], axis=0) if self.collision else np.zeros(0)
-        return Use(limits, room)
+        return Use(limits, self._least_room(q, np.abs(v).max(axis=0), step, stop=False))
 
     def keeps(self, trajectory: FourierTrajectory) -> bool:
         """All limits are kept at times 1 ms apart; fast where they are not.
@@ -68,22 +67,32 @@ class Feasibility:
             return False
         if not self._torque_kept(q[quick], v[quick], a[quick]):
             return False
-        return self._room_kept(q, np.abs(v).max(axis=0)) and self._torque_kept(q, v, a)
+        room = self._least_room(q, np.abs(v).max(axis=0), STEP, stop=True)
+        return bool(np.all(room >= 0.0)) and self._torque_kept(q, v, a)
 
     def _torque_kept(self, q: FloatArray, v: FloatArray, a: FloatArray) -> bool:
         return bool(np.abs(self.limits.torque(q, v, a) / self.limits.effort).max() <= 1.0 - _ROUNDING)
 
-    def _room_kept(self, q: FloatArray, speed: FloatArray) -> bool:
+    def _least_room(self, q: FloatArray, speed: FloatArray, step: float, stop: bool) -> FloatArray:
+        """Least room of each pair, shape (P,) [m], leaving out times at which none can have less than what was seen before.
+
+        Args:
+            speed: no joint is faster, shape (n,). step: time between the postures q, shape (N, n) [s].
+            stop: only whether the room stays above 0 is asked, and the search ends where it does not.
+        """
         if self.collision is None:
-            return True
+            return np.zeros(0)
         rates = np.maximum(self.collision.approach_rates(speed), 1e-9)
+        least = np.full(len(rates), np.inf)
         k = 0
         while k < len(q):
             room = self.collision.room(q[k])
-            if np.any(room < 0.0):
-                return False
-            k += max(1, int(np.min(room / rates) / STEP))
-        return True
+            least = np.minimum(least, room)
+            bottom = 0.0 if stop else float(least.min())
+            if stop and np.any(room < 0.0):
+                break
+            k += max(1, int(np.min((room - bottom) / rates) / step))
+        return least
 
     def postures(self, random: np.random.Generator, count: int) -> FloatArray:
         """Random postures in which the robot can stand, shape (count, n) [rad or m].

@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
-from sysid_ros.identification.excitation_constraints import MotionConstraints
 from sysid_ros.identification.excitation_criteria import Criteria, ExcitationCriteria
 from sysid_ros.identification.excitation_feasibility import Feasibility
+from sysid_ros.identification.excitation_optimiser import MotionOptimiser, Stage
 from sysid_ros.identification.fourier_trajectory import FourierBasis, FourierTrajectory
 from sysid_ros.sample import FloatArray
 
-_SAMPLES_PER_HARMONIC = 20
-_LEAST_SAMPLES = 100
 _CRITERIA_STEP = 0.01
-_EXACT_STEP = 0.004
 _SHRINK = (1.0, 0.999, 0.998, 0.995, 0.99, 0.98, 0.96, 0.93, 0.9)
 _HALVINGS = 6
 _LITTLE = 1.0 / 3.0
-_TOLERANCE = 3e-5
 _NEARLY_USE, _NEARLY_ROOM = 1.05, -0.02
 """Largest use of a limit, and least room between links [m], from which another stage finds back."""
 _CLOSE = 0.998
@@ -29,49 +23,28 @@ _CLOSE = 0.998
 _UNDER = 0.995
 """Left of a limit that is looked at every 10 ms."""
 
-
-@dataclass(frozen=True, slots=True)
-class Stage:
-    """One run of the optimiser.
-
-    Attributes:
-        sharpness: of the smooth maximum over time. iterations: at most. tolerance: by which a limit may be exceeded.
-        exact: the smooth maximum is corrected by what the first motion really uses.
-    """
-
-    sharpness: float
-    iterations: int
-    tolerance: float
-    exact: bool
-
-
-STAGES = (Stage(60.0, 120, 1e-2, False), Stage(300.0, 60, 1e-3, True), Stage(300.0, 30, 1e-4, True), Stage(300.0, 30, 1e-4, True))
+STAGES = (Stage(60.0, 120, False), Stage(300.0, 60, True), Stage(300.0, 30, True), Stage(300.0, 30, True))
 """Far at first, with maxima that are smooth; then up to the limits."""
 
 
 class ExcitationSearch:
     """Searches ``max over C of D(C)`` under the limits, C the coefficients of a Fourier series.
 
-    Sequential quadratic programming (scipy's SLSQP; Kraft 1988) with the exact derivatives of the torque limits and differences
-    for the regressor. What comes out is checked at 1 ms and, where it is not within all limits, shrunk, or moved back towards the
-    feasible motion that the search began from.
+    What :class:`MotionOptimiser` finds is checked at 1 ms and, where it is not within all limits, shrunk, or moved back towards
+    the feasible motion that the search began from.
 
     Args:
         criteria: what is maximised.
         feasibility: the limits.
         basis: of the motions.
-        start: where they start and end, shape (n,); None: anywhere. The basis is anchored where it is given.
-
     Attributes:
         parameters: names of the independent base parameters. weight: of each joint's rows, shape (n,).
     """
 
-    def __init__(
-        self, criteria: ExcitationCriteria, feasibility: Feasibility, basis: FourierBasis, start: FloatArray | None = None
-    ) -> None:
-        self._criteria, self._feasibility, self._basis, self._start = criteria, feasibility, basis, start
+    def __init__(self, criteria: ExcitationCriteria, feasibility: Feasibility, basis: FourierBasis) -> None:
+        self._criteria, self._feasibility, self._basis = criteria, feasibility, basis
         self.parameters, self.weight = criteria.names, criteria.weight
-        self._constraints = MotionConstraints(feasibility, basis, max(_LEAST_SAMPLES, _SAMPLES_PER_HARMONIC * basis.harmonics))
+        self._optimiser = MotionOptimiser(criteria, feasibility, basis)
 
     def criteria(self, trajectory: FourierTrajectory) -> Criteria:
         """Criteria of a motion, from samples every 10 ms."""
@@ -131,76 +104,19 @@ class ExcitationSearch:
         best, best_d = begin, self.criteria(begin).d
         now = begin
         for stage in STAGES:
-            now = self._optimised(now, stage, progress)
+            now = self._optimiser.run(now, stage, progress)
             factor, repaired = self._shrunk(now)
             if repaired is None:
                 repaired = self._towards(now, best)
                 if not self._nearly_feasible(now):
                     # lost in a collision, where gradients say little: on from what is still feasible
                     now = repaired
-            d = self.criteria(repaired).d
-            if d > best_d:
+            better = (d := self.criteria(repaired).d) > best_d
+            if better:
                 best, best_d = repaired, d
-            if stage.exact and factor >= _CLOSE:
+            if stage.exact and better and factor >= _CLOSE:
                 break
         return best
-
-    def _optimised(self, begin: FourierTrajectory, stage: Stage, progress: Callable[[], None]) -> FourierTrajectory:
-        from scipy.optimize import minimize
-
-        shape = begin.coefficients.shape
-        fixed = 0 if self._start is None else 1
-        r = len(self._criteria.columns)
-        constraints = self._constraints
-        correction: FloatArray | float = 0.0
-        if stage.exact:
-            smooth, _ = constraints.evaluate(begin.coefficients, stage.sharpness)
-            correction = smooth - self._exact(begin)
-
-        def whole(x: FloatArray) -> FloatArray:
-            return np.concatenate([begin.coefficients[:fixed].ravel(), x]).reshape(shape)
-
-        # the optimiser asks for value and derivative one after the other
-        @lru_cache(maxsize=1)
-        def objective(key: bytes) -> tuple[float, FloatArray]:
-            value, *gradients = self._criteria.negative_d(*constraints.motion(whole(np.frombuffer(key))))
-            total = sum(f.T @ g for f, g in zip(constraints.functions, gradients, strict=True))
-            return value / r, np.asarray(total)[fixed:].ravel() / r
-
-        @lru_cache(maxsize=1)
-        def inequality(key: bytes) -> tuple[FloatArray, FloatArray]:
-            value, gradient = constraints.evaluate(whole(np.frombuffer(key)), stage.sharpness)
-            return 0.999 - (value - correction), -gradient[:, fixed:].reshape(len(value), -1)
-
-        best, best_value = begin.coefficients[fixed:].ravel(), np.inf
-
-        def step(x: FloatArray) -> None:
-            nonlocal best, best_value
-            progress()
-            value, (room, _) = objective(x.tobytes())[0], inequality(x.tobytes())
-            if value < best_value and room.min() > -stage.tolerance:
-                best, best_value = np.array(x), value
-
-        minimize(
-            lambda x: objective(x.tobytes())[0],
-            begin.coefficients[fixed:].ravel(),
-            jac=lambda x: objective(x.tobytes())[1],
-            constraints=[
-                {
-                    "type": "ineq",
-                    "fun": lambda x: inequality(x.tobytes())[0],
-                    "jac": lambda x: inequality(x.tobytes())[1],
-                }
-            ],
-            method="SLSQP",
-            callback=step,
-            options={"maxiter": stage.iterations, "ftol": _TOLERANCE},
-        )
-        return FourierTrajectory(self._basis, whole(best))
-
-    def _exact(self, trajectory: FourierTrajectory) -> FloatArray:
-        """What the constraints say of a motion with the true maxima, shape (m,)."""
-        return self._constraints.exact(self._feasibility.use(trajectory, _EXACT_STEP))
 
     def _shrunk(self, trajectory: FourierTrajectory) -> tuple[float, FourierTrajectory | None]:
         for factor in _SHRINK:

@@ -60,7 +60,7 @@ def search_friction(
         return [], []
     if choices.friction == "load_dependent":
         return [LoadDependentFriction(robot)], []
-    (knob,) = StribeckFriction.knobs
+    knob = next(k for k in StribeckFriction.knobs if k.name == "vs")
     grids = [np.geomspace(knob.low, knob.high, _COARSE)] * robot.n
     progress("searching the Stribeck velocities")
     best, _ = _search(robot, grids, rows)

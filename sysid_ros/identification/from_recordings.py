@@ -17,6 +17,7 @@ from sysid_ros.identification.result import CutOff, Identification, Problem
 from sysid_ros.identification.rows import FORMS, BagRows, collect_rows
 from sysid_ros.identification.spectrum import choose_cutoff
 from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
 from sysid_ros.torque_model import TorqueModel
 
 
@@ -30,6 +31,7 @@ def identify_recordings(
     max_gap: float = 0.1,
     measured_velocity: bool = False,
     problems: Sequence[Problem] = (),
+    loaded: Sequence[Recording] = (),
     progress: Callable[[str], None] = lambda what: None,
 ) -> Identification:
     """Identify an arm from recordings in which it carries nothing (or always the same).
@@ -39,14 +41,15 @@ def identify_recordings(
         provenance: written into the model file. choices: how. cutoff_hz: of the low-pass [Hz]; 0 to choose it.
         max_gap: a longer gap between samples is not bridged [s]. measured_velocity: take the messages' velocity where there is
             one.
-        problems: found before. progress: told what is being done.
+        problems: found before. loaded: runs in which the arm carries a payload, which is found as the difference.
+        progress: told what is being done.
 
     Raises:
         SettingsError: a choice is unknown. DataError: the recordings can't tell the robot's parameters, and why.
     """
     choices = choices or Choices()
     _require(choices)
-    checked = [check_channels(robot, r, max_gap) for r in (*recordings, *validation)]
+    checked = [check_channels(robot, r, max_gap) for r in (*recordings, *validation, *loaded)]
     found = [*problems, *(p for c in checked for p in c.problems)]
     cutoff = CutOff(cutoff_hz, "as given") if cutoff_hz else choose_cutoff(recordings, robot.joint_names, max_gap)
 
@@ -58,7 +61,9 @@ def identify_recordings(
             out.append(collect_rows(model, c.recording, name, cutoff.hz, max_gap, choices.form, measured_velocity, c.spoiled))
         return out
 
-    fitted, judged = checked[: len(recordings)], checked[len(recordings) :]
+    first = len(recordings)
+    second = first + len(validation)
+    fitted, judged, carrying = checked[:first], checked[first:second], checked[second:]
     model = free_model(robot)
     bags = rows(model, fitted)
     try:
@@ -71,9 +76,16 @@ def identify_recordings(
     if friction:
         model = free_model(robot, friction)
         bags = rows(model, fitted)
-    checks = rows(model, judged)
+    checks, with_load = rows(model, judged), rows(model, carrying)
     progress("solving")
-    return identify(model, bags, checks, provenance, choices, cutoff, found, knobs)
+    return identify(model, bags, checks, provenance, choices, cutoff, found, knobs, with_load)
+
+
+def prepared_rows(robot: RobotModel, checked: Sequence[CheckedRecording], cutoff_hz: float) -> tuple[list[BagRows], FloatArray]:
+    """Rows of recordings for links, friction, rotors and offsets, and the URDF's values of these parameters, shape (p,)."""
+    model = free_model(robot)
+    rows = [collect_rows(model, c.recording, c.recording.name, cutoff_hz, spoiled=c.spoiled) for c in checked]
+    return rows, Prior.of(model).mean
 
 
 def _require(choices: Choices) -> None:

@@ -19,6 +19,11 @@ from sysid_ros.identification.rows import BagRows
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque_model import TorqueModel
 
+_SLACK = (0.01, 0.03)
+_TOO_STRICT = 1.1
+"""A joint that no inertials can improve must not keep all the others from theirs: where holding every joint to 1 % of what the
+URDF's links reach costs more than a tenth of the error, 3 % is allowed."""
+
 
 @dataclass(frozen=True, slots=True)
 class Prior:
@@ -75,11 +80,9 @@ class Solvers:
     @classmethod
     def of(cls, model: TorqueModel, prior: Prior, found: Fit, physical: bool) -> Solvers:
         """For a model and the fit that its weights come from."""
-        if not physical:
-            return cls(model, prior, np.diag(np.where(prior.is_link, 1.0 / prior.std**2, 0.0)), prior.mean, False)
         problem = PhysicalProblem(model, found.information, found.score)
         links = np.where(prior.is_link, problem.solve(math.inf).theta, 0.0)
-        return cls(model, prior, problem.prior_curvature, links, True)
+        return cls(model, prior, problem.prior_curvature, links, physical)
 
     def approximate(self, information: FloatArray, score: FloatArray, weight: float) -> FloatArray:
         """theta, shape (p,), by the quadratic prior; ``inf`` keeps the links."""
@@ -156,15 +159,21 @@ def choose_prior(folds: Folds, solvers: Solvers, given: float | None) -> PriorCh
     """The weight of the prior: as given, else by the error on the parts held out."""
     if given is not None:
         return PriorChoice(given, (given,), (math.nan,), "as given")
-    choice = choose_weight(lambda weight: folds.error(solvers, weight), WEIGHTS)
-    least = np.maximum(choice.errors.min(axis=0), 1e-300)
-    score = np.sqrt(np.mean((choice.errors / least) ** 2, axis=1))
+    errors = {weight: folds.error(solvers, weight) for weight in WEIGHTS}
+    least = np.maximum(np.min(list(errors.values()), axis=0), 1e-300)
+
+    def score(weight: float) -> float:
+        return float(np.sqrt(np.mean((errors[weight] / least) ** 2)))
+
+    choice, lenient = (choose_weight(errors.__getitem__, WEIGHTS, slack) for slack in _SLACK)
+    if score(choice.weight) > _TOO_STRICT * score(lenient.weight):
+        choice = lenient
     what = "halves in time, posture and speed, held out in turn" if folds.of_one_bag else "bags held out in turn"
     if math.isinf(choice.weight):
         reason = f"the URDF's own links predict {what}, as well as any others, so they are kept"
     else:
         reason = f"the most that predicts {what}, as well as the best, and no joint worse than the URDF's own links do"
-    return PriorChoice(choice.weight, tuple(choice.weights.tolist()), tuple(score.tolist()), reason)
+    return PriorChoice(choice.weight, WEIGHTS, tuple(score(w) for w in WEIGHTS), reason)
 
 
 def _upper(values: FloatArray) -> NDArray[np.bool_]:

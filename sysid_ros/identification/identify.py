@@ -18,6 +18,7 @@ from sysid_ros.identification.contradictions import check_contradictions
 from sysid_ros.identification.error_directions import error_directions
 from sysid_ros.identification.held_out import Folds, Prior, Solvers, choose_prior
 from sysid_ros.identification.least_squares import Fit, fit, noise_density
+from sysid_ros.identification.payload_difference import PayloadDifference, payload_difference
 from sysid_ros.identification.repeatability import per_bag, repeatability, spread
 from sysid_ros.identification.result import CutOff, Identification, Knob, Parameter, Problem, TorqueError
 from sysid_ros.identification.rows import BagRows
@@ -39,6 +40,7 @@ class Choices:
         method: one of :data:`sysid_ros.identification.least_squares.METHODS`. form: one of ``rows.FORMS``, for the record.
         friction: "coulomb", "stribeck" or "load_dependent", for the record.
         physical: links that can exist, friction and rotors of 0 or more. prior_weight: None to choose it by held-out error.
+        payload_frame: link that carries the payload of loaded runs; the robot's last by default.
         accept_doubts: go on where effort and URDF, or the bags among each other, don't fit, and only say so.
     """
 
@@ -48,6 +50,7 @@ class Choices:
     physical: bool = True
     prior_weight: float | None = None
     accept_doubts: bool = False
+    payload_frame: str = ""
 
 
 def free_model(robot: RobotModel, friction: Sequence[Effect] = ()) -> TorqueModel:
@@ -69,6 +72,7 @@ def identify(
     cutoff: CutOff | None = None,
     problems: Sequence[Problem] = (),
     knobs: Sequence[Knob] = (),
+    loaded: Sequence[BagRows] = (),
 ) -> Identification:
     """Weighted least squares on all recordings; its error from recordings held out in turn (halves, where there is one).
 
@@ -78,6 +82,7 @@ def identify(
     Args:
         model: from :func:`free_model`. bags: rows of recordings without a payload. validation: rows that are never fitted.
         provenance: written into the model file. choices: how. cutoff, problems, knobs: found before, for the record.
+        loaded: rows of recordings in which the arm carries a payload at ``choices.payload_frame``.
 
     Raises:
         DataError: a joint hardly moves in all of the recordings, or no physical parameters explain them.
@@ -141,7 +146,13 @@ def identify(
         record_next=record_next(model.robot, bags, groups, repeated, condition),
         physical=physical,
         model=_model_file(model, theta, found, torque_std, correlation_time, provenance),
+        payload=_payload(model, found, loaded, prior, choices) if loaded else None,
     )
+
+
+def _payload(model: TorqueModel, empty: Fit, loaded: Sequence[BagRows], prior: Prior, choices: Choices) -> PayloadDifference:
+    with_load = fit(loaded, prior.mean, prior.std, choices.method)
+    return payload_difference(model, empty, with_load, choices.payload_frame)
 
 
 def _require_motion(robot: RobotModel, bags: Sequence[BagRows]) -> None:

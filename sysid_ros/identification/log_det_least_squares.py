@@ -73,7 +73,7 @@ class LogDetLeastSquares:
     def solve(self, weight: float) -> tuple[FloatArray, float, str]:
         """Clarabel's point, from which Newton's method goes to the last digit.
 
-        Where Clarabel fails, Newton's method follows the minimum from the identity by weights that fall by halves. Rows that no
+        Where Clarabel fails, Newton's method follows the minimum from the identity by weights that fall. Rows that no
         positive definite matrices can satisfy, by very much more than the weight, leave the minimum so close to the border that
         even this may end early; with any weight w the squares are at most ``4 w`` a matrix above their least.
 
@@ -90,15 +90,22 @@ class LogDetLeastSquares:
         bound = 0.5 * float(rest @ rest)
         start, words = self._by_clarabel(weight, max(weight, _PART_OF_BOUND * bound))
         if start is not None:
-            found, converged = self._newton(start, weight)
-            if converged:
+            found, steps = self._newton(start, weight)
+            if steps is not None:
                 return found, weight, ""
-        reached = np.inf
-        for halvings in reversed(range(max(round(np.log2(max(bound / weight, 1.0))), 0) + 1)):
-            found, converged = self._newton(x, weight * 2.0**halvings)
-            if not converged:
+        reached, ratio = max(bound, weight), 2.0
+        while True:
+            following = max(weight, reached / ratio)
+            found, steps = self._newton(x, following)
+            if steps is not None:
+                x, reached = found, following
+                if reached == weight:
+                    break
+                ratio = max(2.0, min(1e4, ratio * (8.0 if steps < 3 else 1.0 if steps < 12 else 0.25)))
+            elif ratio > 2.0:
+                ratio = 2.0
+            else:
                 return x, reached, words
-            x, reached = found, weight * 2.0**halvings
         return x, weight, ""
 
     def _by_clarabel(self, weight: float, scale: float) -> tuple[FloatArray | None, str]:
@@ -140,30 +147,30 @@ class LogDetLeastSquares:
             return None, f"Clarabel ends with '{problem.status}' at matrices that are not positive definite"
         return x, ""
 
-    def _newton(self, x: FloatArray, weight: float) -> tuple[FloatArray, bool]:
-        """The point that Newton's method reaches from a point inside, and whether it is the minimum.
+    def _newton(self, x: FloatArray, weight: float) -> tuple[FloatArray, int | None]:
+        """The point that Newton's method reaches from a point inside, and in how many steps; None where it is no minimum.
 
         With X = L L' and E = L^-1 dX L^-T the second-order model of ``tr X - log det X`` is ``|E + L'L - 1|^2 / 2``, so every
         step is a least-squares problem with bounds: no matrix is squared.
         """
         cost = self._cost(x, weight)
-        for _ in range(_STEPS):
+        for taken in range(_STEPS):
             log_rows, log_target = self._log_det_rows(x)
             rows = np.vstack([self._rows, weight**0.5 * log_rows])
             target = np.concatenate([self._target - self._rows @ x, weight**0.5 * log_target])
             step = _bounded_least_squares(rows, target, self._lower - x)
             gain = 0.5 * float(target @ target - np.sum((rows @ step - target) ** 2))
             if gain < _CONVERGED * min(weight, 1.0) + _ROUNDING * abs(cost):
-                return (x + step if self._inside(x + step) else x), True
+                return (x + step if self._inside(x + step) else x), taken
             # a step that ends close to the border would need many more to come back from there
             inward = min(np.linalg.eigvalsh(e.reshape(4, 4))[0] for e in np.split(log_rows @ step, len(self._starts)))
             size = min(1.0, 0.9 / max(-float(inward), 1e-300))
             while (trial := self._cost(x + size * step, weight)) > cost - 0.1 * size * gain:
                 size *= 0.5
                 if size < 1e-10:
-                    return x, gain < _STALLED * (weight + abs(cost))
+                    return x, taken if gain < _STALLED * (weight + abs(cost)) else None
             x, cost = x + size * step, trial
-        return x, False
+        return x, None
 
     def _cost(self, x: FloatArray, weight: float) -> float:
         if not self._inside(x):

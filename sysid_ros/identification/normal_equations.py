@@ -45,9 +45,12 @@ class NormalEquations:
                     w = weight[rows, j]
                     used = w > 0.0
                     Y, y, w = bag.Y[rows, j][used], bag.y[rows, j][used], w[used]
+                    # links that a joint does not move have no columns in its rows
+                    here = np.flatnonzero(Y.any(axis=0))
+                    Y = np.ascontiguousarray(Y[:, here])
                     weighted = Y.T * w
-                    normal[b, j] += weighted @ Y
-                    score[b, j] += weighted @ y
+                    normal[b, j][np.ix_(here, here)] += weighted @ Y
+                    score[b, j, here] += weighted @ y
                     power[b, j] += float(w * y @ y)
                     count[b, j] += float(w.sum())
         return cls(normal, score, power, count)

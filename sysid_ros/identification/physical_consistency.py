@@ -15,7 +15,7 @@ from sysid_ros.identification.reference_bodies import reference_bodies
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque_model import TorqueModel
 
-_BLIND = 1e-14
+_BLIND = 1e-13
 """Part of the information, each parameter in its own unit of it, under which a direction counts as unseen."""
 
 _MOST_RAISED = 1e6

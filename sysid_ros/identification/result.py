@@ -13,6 +13,7 @@ from sysid_ros.model_file import ModelFile
 from sysid_ros.sample import FloatArray
 
 if TYPE_CHECKING:
+    from sysid_ros.identification.payload_difference import PayloadDifference
     from sysid_ros.identification.physical_consistency import PhysicalFit
 
 BoolArray = NDArray[np.bool_]
@@ -247,6 +248,7 @@ class Identification:
         problems: found in the bags. record_next: what to record to know more, sentences.
         physical: outcome of the physical consistency; None where it was switched off.
         model: to be written to model.yaml.
+        payload: what loaded runs carried, where some were given.
     """
 
     joint_names: tuple[str, ...]
@@ -276,3 +278,4 @@ class Identification:
     record_next: tuple[str, ...]
     physical: PhysicalFit | None
     model: ModelFile
+    payload: PayloadDifference | None = None

@@ -13,7 +13,7 @@ from sysid_ros.input_gate.limits import largest_gravity_torque, plausible_limits
 from sysid_ros.input_gate.mapping import Mapping, effort_factor
 from sysid_ros.input_gate.rejections import Rejection
 from sysid_ros.robot_model import RobotModel
-from sysid_ros.sample import FloatArray, JointStateRecord, Measurement
+from sysid_ros.sample import ContactRecord, FloatArray, ImuRecord, JointStateRecord, Measurement
 from sysid_ros.settings import OnlineSettings
 
 _BACK_IN_TIME = 1.0  # s; more is a restart of the clock, less a message that was overtaken
@@ -105,6 +105,13 @@ class InputGate:
             self._last_accepted = (record.receive_time, self._last_t)
         self._events.append((record.receive_time, reason))
         return result
+
+    def take(self, record: JointStateRecord | ImuRecord | ContactRecord) -> list[Measurement]:
+        """The measurement that a message holds, in a list that is empty where it is not used; an IMU tells nothing of an arm."""
+        if not isinstance(record, JointStateRecord):
+            return []
+        result = self.accept(record)
+        return [] if isinstance(result, Rejection) else [result]
 
     def health(self, now: float) -> GateHealth:
         """The state of the input at ``now`` [s], a time of the clock that ``receive_time`` is from."""

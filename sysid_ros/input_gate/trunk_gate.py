@@ -6,7 +6,7 @@ from collections import Counter, deque
 
 import numpy as np
 
-from sysid_ros.floating_base import FREE, FloatingBase
+from sysid_ros.floating_base import FloatingBase
 from sysid_ros.input_gate.rejections import Rejection
 from sysid_ros.rotation import rotation_of
 from sysid_ros.sample import ContactRecord, FloatArray, ImuRecord, Measurement, TrunkReading
@@ -28,7 +28,8 @@ class TrunkGate:
     """Gives each measurement of the joints the angular velocity, the specific force and the contacts of its instant.
 
     Between two IMU messages the values are interpolated; a measurement waits until an IMU message of its stamp or a later one is
-    there. Contacts carry no stamp: the last one received holds. Where the IMU sits comes from the setting ``imu_frame``, else from
+    there. Contacts carry no stamp: the last one received holds. Where the IMU sits comes from the setting ``imu_frame``, else
+    from
     the message's ``frame_id``, a link that is fixed to the trunk; or from ``imu_xyz`` and ``imu_rpy``, where one of them is set.
 
     Args:
@@ -64,7 +65,8 @@ class TrunkGate:
         mean = float(np.linalg.norm(self._mean))
         if mean < _WEIGHTLESS:
             return (
-                f"The IMU's linear_acceleration is {mean:.2f} m/s^2 on average; standing still it must be 9.81, the specific force. "
+                f"The IMU's linear_acceleration is {mean:.2f} m/s^2 on average; standing still it must be 9.81, the "
+                f"specific force. "
                 "The driver takes gravity out: publish the raw acceleration.",
             )
         if mean < _IN_G:
@@ -96,7 +98,8 @@ class TrunkGate:
             self._reject(
                 Rejection(
                     "contacts_length",
-                    f"A contact message holds {values.size} values, {np.isfinite(values).sum()} of them finite; it must hold one for "
+                    f"A contact message holds {values.size} values, {np.isfinite(values).sum()} of them finite; it "
+                    f"must hold one for "
                     f"each of {', '.join(feet)}. Set contact_frames to the feet in the order of the message.",
                 )
             )
@@ -156,7 +159,8 @@ class TrunkGate:
             offset = self._imu[-1][0] - t
             return Rejection(
                 "imu_stamps",
-                f"The stamps of the IMU are {abs(offset):.2f} s {'ahead of' if offset > 0 else 'behind'} those of the joints; within "
+                f"The stamps of the IMU are {abs(offset):.2f} s {'ahead of' if offset > 0 else 'behind'} those of the "
+                f"joints; within "
                 f"{_WAIT:g} s they are matched. Synchronise the clocks, or stamp both messages when they are measured.",
             )
         worst = next(reversed(self.last_texts.values()), "No message of the IMU was usable.")
@@ -176,7 +180,8 @@ class TrunkGate:
         if not (np.abs(omega).max() <= _FASTEST and np.abs(force).max() <= _HARDEST):
             return Rejection(
                 "imu_range",
-                f"The IMU tells {omega} rad/s and {force} m/s^2; finite numbers up to {_FASTEST:g} rad/s and {_HARDEST:g} m/s^2 are "
+                f"The IMU tells {omega} rad/s and {force} m/s^2; finite numbers up to {_FASTEST:g} rad/s and "
+                f"{_HARDEST:g} m/s^2 are "
                 "believed. If they are in degrees, make the driver publish rad/s.",
             )
         t = record.stamp or record.receive_time
@@ -206,7 +211,8 @@ class TrunkGate:
         found = f"has the frame '{frame}', which is" if frame else "names no frame_id, and none is"
         return Rejection(
             "imu_frame",
-            f"The IMU {found} no link that is fixed to the trunk '{self._base.trunk}'; those are {', '.join(fixed)}. Set imu_frame to "
+            f"The IMU {found} no link that is fixed to the trunk '{self._base.trunk}'; those are {', '.join(fixed)}. "
+            f"Set imu_frame to "
             "one of them, or imu_xyz and imu_rpy to where the IMU sits in the trunk.",
         )
 

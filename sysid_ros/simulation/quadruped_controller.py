@@ -53,7 +53,7 @@ class QuadrupedController:
         self.load = np.zeros(10)
         self._frame = base.robot.frame_id(base.trunk)
         _, jacobians = base.contacts.jacobians(np.full(base.robot.n, 0.3))
-        self._leg_rows = [np.flatnonzero(np.abs(j[:3, FREE:]).max(axis=0) > 1e-9) for j in jacobians]
+        self._leg_rows = np.array([np.flatnonzero(np.abs(j[:3, FREE:]).max(axis=0) > 1e-9) for j in jacobians])
 
     def start(self, place: FloatArray, hips: FloatArray) -> None:
         """Begin at a place on the ground (2,) [m] with feet neutrally at ``hips`` (k, 2) [m] in the trunk."""
@@ -77,24 +77,21 @@ class QuadrupedController:
         centres, jacobians = base.contacts.jacobians(moved[0])
         bias = base.contacts.accelerations(*moved)
         motion = np.concatenate([rotation.T @ velocity, w, v])
-        for i in range(self._k):
-            wanted_foot = np.zeros(3)
-            if phase[i] >= 1.0:
-                foot, foot_velocity = position + rotation @ centres[i], rotation @ (jacobians[i, :3] @ motion)
-                wanted_foot = rotation.T @ self._swing(
-                    i, phase[i] - 1.0, foot, foot_velocity, position, velocity, rotation, wanted
-                )
-            self._swinging[i] = phase[i] >= 1.0
-            rows = self._leg_rows[i]
-            a[rows] = np.linalg.solve(jacobians[i, :3, FREE + rows].T, wanted_foot - bias[i])
+        feet, feet_velocities = position + centres @ rotation.T, jacobians[:, :3] @ motion @ rotation.T
+        wanted_feet = np.zeros((self._k, 3))
+        for i in np.flatnonzero(phase >= 1.0):
+            wanted_feet[i] = rotation.T @ self._swing(
+                int(i), phase[i] - 1.0, feet[i], feet_velocities[i], position, velocity, rotation, wanted
+            )
+        self._swinging = phase >= 1.0
+        legs = np.take_along_axis(jacobians[:, :3], FREE + self._leg_rows[:, None, :], axis=2)
+        a[self._leg_rows] = np.linalg.solve(legs, (wanted_feet - bias)[:, :, None])[:, :, 0]
         specific = rotation.T @ (acceleration - self._gravity)
         wrench = self._inverse_dynamics(*base.state(q, v, a, w, specific, dw))
         normal = rotation.T @ np.array([0.0, 0.0, 1.0])
-        points = jacobians[:, :3] - np.array(
-            [_skew(-r * normal) @ j[3:] for r, j in zip(base.foot_radius, jacobians, strict=True)]
-        )
+        points = jacobians[:, :3] + base.foot_radius[:, None, None] * (_skew(normal) @ jacobians[:, 3:])
         forces = self._share(wrench[:FREE], points[:, :, :FREE], phase, normal)
-        tau: FloatArray = wrench[FREE:] - np.einsum("kij,ki->j", points[:, :, FREE:], forces)
+        tau: FloatArray = wrench[FREE:] - forces.ravel() @ points[:, :, FREE:].reshape(-1, q.size)
         return tau
 
     def _inverse_dynamics(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
@@ -186,12 +183,12 @@ class QuadrupedController:
         columns = np.concatenate([jacobians[i].T * weight[i] for i in standing], axis=1) * scale[:, None]
         regular = 1e-2 * np.eye(columns.shape[1])
         solution = np.linalg.solve(columns.T @ columns + regular, columns.T @ (scale * wrench))
-        for j, i in enumerate(standing):
-            force = solution[3 * j : 3 * j + 3] * weight[i]
-            up = max(float(force @ normal), _LEAST_FORCE)
-            side = force - (force @ normal) * normal
-            along = float(np.linalg.norm(side))
-            forces[i] = up * normal + side * min(1.0, _FRICTION * up / max(along, 1e-9))
+        shared = solution.reshape(-1, 3) * weight[standing, None]
+        up = shared @ normal
+        side = shared - np.outer(up, normal)
+        up = np.maximum(up, _LEAST_FORCE)
+        along = np.maximum(np.sqrt((side * side).sum(axis=1)), 1e-9)
+        forces[standing] = np.outer(up, normal) + side * np.minimum(1.0, _FRICTION * up / along)[:, None]
         return forces
 
 

@@ -15,7 +15,7 @@ from sysid_ros.simulation.quadruped_description import FEET
 from sysid_ros.simulation.quadruped_motion import GAITS
 from sysid_ros.simulation.scenario import CONTROL_RATE
 
-SETTLE_TIME = 1.0
+SETTLE_TIME = 0.5
 """The robot stands for so long before the recording begins [s]."""
 
 

@@ -1,9 +1,10 @@
 """Where joint states come from and go to: bags, memory."""
 
 from sysid_ros.sources.bag import BagSource
+from sysid_ros.sources.floating_bag import FloatingBagSource
 from sysid_ros.sources.memory import MemorySource
 from sysid_ros.sources.recording import BagRecorder
 from sysid_ros.sources.robot_description import urdf_text
 from sysid_ros.sources.source import Source
 
-__all__ = ["BagRecorder", "BagSource", "MemorySource", "Source", "urdf_text"]
+__all__ = ["BagRecorder", "BagSource", "FloatingBagSource", "MemorySource", "Source", "urdf_text"]

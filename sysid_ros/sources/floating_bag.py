@@ -26,7 +26,8 @@ class FloatingBagSource:
     Args:
         joints: the bag, with the topic of its joint states chosen.
         imu_topic: where the IMU is; empty: ``/imu``, or the only topic of that type.
-        contact_topic: where the foot contacts are; empty: ``/contacts`` where it is in the bag. Without it the stance is inferred.
+        contact_topic: where the foot contacts are; empty: ``/contacts`` where it is in the bag. Without it the stance is
+        inferred.
 
     Attributes:
         imu_topic, contact_topic: that are read; the second is empty where there is none.

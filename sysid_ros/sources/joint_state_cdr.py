@@ -198,6 +198,8 @@ def _layout_of(message: bytes) -> _Layout | None:
     def text() -> str:
         nonlocal at
         size = count()
+        if size > len(message) - at:
+            raise ValueError("a string that is longer than the message")
         fixed.extend(range(at, at + size))
         at += size
         characters, end = message[at - size : at - 1], message[at - 1 : at]

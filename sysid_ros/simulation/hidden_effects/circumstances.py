@@ -25,6 +25,7 @@ class Circumstances:
         robot: the nominal model. motion: the one that is fitted. rng: where everything comes from.
         scale: multiplies the sizes; 1 is usual.
         torque_noise: standard deviation of the efforts, shape (n,) [N m]; a resolution is drawn relative to it.
+        only: the joint where it has to be; None: any.
     """
 
     robot: RobotModel
@@ -32,6 +33,7 @@ class Circumstances:
     rng: np.random.Generator
     scale: float
     torque_noise: FloatArray
+    only: int | None = None
 
     def __post_init__(self) -> None:
         t = np.arange(0.0, self.motion.duration, _GRID)
@@ -73,12 +75,16 @@ class Circumstances:
 
     def some_joints(self) -> list[int]:
         """Most often one joint, sometimes two, sometimes all."""
+        if self.only is not None:
+            return [self.only]
         n = self.robot.n
         count = int(self.rng.choice([1, 2, n], p=[0.65, 0.2, 0.15]))
         return sorted(self.rng.choice(n, size=count, replace=False).tolist())
 
     def one_joint(self, allowed: NDArray[np.bool_] | None = None) -> int:
         """One joint, among those where ``allowed`` (n,) is true if any is."""
+        if self.only is not None:
+            return self.only
         n = self.robot.n
         pool = np.flatnonzero(allowed) if allowed is not None and np.any(allowed) else np.arange(n)
         return int(self.rng.choice(pool))

@@ -36,7 +36,7 @@ def link_inertia(c: Circumstances) -> HiddenEffect:
     """A link that is heavier or lighter than its URDF, or whose centre of mass is elsewhere; not the last one, which would be a
     payload, nor the first, of which only the inertia about a vertical axis shows, as a rotor's would."""
     robot = c.robot
-    joint = int(c.rng.integers(1, robot.n - 1))
+    joint = c.one_joint((np.arange(robot.n) > 0) & (np.arange(robot.n) < robot.n - 1))
     kind = str(c.rng.choice(["mass", "com", "both"]))
     factor = 1.0 if kind == "com" else 1.0 + c.sign() * c.share(0.15, 0.4)
     direction = c.rng.normal(size=3)

@@ -60,7 +60,9 @@ def joint_sign(c: Circumstances) -> HiddenEffect:
 
 def joint_order(c: Circumstances) -> HiddenEffect:
     """Two joints under each other's names, in the efforts alone or in all channels."""
-    first, second = sorted(c.rng.choice(c.robot.n, size=2, replace=False).tolist())
+    one = c.one_joint()
+    other = int(c.rng.choice([j for j in range(c.robot.n) if j != one]))
+    first, second = sorted((one, other))
     names = c.robot.joint_names
     parameters = (
         TrueParameter("takes_from", names[first], names[second], ""),
@@ -87,6 +89,6 @@ def velocity_lag(c: Circumstances) -> HiddenEffect:
 
 def torque_quantisation(c: Circumstances) -> HiddenEffect:
     """Efforts in steps, of one joint or of all."""
-    joints = list(range(c.robot.n)) if c.uniform(0.0, 1.0) < 0.5 else [c.one_joint()]
+    joints = list(range(c.robot.n)) if c.only is None and c.uniform(0.0, 1.0) < 0.5 else [c.one_joint()]
     steps = {j: max(c.share(6.0, 20.0), 3.0) * float(c.torque_noise[j]) for j in joints}
     return c.effect("torque_quantisation", joints, {"step": (steps, "N m")})

@@ -54,8 +54,9 @@ def backlash(c: Circumstances) -> HiddenEffect:
 
 def joint_coupling(c: Circumstances) -> HiddenEffect:
     """``-c`` times a neighbour's torque."""
-    j = int(c.rng.integers(1, c.robot.n))
-    other = j - 1 if c.uniform(0.0, 1.0) < 0.5 or j == c.robot.n - 1 else j + 1
+    last = c.robot.n - 1
+    j = c.one_joint(np.arange(last + 1) > 0)
+    other = 1 if j == 0 else j - 1 if j == last or c.uniform(0.0, 1.0) < 0.5 else j + 1
     size = c.sign() * min(c.share(0.1, 0.4) * c.torque[j] / c.torque[other], 0.6)
     names = c.robot.joint_names
     effect = c.effect("joint_coupling", [j], {"c": ({j: size}, "")})

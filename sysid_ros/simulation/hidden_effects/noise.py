@@ -20,13 +20,15 @@ class Noise:
     Attributes:
         torque: standard deviation of the white part of the efforts, shape (n,) [N m].
         coloured: standard deviation of their part with a memory, shape (n,) [N m]. memory: its correlation time [s].
-        encoder: resolution of the positions [rad]. velocity: standard deviation of the velocities [rad/s].
+        position: standard deviation of the positions, resolution: their steps; 0: none [rad].
+        velocity: standard deviation of the velocities [rad/s].
     """
 
     torque: FloatArray
     coloured: FloatArray
     memory: float = 1.0
-    encoder: float = 1e-4
+    position: float = 2e-5
+    resolution: float = 1e-4
     velocity: float = 1e-3
 
     def floor(self, rate: float) -> FloatArray:

@@ -11,7 +11,7 @@ from sysid_ros.exceptions import SettingsError
 from sysid_ros.sample import FloatArray, JointStateRecord
 from sysid_ros.simulation.hidden_effects.chain import chain_of, inverse_dynamics, place
 from sysid_ros.simulation.hidden_effects.channels import Signals
-from sysid_ros.simulation.hidden_effects.integrator import integrate
+from sysid_ros.simulation.hidden_effects.integrator import FREQUENCY, integrate, state_at
 from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
 from sysid_ros.simulation.hidden_effects.noise import Noise
 from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
@@ -63,7 +63,7 @@ def move(true: TrueRobot, motion: DiagnosisMotion, rate: int, stiffening: FloatA
     count = int(motion.duration * rate)
     grid = np.arange(int(motion.duration / _REFERENCE_PERIOD) + 1002) * _REFERENCE_PERIOD
     reference = np.stack(motion.sample(grid), axis=1)
-    out = np.zeros((count, 4, true.robot.n))
+    out = np.zeros((count, 3, true.robot.n))
     before = chain_of(true.robot, true.pi, true.gravity)
     after = chain_of(true.robot, true.pi_after, true.gravity)
     believed = chain_of(true.robot, true.robot.pi, true.robot.gravity)
@@ -75,23 +75,32 @@ def move(true: TrueRobot, motion: DiagnosisMotion, rate: int, stiffening: FloatA
         joints,
         true.force,
         stiffening,
-        _loaded(true, reference[0, 0]),
         reference,
         _REFERENCE_PERIOD,
         steps,
         1000 // rate * steps,
+        state_at(_loaded(true, reference[0, 0]), reference[0, 0]),
         out,
     )
     t = np.arange(count, dtype=np.float64) / rate
-    error = np.abs(out[:, 0] - motion.sample(t)[0]).max(axis=0)
+    check_followed(true, motion, t[:rows], out[:rows, 0])
+    return Signals(t, out[:, 0].copy(), out[:, 1].copy(), out[:, 2].copy())
+
+
+def check_followed(true: TrueRobot, motion: DiagnosisMotion, t: FloatArray, q: FloatArray) -> None:
+    """The positions (K, n) that were reached at t (K,) are those of the motion.
+
+    Raises:
+        SettingsError: they are not.
+    """
+    error = np.abs(q - motion.sample(t)[0]).max(axis=0)
     # not <=, so that NaN does not pass
-    if rows < count or not np.all(error < _LOST):
+    if not np.all(error < _LOST):
         worst = int(np.argmax(np.nan_to_num(error, nan=np.inf)))
         raise SettingsError(
             f"joint {true.robot.joint_names[worst]} is up to {error[worst]:.2f} rad away from the motion; "
             f"{_LOST} rad is allowed. Hide something smaller."
         )
-    return Signals(t, out[:, 0].copy(), out[:, 1].copy(), out[:, 2].copy())
 
 
 def _loaded(true: TrueRobot, q: FloatArray) -> FloatArray:
@@ -109,8 +118,6 @@ def _loaded(true: TrueRobot, q: FloatArray) -> FloatArray:
 
 def stiffening_for(torque_scale: FloatArray) -> FloatArray:
     """Weight of the feedback that lets the usual torque of a joint, shape (n,) [N m], bend it by some hundredths of a radian."""
-    from sysid_ros.simulation.hidden_effects.integrator import FREQUENCY
-
     return np.asarray(torque_scale / (FREQUENCY**2 * _GIVE))
 
 
@@ -120,11 +127,10 @@ def publish(
     """What the messages of a run say: sensors with their noise, then the channels, then stamps from ``start`` [s] on."""
     count, n = moved.q.shape
     period = float(moved.t[1] - moved.t[0])
+    q = moved.q + noise.position * rng.standard_normal((count, n))
     read = replace(
         moved,
-        q=np.round((moved.q + 0.2 * noise.encoder * rng.standard_normal((count, n))) / noise.encoder) * noise.encoder
-        if noise.encoder > 0.0
-        else moved.q,
+        q=np.round(q / noise.resolution) * noise.resolution if noise.resolution > 0.0 else q,
         v=moved.v + noise.velocity * rng.standard_normal((count, n)),
         tau=moved.tau + noise.of_torque(count, period, rng),
     )
@@ -147,7 +153,8 @@ def truth_of(true: TrueRobot, noise: Noise, rate: int, simulator: str, **more: A
             "torque": noise.torque.tolist(),
             "coloured": noise.coloured.tolist(),
             "memory": noise.memory,
-            "encoder": noise.encoder,
+            "encoder": noise.position,
+            "resolution": noise.resolution,
             "velocity": noise.velocity,
         },
         **more,

@@ -1,0 +1,120 @@
+"""``sysid simulate arm --hide``: record a bag of an arm that hides something its URDF lacks."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+from click.core import ParameterSource
+from rich.console import Console
+from rich.table import Table
+
+from sysid_ros.cli.simulate_output import Bar, named_option
+from sysid_ros.exceptions import SettingsError
+from sysid_ros.sample import JointStateRecord
+from sysid_ros.simulation.description import arm_description
+from sysid_ros.simulation.recording import START_TIME, truth_path, write_truth
+from sysid_ros.sources import BagRecorder
+
+_SHARED = {"seed", "duration", "rate", "encoder_noise", "torque_noise", "velocity_noise"}
+_OWN = {"hide", "hide_value", "hide_seed", "velocity"}
+_DURATION = 25.0
+
+
+def parse_effect(text: str) -> tuple[str, str | None]:
+    """``EFFECT`` or ``EFFECT@JOINT``."""
+    id_, _, joint = text.partition("@")
+    return id_, joint or None
+
+
+def parse_values(texts: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """``NAME=X[,X...]`` or ``EFFECT.NAME=X[,X...]``, each.
+
+    Raises:
+        SettingsError: it is neither.
+    """
+    out = {}
+    for text in texts:
+        name, _, numbers = text.partition("=")
+        try:
+            out[name] = tuple(float(x) for x in numbers.split(","))
+        except ValueError:
+            raise SettingsError(
+                f"--hide-value is '{text}'; it must be NAME=NUMBER, or NAME=X,Y,Z for a vector, such as Fc=2.5 or com=0,0.02,0.1."
+            ) from None
+    return out
+
+
+def record_hidden(bag: Path, storage: str, json_file: Path | None, options: dict[str, Any]) -> None:
+    """Simulate, write the bag and its truth, and show what is hidden.
+
+    Raises:
+        SettingsError: an option does not go with ``--hide``, or what is asked for can't be hidden.
+    """
+    from sysid_ros.simulation.hidden_effects.hide import HiddenScenario, hide_in_arm
+
+    context = click.get_current_context()
+    given = {name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE}
+    if foreign := sorted(given - _SHARED - _OWN):
+        name = next(p.opts[0] for p in context.command.params if p.name == foreign[0])
+        raise SettingsError(f"{name} is given beside --hide; with --hide everything is hidden by --hide. Leave {name} out.")
+    settings = {name: options[name] for name in _SHARED}
+    settings["duration"] = options["duration"] if "duration" in given else _DURATION
+    began = time.perf_counter()
+    urdf = arm_description()
+    try:
+        scenario = HiddenScenario(
+            hide=[parse_effect(text) for text in options["hide"]],
+            values=parse_values(options["hide_value"]),
+            hide_seed=options["hide_seed"],
+            **settings,
+        )
+        with Bar(round(scenario.duration * scenario.rate)) as advance:
+            recording, truth = hide_in_arm(scenario, urdf, START_TIME, advance)
+    except SettingsError as error:
+        raise named_option(error, {*_SHARED, "hide"}) from None
+    records = recording.records()
+    if not options["velocity"]:
+        records = [JointStateRecord(r.stamp, r.receive_time, r.names, r.position, (), r.effort) for r in records]
+    with BagRecorder(bag, storage) as recorder:
+        recorder.write_robot_description(urdf, START_TIME)
+        recorder.write_joint_states(records)
+    truth_file = truth_path(bag)
+    write_truth(truth, truth_file)
+    summary = {
+        "bag": str(bag),
+        "truth_file": str(truth_file),
+        "messages": len(records),
+        "realtime_factor": scenario.duration / (time.perf_counter() - began),
+        "truth": truth,
+    }
+    if json_file is not None:
+        json_file.write_text(json.dumps(summary, indent=2) + "\n")
+    _show(summary)
+
+
+def _show(summary: dict[str, Any]) -> None:
+    truth = summary["truth"]
+    table = Table(title=f"Simulated {truth['robot']} ({truth['simulator']})", show_header=False)
+    table.add_column(style="bold")
+    table.add_column()
+    table.add_row("bag", summary["bag"])
+    table.add_row("truth", summary["truth_file"])
+    table.add_row("messages", f"{summary['messages']} at {truth['rate']} Hz, {truth['duration']:g} s")
+    for effect in truth["effects"]:
+        where = "the whole arm" if effect["joints"] == truth["joint_names"] else ", ".join(effect["joints"])
+        kind = f" ({effect['kind']})" if effect["kind"] else ""
+        table.add_row("hidden", f"{effect['name']}{kind} on {where}")
+        for p in effect["parameters"]:
+            value = p["value"]
+            text = (
+                value
+                if isinstance(value, str)
+                else ", ".join(f"{x:.4g}" for x in (value if isinstance(value, list) else [value]))
+            )
+            table.add_row("", f"{p['name']} = {text} {p['unit']}" + (f"  [{p['joint']}]" if p["joint"] else ""), style="dim")
+    Console().print(table)

@@ -1,0 +1,167 @@
+"""Faults of the published channels: units, signs, order. They are looked for first, since every other effect would soak them up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid_ros.diagnosis.conditioning import motions
+from sysid_ros.diagnosis.recording import Recording
+from sysid_ros.effects import ChannelEffect, Channels, JointOrder, JointSign, TorqueSign, TorqueUnit
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+
+UNITS = {
+    1000.0: "N mm",
+    100.0: "N cm",
+    0.737562: "lbf ft",
+    8.850746: "lbf in",
+    0.001: "kN m",
+    57.29578: "N m, times 180 / pi",
+    0.101972: "kgf m",
+}
+"""Factors of units that efforts are published in by mistake."""
+_EVERY = 5
+_CLOSE = 0.04
+_FAR = 0.15
+_LOADED = 0.05
+_GAIN, _LEFT = 3.0, 0.1
+"""A fault of signs or order must lower the sum of the logarithms of the joints' squared errors by so much, and leave no more than
+this part of the squared torque on half of the joints."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault and what it explains.
+
+    Attributes:
+        effect: how it is undone. joints: indices. values: (name, joint or None, value, unit, std) of each parameter.
+        share: part of the squared torque that the nominal model left and no longer leaves.
+    """
+
+    effect: ChannelEffect
+    joints: tuple[int, ...]
+    values: tuple[tuple[str, int | None, float | str, str, float], ...]
+    share: float
+
+
+def find_faults(robot: RobotModel, recordings: Sequence[Recording]) -> list[Fault]:
+    """Faults of units, signs and order, in the order in which they are to be undone."""
+    found: list[Fault] = []
+    screen = _Screen(robot, recordings)
+    for look in (_order_and_signs, _gains):
+        fault = look(screen)
+        if fault is not None:
+            found.append(fault)
+            screen = _Screen(robot, [undo(r, fault.effect) for r in screen.recordings])
+    return found
+
+
+def undo(recording: Recording, effect: ChannelEffect) -> Recording:
+    """The recording without the fault."""
+    channels = effect.undo(Channels(recording.q, recording.v, recording.tau))
+    return replace(recording, q=channels.q, v=channels.v, tau=channels.tau)
+
+
+class _Screen:
+    """Coarse rows of recordings, on which many faults are tried."""
+
+    def __init__(self, robot: RobotModel, recordings: Sequence[Recording]) -> None:
+        self.robot, self.recordings = robot, list(recordings)
+        parts = [m for r in recordings for m in motions(robot, r)]
+        self.q, self.v, self.a, self.tau = (
+            np.concatenate([getattr(m, name)[::_EVERY] for m in parts]) for name in ("q", "v", "a", "tau")
+        )
+        self.nominal = robot.rnea_along(self.q, self.v, self.a)
+
+    def left(self, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray, nominal: FloatArray | None = None) -> FloatArray:
+        """Mean square that the model and any friction of the joints leave, shape (n,)."""
+        rest = tau - (self.robot.rnea_along(q, v, a) if nominal is None else nominal)
+        out = np.empty(self.robot.n)
+        for j in range(self.robot.n):
+            X = np.stack([np.tanh(v[:, j] / 0.02), v[:, j]], axis=1)
+            theta = np.linalg.lstsq(X, rest[:, j], rcond=None)[0]
+            out[j] = np.mean((rest[:, j] - X @ theta) ** 2)
+        return out
+
+
+def _order_and_signs(screen: _Screen) -> Fault | None:
+    """The one flip or swap that makes the torques fit, where there is one."""
+    n, names = screen.robot.n, screen.robot.joint_names
+    size = np.maximum(np.mean(screen.tau**2, axis=0), 1e-12)
+    floor = 1e-3 * size
+    here = np.log(screen.left(screen.q, screen.v, screen.a, screen.tau, screen.nominal) + floor)
+    trials: list[tuple[float, Fault, FloatArray]] = []
+
+    def add(left: FloatArray, fault: Fault) -> None:
+        trials.append((float(np.sum(here - np.log(left + floor))), fault, left))
+
+    for j in range(n):
+        flip = np.where(np.arange(n) == j, -1.0, 1.0)
+        if np.corrcoef(screen.tau[:, j], screen.nominal[:, j])[0, 1] < -0.5:
+            left = screen.left(screen.q, screen.v, screen.a, screen.tau * flip, screen.nominal)
+            add(left, Fault(TorqueSign([j]), (j,), (("gain", j, -1.0, "1", 0.0),), 0.0))
+        left = screen.left(screen.q * flip, screen.v * flip, screen.a * flip, screen.tau * flip)
+        add(left, Fault(JointSign([j]), (j,), (("sign", j, -1.0, "1", 0.0),), 0.0))
+    for i, j in combinations(range(n), 2):
+        source = np.arange(n)
+        source[[i, j]] = j, i
+        values = (("takes_from", i, names[j], "", 0.0), ("takes_from", j, names[i], "", 0.0))
+        left = screen.left(screen.q, screen.v, screen.a, screen.tau[:, source], screen.nominal)
+        add(left, Fault(JointOrder(source.tolist(), True), (i, j), values, 0.0))
+        moved = [x[:, source] for x in (screen.q, screen.v, screen.a, screen.tau)]
+        add(screen.left(*moved), Fault(JointOrder(source.tolist(), False), (i, j), values, 0.0))
+    gain, best, left = max(trials, key=lambda t: t[0])
+    if gain < _GAIN or float(np.median(left / size)) > _LEFT:
+        return None
+    return replace(best, share=1.0 - float(np.exp(-gain / n)))
+
+
+def _gains(screen: _Screen) -> Fault | None:
+    """One factor on all efforts, or a factor of its own on each: another unit."""
+    n = screen.robot.n
+    gains, stds, fits = np.ones(n), np.full(n, np.inf), np.zeros(n)
+    for j in range(n):
+        X = np.stack([screen.nominal[:, j], np.tanh(screen.v[:, j] / 0.02), screen.v[:, j], np.ones(len(screen.v))], axis=1)
+        theta, *_ = np.linalg.lstsq(X, screen.tau[:, j], rcond=None)
+        rest = screen.tau[:, j] - X @ theta
+        spread = np.var(rest) * np.linalg.pinv(X.T @ X)
+        gains[j], stds[j] = theta[0], np.sqrt(max(spread[0, 0], 0.0) * 20.0)
+        fits[j] = 1.0 - np.var(rest) / max(np.var(screen.tau[:, j]), 1e-30)
+    size = np.sqrt(np.mean(screen.nominal**2, axis=0))
+    loaded = (size > _LOADED * size.max()) & (fits > 0.8) & (gains > 0.0)
+    if loaded.sum() < max(2, n // 2):
+        return None
+    if _gravity_alone(screen, gains, loaded):
+        return None
+    middle = float(np.exp(np.median(np.log(gains[loaded]))))
+    same = np.abs(np.log(gains[loaded] / middle)) < np.log1p(_CLOSE) + 3.0 * stds[loaded] / gains[loaded]
+    off = np.abs(np.log(gains[loaded])) > np.log1p(_FAR)
+    known = min(UNITS, key=lambda u: abs(np.log(u / middle)))
+    if np.mean(same) > 0.7 and abs(np.log(known / middle)) < _CLOSE:
+        factor = known
+        std = float(np.min(stds[loaded]))
+        return Fault(TorqueUnit([factor] * n), tuple(range(n)), (("factor", None, factor, "1", std),), _share(middle))
+    if np.mean(off) > 0.7 and np.median(fits[loaded]) > 0.9:
+        factors = np.where(loaded, gains, middle)
+        values = tuple(("factor", j, float(factors[j]), "1", float(stds[j] if loaded[j] else middle)) for j in range(n))
+        return Fault(TorqueUnit(factors.tolist()), tuple(range(n)), values, _share(middle))
+    return None
+
+
+def _gravity_alone(screen: _Screen, gains: FloatArray, loaded: NDArray[np.bool_]) -> bool:
+    """True where gravity missing or standing twice in the effort explains it better than a factor."""
+    still = np.zeros_like(screen.q)
+    gravity = screen.robot.rnea_along(screen.q, still, still)
+    state = screen.q, screen.v, screen.a
+    scaled = np.sum(np.log(screen.left(*state, screen.tau / gains, screen.nominal) * gains**2)[loaded])
+    added = [np.sum(np.log(screen.left(*state, screen.tau + c * gravity, screen.nominal))[loaded]) for c in (-1.0, 1.0)]
+    return bool(min(added) < scaled)
+
+
+def _share(factor: float) -> float:
+    return min(1.0, abs(factor - 1.0) ** 2 / max(abs(factor - 1.0) ** 2, 1.0))

@@ -1,0 +1,89 @@
+"""The extended model: what was known, and the effects that were found, as a model.yaml."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from sysid_ros.diagnosis.fit import Fit
+from sysid_ros.diagnosis.prepare import Prepared
+from sysid_ros.diagnosis.term import Term
+from sysid_ros.effects import CoulombFriction, LinkInertia, ViscousFriction
+from sysid_ros.model_file import EffectBlock, ModelFile, urdf_digest
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+
+
+def extended_model(
+    robot: RobotModel,
+    known: ModelFile | None,
+    fit: Fit,
+    covariance: dict[Term, tuple[FloatArray, FloatArray]],
+    train: Prepared,
+    first_stamp: float,
+    provenance: dict[str, Any],
+) -> ModelFile:
+    """Known effects and the terms of a fit.
+
+    Args:
+        covariance: of each term, as :func:`sysid_ros.diagnosis.covariance.with_knobs` gives it.
+        first_stamp: of the recordings, which the times of drifts and events are counted from [s].
+    """
+    blocks = list(known.effects) if known else []
+    links = [t for t in fit.terms if t.id == "link_inertia"]
+    if links or fit.inexact:
+        if not any(b.effect == "link_inertia" for b in blocks):
+            blocks += _urdf_dynamics(robot)
+        blocks.append(_links(robot, fit, links, covariance))
+    blocks += [_block(t, fit, covariance[t][1], first_stamp) for t in fit.terms if t.id != "link_inertia"]
+    samples = sum(len(m.t) for m in train.motions)
+    variance = np.sum(fit.variance, axis=0) / samples
+    at_zero = fit.noise.white + fit.noise.coloured
+    period = train.motions[0].period
+    return ModelFile(
+        robot_name=robot.name,
+        joints=robot.joint_names,
+        urdf_sha256=urdf_digest(robot.urdf),
+        effects=tuple(blocks),
+        torque_std=np.sqrt(variance),
+        correlation_time=at_zero * period / (2.0 * np.maximum(variance, 1e-30)),
+        provenance=provenance,
+    )
+
+
+def _block(term: Term, fit: Fit, covariance: FloatArray, first_stamp: float) -> EffectBlock:
+    effect = term.effect
+    settings = dict(effect.settings)
+    for name in ("start", "t0"):
+        if name in settings:
+            settings[name] = float(settings[name]) + first_stamp
+    own = covariance[: term.p, : term.p]
+    spread = own if term.basis is None else term.basis @ own @ term.basis.T
+    theta = term.theta_of_effect(fit.theta_of(term))
+    return EffectBlock(effect.id, effect.joint_names, settings, theta, effect.parameter_names, effect.units, spread)
+
+
+def _links(robot: RobotModel, fit: Fit, links: list[Term], covariance: dict[Term, tuple[FloatArray, FloatArray]]) -> EffectBlock:
+    effect = LinkInertia(robot)
+    theta = effect.nominal.copy()
+    spread = np.zeros((effect.p, effect.p))
+    if fit.inexact:
+        theta += fit.theta[-robot.n :].repeat(10) * robot.pi
+    for term in links:
+        where = slice(10 * term.joints[0], 10 * term.joints[0] + 10)
+        theta[where] += term.theta_of_effect(fit.theta_of(term))
+        basis = np.eye(10) if term.basis is None else term.basis
+        spread[where, where] += basis @ covariance[term][1] @ basis.T
+    return EffectBlock(effect.id, effect.joint_names, {}, theta, effect.parameter_names, effect.units, spread)
+
+
+def _urdf_dynamics(robot: RobotModel) -> list[EffectBlock]:
+    """The URDF's ``<dynamics>``, which a model with links of its own replaces."""
+    out = []
+    for effect, values in ((ViscousFriction(robot), robot.damping), (CoulombFriction(robot), robot.friction)):
+        if np.any(values):
+            out.append(
+                EffectBlock(effect.id, effect.joint_names, effect.settings, values, effect.parameter_names, effect.units, None)
+            )
+    return out

@@ -1,0 +1,79 @@
+"""Faults of the published channels as findings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid_ros.diagnosis.channel_faults import Fault
+from sysid_ros.diagnosis.recording import Recording
+from sysid_ros.diagnosis.result import Finding, Parameter
+from sysid_ros.diagnosis.signal_faults import quantisation, velocity_lag
+from sysid_ros.effects import ChannelEffect, TorqueQuantisation, VelocityLag
+
+_95 = 1.959964
+
+
+def finding_of(fault: Fault, joints: Sequence[str], rows: int) -> Finding:
+    """A fault of units, signs or order.
+
+    Args:
+        rows: independent rows that speak for it.
+    """
+    found = []
+    for name, joint, value, unit, std in fault.values:
+        low, high = (value, value) if isinstance(value, str) else (value - _95 * std, value + _95 * std)
+        found.append(Parameter(name, None if joint is None else joints[joint], value, unit, std, low, high))
+    named = tuple(joints[j] for j in fault.joints)
+    sizes = ", ".join(_size(p) for p in found)
+    sentence = (
+        f"{_capital(fault.effect.label)} on {', '.join(named)} ({sizes}): undone before anything else, since every other cause would "
+        "soak it up."
+    )
+    share = max(fault.share, 1e-3)
+    return _finding(fault.effect, named, tuple(found), share, -rows * float(np.log(max(1.0 - share, 1e-6))), sentence)
+
+
+def signal_findings(fitted: Sequence[Recording], judged: Sequence[Recording], joints: Sequence[str]) -> list[Finding]:
+    """Faults that need no dynamics."""
+    out = []
+    if (lag := velocity_lag(fitted)) is not None:
+        other = velocity_lag(judged)
+        names = tuple(joints)
+        value = Parameter("cutoff", None, lag.cutoff, "Hz", lag.std, lag.cutoff - _95 * lag.std, lag.cutoff + _95 * lag.std)
+        sentence = (
+            f"The published velocity went through a low-pass of about {lag.cutoff:.3g} Hz, which explains {100 * lag.share:.0f} % of its "
+            "difference to the derivative of the position; velocities are taken from the positions here."
+        )
+        share = other.share if other is not None else 0.0
+        out.append(_finding(VelocityLag(lag.cutoff), names, (value,), share, 1e3 * lag.share, sentence))
+    steps = quantisation(fitted)
+    if np.any(steps > 0.0):
+        named = tuple(name for name, step in zip(joints, steps, strict=True) if step > 0.0)
+        values = tuple(
+            Parameter("step", name, float(s), "N m", 1e-3 * float(s), 0.998 * float(s), 1.002 * float(s))
+            for name, s in zip(joints, steps, strict=True)
+            if s > 0.0
+        )
+        sentence = (
+            f"The effort of {', '.join(named)} comes in steps of {', '.join(f'{p.value:.3g}' for p in values)} N m, coarser than its noise: "
+            "the noise floor can't be lower than the step over the square root of 12."
+        )
+        out.append(_finding(TorqueQuantisation(steps.tolist()), named, values, 0.0, 1e3, sentence))
+    return out
+
+
+def _finding(
+    effect: ChannelEffect, joints: tuple[str, ...], values: tuple[Parameter, ...], share: float, rise: float, sentence: str
+) -> Finding:
+    return Finding(effect.id, effect.label, joints, values, share, rise, 0.0, (), sentence, effect.signature, effect.separated_by)
+
+
+def _size(p: Parameter) -> str:
+    where = f" of {p.joint}" if p.joint else ""
+    return f"{p.name}{where} = {p.value if isinstance(p.value, str) else format(p.value, '.4g')}"
+
+
+def _capital(text: str) -> str:
+    return text[0].upper() + text[1:]

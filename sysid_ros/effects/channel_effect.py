@@ -1,0 +1,44 @@
+"""ChannelEffect: a cause that changes what is published rather than the torque."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from sysid_ros.sample import FloatArray
+
+
+@dataclass(frozen=True)
+class Channels:
+    """Positions, velocities and torques of a recording, shape (N, n) each; v is None where none is published."""
+
+    q: FloatArray
+    v: FloatArray | None
+    tau: FloatArray
+
+    def with_tau(self, tau: FloatArray) -> Channels:
+        """The same positions and velocities with other torques."""
+        return replace(self, tau=tau)
+
+
+class ChannelEffect(ABC):
+    """A fault between the sensors and the message: it is undone on the recording before anything is fitted.
+
+    Attributes:
+        id, label, signature, look_alikes, separated_by: as :class:`sysid_ros.effects.effect.Effect` has them.
+    """
+
+    id: ClassVar[str]
+    label: ClassVar[str]
+    signature: ClassVar[str]
+    look_alikes: ClassVar[tuple[str, ...]]
+    separated_by: ClassVar[str]
+
+    def publish(self, tau: FloatArray) -> FloatArray:
+        """True torques as this fault publishes them, shape (N, n)."""
+        return tau
+
+    @abstractmethod
+    def undo(self, channels: Channels) -> Channels:
+        """The channels as they would be without the fault."""

@@ -1,0 +1,38 @@
+"""An effort with the wrong sign."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from sysid_ros.effects.channel_effect import ChannelEffect, Channels
+from sysid_ros.sample import FloatArray
+
+
+class TorqueSign(ChannelEffect):
+    """Published effort of some joints = -1 x torque.
+
+    Args:
+        joints: indices of the joints.
+    """
+
+    id: ClassVar[str] = "torque_sign"
+    label: ClassVar[str] = "wrong sign of the effort"
+    signature: ClassVar[str] = "twice the torque of the joint is left, with a gain of exactly -1"
+    look_alikes: ClassVar[tuple[str, ...]] = ("joint_sign", "torque_scale")
+    separated_by: ClassVar[str] = "a joint that carries gravity"
+
+    def __init__(self, joints: Sequence[int]) -> None:
+        self.joints = list(joints)
+
+    def publish(self, tau: FloatArray) -> FloatArray:
+        out = np.array(tau)
+        out[:, self.joints] *= -1.0
+        return out
+
+    def undo(self, channels: Channels) -> Channels:
+        tau = np.array(channels.tau)
+        tau[:, self.joints] *= -1.0
+        return channels.with_tau(tau)

@@ -1,0 +1,34 @@
+"""Efforts in another unit than newton metres."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from sysid_ros.effects.channel_effect import ChannelEffect, Channels
+from sysid_ros.sample import FloatArray
+
+
+class TorqueUnit(ChannelEffect):
+    """Published effort = factor x torque: N mm, N cm, lbf ft, lbf in, amperes.
+
+    Args:
+        factors: published over N m, one a joint.
+    """
+
+    id: ClassVar[str] = "torque_unit"
+    label: ClassVar[str] = "wrong unit of the effort"
+    signature: ClassVar[str] = "one factor for all joints, or one for each that has nothing to do with the motion"
+    look_alikes: ClassVar[tuple[str, ...]] = ("torque_scale", "payload")
+    separated_by: ClassVar[str] = "any motion in which the joints carry load"
+
+    def __init__(self, factors: Sequence[float]) -> None:
+        self.factors = np.array(factors, dtype=float)
+
+    def publish(self, tau: FloatArray) -> FloatArray:
+        return np.asarray(tau * self.factors)
+
+    def undo(self, channels: Channels) -> Channels:
+        return channels.with_tau(channels.tau / self.factors)

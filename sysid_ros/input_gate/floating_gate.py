@@ -1,0 +1,128 @@
+"""FloatingGate: the input gate of a robot on a floating base, joint states with IMU and contacts."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+from sysid_ros.floating_base import FloatingBase
+from sysid_ros.input_gate.gate import InputGate
+from sysid_ros.input_gate.health import GateHealth, Level
+from sysid_ros.input_gate.rejections import Rejection
+from sysid_ros.input_gate.trunk_gate import TrunkGate
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord, Measurement
+from sysid_ros.settings import OnlineSettings
+
+Record = JointStateRecord | ImuRecord | ContactRecord
+
+
+class FloatingGate:
+    """Checks the joint states as :class:`InputGate` does, and gives each the IMU and the contacts of its instant.
+
+    What gravity does to the joints depends on the ground, so the joints' torques are not compared with it.
+
+    Args:
+        base: the robot. settings: of both gates.
+
+    Attributes:
+        joints, trunk: the two gates. accepted: measurements that found an IMU message.
+    """
+
+    def __init__(self, base: FloatingBase, settings: OnlineSettings) -> None:
+        self._settings = settings
+        self.joints = InputGate(base.legs, replace(settings, effort_type="external"))
+        self.trunk = TrunkGate(base, settings)
+        self.accepted = 0
+        self._last_matched: float | None = None
+        self._restarts = 0
+
+    @property
+    def robot(self) -> RobotModel:
+        """Model of the legs."""
+        return self.joints.robot
+
+    @property
+    def received(self) -> int:
+        """Messages of the joints."""
+        return self.joints.received
+
+    @property
+    def counts(self) -> Counter[str]:
+        """Rejected messages by reason."""
+        return self.joints.counts + self.trunk.counts
+
+    @property
+    def last_texts(self) -> dict[str, str]:
+        """The last sentence for each reason."""
+        return self.joints.last_texts | self.trunk.last_texts
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was found doubtful without being rejected."""
+        return (*self.joints.warnings, *self.trunk.warnings)
+
+    @property
+    def gaps(self) -> int:
+        """As of :class:`InputGate`."""
+        return self.joints.gaps
+
+    @property
+    def restarts(self) -> int:
+        """As of :class:`InputGate`."""
+        return self.joints.restarts
+
+    def take(self, record: Record) -> list[Measurement]:
+        """The measurements that a message completes."""
+        if isinstance(record, ContactRecord):
+            self.trunk.contacts(record)
+            return []
+        if isinstance(record, ImuRecord):
+            found = self.trunk.imu(record)
+        else:
+            measurement = self.joints.accept(record)
+            if self.joints.restarts != self._restarts:
+                self._restarts = self.joints.restarts
+                self.trunk.reset()
+            found = [] if isinstance(measurement, Rejection) else self.trunk.joints(measurement)
+        if found:
+            self.accepted += len(found)
+            self._last_matched = record.receive_time
+        return found
+
+    def health(self, now: float) -> GateHealth:
+        """As of :class:`InputGate`, with what is wrong with IMU and contacts."""
+        health = self.joints.health(now)
+        if health.level >= Level.ERROR:
+            return health
+        age = float("inf") if self._last_matched is None else now - self._last_matched
+        if health.accepted > 0 and age > self._settings.sensor_timeout:
+            texts = self.trunk.last_texts
+            why = next(iter(reversed(texts.values())), "The IMU is silent. Check its topic and that its driver runs.")
+            worst = max(self.trunk.counts, key=lambda reason: self.trunk.counts[reason], default="")
+            return replace(
+                health,
+                level=Level.ERROR,
+                text=f"No joint state finds its IMU message: {texts.get(worst, why)}",
+                counts=dict(self.counts),
+                accepted=self.accepted,
+                age=age,
+                warnings=(*health.warnings, *self.trunk.warnings),
+            )
+        doubtful = self.trunk.warnings
+        return replace(
+            health,
+            level=Level.WARN if doubtful else health.level,
+            text=" ".join(doubtful) if doubtful else health.text,
+            counts=dict(self.counts),
+            accepted=self.accepted,
+            warnings=(*health.warnings, *doubtful),
+        )
+
+
+Gate = InputGate | FloatingGate
+
+
+def gate_for(robot: RobotModel, base: FloatingBase | None, settings: OnlineSettings) -> Gate:
+    """The gate of an arm, or of a robot whose base floats."""
+    return InputGate(robot, settings) if base is None else FloatingGate(base, settings)

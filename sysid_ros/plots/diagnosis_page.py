@@ -1,0 +1,168 @@
+"""The report of a diagnosis: one HTML file that opens without a network."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from importlib import resources
+from string import Template
+
+import numpy as np
+
+from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter
+from sysid_ros.plots.diagnosis_figures import residual_figure, torque_figure
+
+_VERDICTS = {
+    "explained": "The causes below explain what the nominal model gets wrong.",
+    "partly_explained": "The causes below explain a part of what the nominal model gets wrong; something else is left.",
+    "unexplained": "The nominal model is wrong, and no cause that is known here explains it.",
+    "nothing_wrong": "Nothing is wrong that these recordings could show: the nominal model predicts the torques down to the noise.",
+    "refused": "These recordings can't be judged.",
+}
+
+
+def diagnosis_page(result: Diagnosis, name: str, provenance: Mapping[str, object]) -> str:
+    """HTML of the report: a paragraph in plain words, the causes, the figures, the numbers, where they come from."""
+    from plotly.offline import get_plotlyjs
+
+    template = Template(resources.files("sysid_ros.identification").joinpath("report.html").read_text(encoding="utf-8"))
+    return template.substitute(
+        title=f"Diagnosis of {escape(name or 'robot')}",
+        where=f"{len(result.joints)} joints; {_judged_on(provenance)}.",
+        lead=_lead(result),
+        tiles=_tiles(result),
+        sections="\n".join(_sections(result, provenance)),
+        plotly=get_plotlyjs() if result.predictions is not None else "",
+    )
+
+
+def _judged_on(provenance: Mapping[str, object]) -> str:
+    bags, others = provenance.get("bags"), provenance.get("validate")
+    fitted = ", ".join(map(str, bags)) if isinstance(bags, list) else "recordings"
+    judged = (
+        f"judged on {', '.join(map(str, others))}, never fitted"
+        if others and isinstance(others, list)
+        else ("judged on the last part of each, which was not fitted")
+    )
+    return escape(f"from {fitted}; {judged}")
+
+
+def _lead(result: Diagnosis) -> str:
+    if result.verdict == "refused":
+        return f"{_VERDICTS['refused']} {escape(result.refusal or '')}"
+    sentences = [_VERDICTS[result.verdict]]
+    if result.findings and result.torque is not None:
+        first = result.findings[0]
+        sentences.append(f"First comes <b>{escape(first.label)}</b> on {escape(_listed(first.joints))}.")
+        t = result.torque
+        part = t.before / np.maximum(t.torque, 1e-12), t.after / np.maximum(t.torque, 1e-12)
+        worst = int(np.argmax(t.after / np.maximum(t.noise_floor, 1e-12)))
+        sentences.append(
+            f"On data that were not fitted the error falls from {_percent(part[0])} of the joints' torque to {_percent(part[1])}; "
+            f"{100 * result.unexplained_fraction:.1f} % of its power above the noise is left, most on {escape(result.joints[worst])}."
+        )
+    if result.unexplained:
+        sentences.append(escape(result.unexplained))
+    return " ".join(sentences)
+
+
+def _tiles(result: Diagnosis) -> str:
+    tiles = [(result.verdict.replace("_", " "), "verdict")]
+    if result.torque is not None:
+        weight = np.maximum(result.torque.noise_floor, 1e-12)
+        before = float(np.sqrt(np.mean((result.torque.before / weight) ** 2)))
+        after = float(np.sqrt(np.mean((result.torque.after / weight) ** 2)))
+        tiles += [
+            (str(len(result.findings)), "causes that earned their place"),
+            (f"{before:.1f} → {after:.2f}", "error over noise floor, before and after"),
+        ]
+    if (s := result.simulation) is not None:
+        tiles.append(
+            (
+                f"{1e3 * s.position_rmse_before:.3g} → {1e3 * s.position_rmse_after:.3g} mrad",
+                f"simulated position after {s.horizon_s:g} s under the measured torques",
+            )
+        )
+    return "".join(f"<div class='tile'><b>{escape(value)}</b><span>{escape(what)}</span></div>" for value, what in tiles)
+
+
+def _sections(result: Diagnosis, provenance: Mapping[str, object]) -> list[str]:
+    out = []
+    if result.findings:
+        rows = "".join(_row(i, f) for i, f in enumerate(result.findings, start=1))
+        head = (
+            "<tr><th>cause</th><th class='left'>joints</th><th class='left'>in one sentence</th><th>gain</th><th>ΔBIC</th>"
+            "<th class='left'>can't be told from</th></tr>"
+        )
+        note = "Gain: part of the nominal residual's power, over the noise of each joint, that is removed on data not fitted."
+        out.append(_section("Causes, in order of gain", note, f"<div class='scroll'><table>{head}{rows}</table></div>"))
+    if result.record_next:
+        out.append(
+            _section("What to record next", "", "<ul>" + "".join(f"<li>{escape(s)}</li>" for s in result.record_next) + "</ul>")
+        )
+    if (p := result.predictions) is not None:
+        units = ["N m"] * len(p.joints)
+        out.append(_section("Torque on held-out data", "Below 20 Hz; drag to zoom.", torque_figure(p, units)))
+        note = "What each model leaves, against what could explain it: a cause that is missing shows as a shape."
+        out.append(_section("Residual", note, residual_figure(p, units)))
+    out += _numbers(result)
+    facts = "".join(
+        f"<tr><td>{escape(str(k))}</td><td><code>{escape(', '.join(v) if isinstance(v, list) else str(v))}</code></td></tr>"
+        for k, v in provenance.items()
+    )
+    out.append(_section("Where this comes from", "", f"<table class='facts'>{facts}</table>"))
+    return out
+
+
+def _row(number: int, finding: Finding) -> str:
+    others = ", ".join(finding.cannot_be_told_from)
+    return (
+        f"<tr><td>{number}. {escape(finding.label)}</td><td class='words'>{escape(', '.join(finding.joints))}</td>"
+        f"<td class='words'>{escape(finding.sentence)} It shows as {escape(finding.signature)}.</td>"
+        f"<td>{100 * finding.heldout_gain:.1f} %</td><td>{finding.delta_bic:.0f}</td><td class='words'>{escape(others)}</td></tr>"
+    )
+
+
+def _numbers(result: Diagnosis) -> list[str]:
+    out = []
+    if result.findings:
+        rows = "".join(_parameter_row(f, p) for f in result.findings for p in f.parameters)
+        head = "<tr><th>cause</th><th class='left'>joint</th><th class='left'>parameter</th><th>value</th><th>95 % interval</th></tr>"
+        out.append(_section("Parameters", "", f"<div class='scroll'><table>{head}{rows}</table></div>"))
+    if (t := result.torque) is not None:
+        head = "<tr><th>joint</th><th>torque</th><th>nominal model</th><th>extended model</th><th>noise floor</th></tr>"
+        rows = "".join(
+            f"<tr><td>{escape(name)}</td><td>{t.torque[j]:.3g}</td><td>{t.before[j]:.3g}</td>"
+            f"<td>{t.after[j]:.3g} ({100 * t.after[j] / max(t.torque[j], 1e-12):.1f} %)</td><td>{t.noise_floor[j]:.2g}</td></tr>"
+            for j, name in enumerate(t.joints)
+        )
+        note = "Root mean square on held-out data below 8 Hz, N m."
+        out.append(_section("Torque error", note, f"<div class='scroll'><table>{head}{rows}</table></div>"))
+    return out
+
+
+def _parameter_row(finding: Finding, p: Parameter) -> str:
+    values = zip(p.value, p.low, p.high, strict=True) if isinstance(p.value, list) else [(p.value, p.low, p.high)]
+    cells = [(_number(v), f"{_number(low)} to {_number(high)}") for v, low, high in values]
+    unit = "" if p.unit == "1" else f" {escape(p.unit)}"
+    return (
+        f"<tr><td>{escape(finding.label)}</td><td class='left'>{escape(p.joint or '')}</td><td class='left'>{escape(p.name)}</td>"
+        f"<td>{', '.join(c[0] for c in cells)}{unit}</td><td>{'<br>'.join(c[1] for c in cells)}</td></tr>"
+    )
+
+
+def _number(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float | int) else escape(str(value))
+
+
+def _section(title: str, note: str, content: str) -> str:
+    words = f"<p class='note'>{escape(note)}</p>" if note else ""
+    return f"<section><h2>{escape(title)}</h2>{words}{content}</section>"
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _percent(parts: np.ndarray[tuple[int], np.dtype[np.float64]]) -> str:
+    return f"{100 * parts.min():.0f} to {100 * parts.max():.0f} %"

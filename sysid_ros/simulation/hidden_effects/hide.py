@@ -1,0 +1,137 @@
+"""hide_in_arm: a recording of the simulated arm that hides what is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sysid_ros.exceptions import SettingsError
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.simulation.hidden_effects.bullet_run import move_in_pybullet, pybullet_can
+from sysid_ros.simulation.hidden_effects.catalogue import DRAWS
+from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
+from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
+from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
+from sysid_ros.simulation.hidden_effects.noise import Noise
+from sysid_ros.simulation.hidden_effects.run import HiddenRecording, move, publish, stiffening_for, truth_of
+from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
+
+_REST = 0.8
+_FAST_SHARE = 0.6
+_SHORTEST = 8.0
+
+Values = Mapping[str, tuple[float, ...]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HiddenScenario:
+    """What is hidden in which recording.
+
+    Attributes:
+        hide: (effect id, joint or None) each; what is not given is drawn.
+        values: "name" or "effect.name" -> numbers that are not drawn.
+        hide_seed: of the drawn joints and sizes. seed: of motion and noise, so that two seeds give two recordings of one robot.
+        duration: [s]. rate: [Hz], a divisor of 1000.
+        encoder_noise, torque_noise, velocity_noise: standard deviations [rad], [N m], [rad/s].
+
+    Raises:
+        SettingsError: there is no such effect, or the recording is too short to show it.
+    """
+
+    hide: Sequence[tuple[str, str | None]]
+    values: Values
+    hide_seed: int = 0
+    seed: int = 0
+    duration: float = 25.0
+    rate: int = 1000
+    encoder_noise: float = 1e-5
+    torque_noise: float = 0.1
+    velocity_noise: float = 1e-3
+
+    def __post_init__(self) -> None:
+        for id_, _ in self.hide:
+            if id_ not in DRAWS:
+                raise SettingsError(f"hide is '{id_}'; it must be one of {', '.join(sorted(DRAWS))}.")
+        # not <, so that NaN does not pass
+        if not self.duration >= _SHORTEST:
+            raise SettingsError(f"duration is {self.duration} s; with hide it must be {_SHORTEST:g} s or more.")
+
+
+def hide_in_arm(
+    scenario: HiddenScenario, urdf: str, start: float, progress: Callable[[int], None] = lambda n: None
+) -> tuple[HiddenRecording, dict[str, Any]]:
+    """The recording, stamped from ``start`` [s] on, and its truth.
+
+    Raises:
+        SettingsError: a joint or a value does not fit, or the arm can't bear what is hidden.
+    """
+    robot = RobotModel.from_urdf(urdf)
+    moving = scenario.duration - 3.0 * _REST
+    parts = (_FAST_SHARE * moving, (1.0 - _FAST_SHARE) * moving, _REST)
+    draw = np.random.default_rng([scenario.hide_seed, 1])
+    noise = Noise(
+        np.full(robot.n, scenario.torque_noise),
+        np.zeros(robot.n),
+        position=scenario.encoder_noise,
+        resolution=0.0,
+        velocity=scenario.velocity_noise,
+    )
+    # sizes come from a motion of their own, so that they are the same in every motion
+    usual = Circumstances(robot, DiagnosisMotion(robot, draw, *parts), draw, 1.0, noise.torque)
+    true = TrueRobot(robot, [_drawn(id_, joint, usual, scenario.values) for id_, joint in scenario.hide])
+    _require_used(scenario.values, true.effects)
+    rng = np.random.default_rng([scenario.seed, 2])
+    motion = DiagnosisMotion(robot, rng, *parts)
+    stiffening = stiffening_for(usual.torque)
+    if pybullet_can(true):
+        simulator = "pybullet"
+        moved = move_in_pybullet(true, motion, scenario.rate, stiffening, progress)
+    else:
+        simulator = "compiled"
+        moved = move(true, motion, scenario.rate, stiffening)
+    recording = publish("hidden", true, moved, noise, rng, start)
+    truth = truth_of(
+        true,
+        noise,
+        scenario.rate,
+        simulator,
+        start_time=start,
+        duration=scenario.duration,
+        seed=scenario.seed,
+        hide_seed=scenario.hide_seed,
+        frame=robot.default_frame,
+    )
+    return recording, truth
+
+
+def _drawn(id_: str, joint: str | None, usual: Circumstances, values: Values) -> HiddenEffect:
+    """The effect with its drawn sizes, and the given ones in their place."""
+    names = usual.robot.joint_names
+    if joint is not None and joint not in names:
+        raise SettingsError(f"hide is '{id_}@{joint}'; the joint must be one of {', '.join(names)}.")
+    effect = DRAWS[id_](replace(usual, only=None if joint is None else names.index(joint)))
+    if joint is not None and (joint not in effect.joints or effect.joints == names):
+        raise SettingsError(f"hide is '{id_}@{joint}', but {id_} can't be hidden on that joint. Name another, or none.")
+    parameters = []
+    for p in effect.parameters:
+        given = values.get(f"{id_}.{p.name}", values.get(p.name))
+        if given is None:
+            parameters.append(p)
+            continue
+        count = len(p.value) if isinstance(p.value, tuple) else 1
+        if isinstance(p.value, str) or len(given) != count:
+            raise SettingsError(
+                f"value {p.name} of {id_} is {given}; it must be {count} number{'s' if count > 1 else ''} [{p.unit}]."
+            )
+        parameters.append(replace(p, value=given if count > 1 else given[0]))
+    return replace(effect, parameters=tuple(parameters))
+
+
+def _require_used(values: Values, effects: Sequence[HiddenEffect]) -> None:
+    allowed = {p.name for e in effects for p in e.parameters} | {f"{e.id}.{p.name}" for e in effects for p in e.parameters}
+    for name in values:
+        if name not in allowed:
+            raise SettingsError(f"value names '{name}'; what is hidden has {', '.join(sorted(allowed)) or 'no number'}.")

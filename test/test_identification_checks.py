@@ -1,0 +1,188 @@
+"""Bad recordings: what is wrong is found, named, and kept out of the fit; sound ones raise no alarm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from arm_recordings import START, hidden_parameters, recorded
+from robots import robot, urdf
+
+from sysid_ros.exceptions import DataError, SettingsError
+from sysid_ros.identification import Choices, Recording, identify_recordings
+from sysid_ros.identification.channel_checks import check_channels
+from sysid_ros.identification.from_recordings import prepared_rows
+from sysid_ros.identification.plausibility import check_plausible
+from sysid_ros.identification.spectrum import choose_cutoff
+from sysid_ros.robot_model import RobotModel
+
+MODEL = robot("iiwa")
+TRUTH = hidden_parameters(MODEL, 1)
+JOINTS = MODEL.joint_names
+
+
+@pytest.fixture(scope="module")
+def sound() -> Recording:
+    return recorded(MODEL, TRUTH, 1, seconds=20.0)
+
+
+def changed(recording: Recording, joint: int, where: slice, value: float) -> Recording:
+    tau = recording.tau.copy()
+    tau[where, joint] = value
+    return replace(recording, tau=tau)
+
+
+def test_a_sound_recording_raises_no_alarm(sound: Recording) -> None:
+    checked = check_channels(MODEL, sound, 0.1)
+    assert checked.problems == ()
+    assert not checked.spoiled.any()
+    bags, nominal = prepared_rows(MODEL, [checked], 5.0)
+    assert check_plausible(MODEL, bags, nominal) == []
+
+
+@pytest.mark.parametrize("step", [0.05, 0.5])
+def test_a_coarse_torque_is_not_called_frozen_or_saturated(sound: Recording, step: float) -> None:
+    coarse = replace(sound, tau=step * np.rint(sound.tau / step))
+    assert check_channels(MODEL, coarse, 0.1).problems == ()
+
+
+def test_a_frozen_effort_is_named_and_left_out(sound: Recording) -> None:
+    frozen = changed(sound, 3, slice(1000, 1500), 7.25)
+    checked = check_channels(MODEL, frozen, 0.1)
+    (problem,) = checked.problems
+    assert (problem.kind, problem.joint) == ("frozen_effort", JOINTS[3])
+    assert "7.25" in problem.text
+    assert checked.spoiled[1000:1500, 3].mean() > 0.99
+    assert not np.delete(checked.spoiled, 3, axis=1).any()
+    (rows,), _ = prepared_rows(MODEL, [checked], 5.0)
+    during = (rows.t > START + 4.0) & (rows.t < START + 6.0)
+    assert not rows.moving[during, 3].any()
+    assert rows.moving[~during, 3].mean() > 0.5
+
+
+def test_a_constant_effort_is_refused(sound: Recording) -> None:
+    with pytest.raises(DataError, match=f"{JOINTS[2]} is constant") as caught:
+        check_channels(MODEL, changed(sound, 2, slice(None), 1.5), 0.1)
+    assert "1.5" in str(caught.value)
+
+
+def test_a_saturated_effort_is_named_and_left_out(sound: Recording) -> None:
+    limit = 0.6 * float(np.abs(sound.tau[:, 1]).max())
+    tau = sound.tau.copy()
+    tau[:, 1] = np.clip(tau[:, 1], -limit, limit)
+    checked = check_channels(MODEL, replace(sound, tau=tau), 0.1)
+    assert {(p.kind, p.joint) for p in checked.problems} == {("saturated_effort", JOINTS[1])}
+    clipped = np.abs(tau[:, 1]) >= limit
+    assert checked.spoiled[clipped, 1].mean() > 0.9
+    assert not checked.spoiled[~clipped, 1].any()
+
+
+def test_a_frozen_position_is_named(sound: Recording) -> None:
+    v = np.gradient(sound.q, sound.t, axis=0)
+    q = sound.q.copy()
+    fastest = int(np.argmax(np.convolve(np.abs(v[:, 4]), np.ones(200), mode="valid")))
+    where = slice(fastest, fastest + 200)
+    q[where, 4] = q[fastest, 4]
+    checked = check_channels(MODEL, replace(sound, q=q, v=v), 0.1)
+    assert ("frozen_position", JOINTS[4]) in {(p.kind, p.joint) for p in checked.problems}
+    assert checked.spoiled[where].all()
+
+
+def test_gaps_and_stamps_that_run_back_are_said(sound: Recording) -> None:
+    keep = np.ones(len(sound.t), dtype=bool)
+    keep[2000:2400] = False
+    cut = Recording("cut", sound.t[keep], sound.q[keep], sound.v[keep], sound.tau[keep])
+    assert [p.kind for p in check_channels(MODEL, cut, 0.1).problems] == ["gaps"]
+    t = sound.t.copy()
+    t[3000:] -= 20.0
+    assert [p.kind for p in check_channels(MODEL, replace(sound, t=t), 0.1).problems] == ["time_runs_back"]
+
+
+def test_positions_beyond_the_urdf_are_said(sound: Recording) -> None:
+    q = sound.q + np.array([0.0, 2.5, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert ("position_outside", JOINTS[1]) in {
+        (p.kind, p.joint) for p in check_channels(MODEL, replace(sound, q=q), 0.1).problems
+    }
+
+
+def refusal(recording: Recording, model: RobotModel = MODEL) -> str:
+    with pytest.raises(DataError) as caught:
+        identify_recordings(model, [recording], [], {})
+    return str(caught.value)
+
+
+def test_currents_in_place_of_torques(sound: Recording) -> None:
+    text = refusal(replace(sound, tau=sound.tau / np.array([9.0, 9.0, 8.0, 8.0, 7.0, 6.0, 6.0])))
+    assert "effort_scale" in text
+    assert "current" in text
+    assert JOINTS[1] in text
+
+
+def test_efforts_against_gravity(sound: Recording) -> None:
+    text = refusal(replace(sound, tau=-sound.tau))
+    assert "effort_sign" in text
+
+
+def test_a_urdf_whose_joints_stand_elsewhere(sound: Recording) -> None:
+    order = [1, 0, 3, 2, 5, 4, 6]
+    text = refusal(replace(sound, q=sound.q[:, order], tau=sound.tau[:, order]))
+    assert "URDF of the robot that was recorded" in text
+
+
+def test_a_urdf_of_a_much_lighter_robot(sound: Recording) -> None:
+    import re
+
+    light = re.sub(r'<mass value="([^"]+)"', lambda m: f'<mass value="{0.15 * float(m.group(1))}"', urdf("iiwa"))
+    text = refusal(sound, RobotModel.from_urdf(light))
+    assert "URDF of the robot that was recorded" in text
+
+
+def test_doubts_can_be_accepted(sound: Recording) -> None:
+    result = identify_recordings(MODEL, [replace(sound, tau=0.2 * sound.tau)], [], {}, Choices(accept_doubts=True))
+    assert "implausible_effort" in {p.kind for p in result.problems}
+
+
+def test_a_joint_that_never_moves() -> None:
+    text = refusal(recorded(MODEL, TRUTH, 1, seconds=10.0, still=(JOINTS[2],)))
+    assert JOINTS[2] in text
+    assert JOINTS[3] not in text
+
+
+@pytest.mark.parametrize("odd", ["payload", "scale"])
+def test_two_bags_that_contradict(sound: Recording, odd: str) -> None:
+    other = TRUTH.copy()
+    if odd == "payload":
+        other[60:70] += np.array([3.0, 0.1, 0.0, 0.3, 0.05, 0.0, 0.05, 0.0, 0.0, 0.02])
+    second = recorded(MODEL, other, 2, seconds=20.0)
+    if odd == "scale":
+        second = replace(second, tau=second.tau * np.array([1.0, 1.5, 1.0, 1.0, 1.0, 1.0, 1.0]))
+    with pytest.raises(DataError, match="bag 1 and bag 2 contradict each other"):
+        identify_recordings(MODEL, [sound, second], [], {})
+
+
+def test_the_odd_one_of_three_bags_is_named(sound: Recording) -> None:
+    other = TRUTH.copy()
+    other[60:70] += np.array([3.0, 0.1, 0.0, 0.3, 0.05, 0.0, 0.05, 0.0, 0.0, 0.02])
+    bags = [sound, recorded(MODEL, other, 2, seconds=15.0), recorded(MODEL, TRUTH, 3, seconds=15.0)]
+    with pytest.raises(DataError, match="^bag 2 contradicts the others"):
+        identify_recordings(MODEL, bags, [], {})
+
+
+@pytest.mark.parametrize(
+    ("choices", "word"),
+    [(Choices(method="best"), "irls"), (Choices(form="energy"), "momentum"), (Choices(friction="none"), "stribeck")],
+)
+def test_an_unknown_choice(sound: Recording, choices: Choices, word: str) -> None:
+    with pytest.raises(SettingsError, match=word):
+        identify_recordings(MODEL, [sound], [], {}, choices)
+
+
+def test_the_cut_off_follows_the_motion() -> None:
+    slow, fast = (recorded(MODEL, TRUTH, 1, seconds=20.0, rate=rate) for rate in (250.0, 250.0))
+    stretched = replace(slow, t=START + 4.0 * (slow.t - START))
+    low, high = (choose_cutoff([r], JOINTS) for r in (stretched, fast))
+    assert low.hz < 0.5 * high.hz
+    for cutoff in (low, high):
+        assert "Hz" in cutoff.reason
+        assert any(j in cutoff.reason for j in JOINTS)
