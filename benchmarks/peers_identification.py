@@ -1,7 +1,8 @@
 """What others identify from the same recording: figaroh and MuJoCo's sysid, on rows prepared in the way they recommend.
 
 Both get the positions and torques after the same zero-phase low-pass, velocity and acceleration from the filtered positions,
-rows at two and a half times the cut-off, and no rows of joints that hardly move.
+rows at two and a half times the cut-off, and no rows of joints that hardly move
+or turn round within a tenth of a second, where the low-pass mixes both signs of the dry friction.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from scipy import signal
+from scipy import ndimage, signal
 
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -50,8 +51,9 @@ def prepare(q: FloatArray, tau: FloatArray, rate: float) -> Prepared:
     q, tau = signal.sosfiltfilt(sections, q, axis=0), signal.sosfiltfilt(sections, tau, axis=0)
     v = np.gradient(q, 1.0 / rate, axis=0)
     a = np.gradient(v, 1.0 / rate, axis=0)
+    slowest = ndimage.minimum_filter1d(np.abs(v), 2 * round(0.1 * rate) + 1, axis=0)
     rows = slice(round(rate), -round(rate), max(1, round(rate / (2.5 * CUTOFF))))
-    return Prepared(q[rows], v[rows], a[rows], tau[rows], np.abs(v[rows]) > _SLOW)
+    return Prepared(q[rows], v[rows], a[rows], tau[rows], slowest[rows] > _SLOW)
 
 
 def figaroh_estimate(robot: RobotModel, data: Prepared, truth: FloatArray) -> Estimate:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid_ros.effects import JointEffect, LinkInertia
+from sysid_ros.effects import Effect, JointEffect, LinkInertia
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.known_effect import KnownEffect
 from sysid_ros.robot_model import RobotModel
@@ -39,6 +39,7 @@ class KnownError:
         self.c = 0 if directions is None else directions.shape[1]
         self._links = np.zeros((10 * n, self.c))
         self._joints: list[tuple[JointEffect, FloatArray]] = []
+        self._others: list[tuple[Effect, FloatArray]] = []
         if directions is None:
             return
         start = 0
@@ -51,9 +52,13 @@ class KnownError:
                 spread = np.zeros((n, self.c))
                 spread[k.effect.joints] = rows
                 self._joints.append((k.effect, spread))
+            else:
+                self._others.append((k.effect, rows))
 
     def fill(self, sample: Sample, regressor: FloatArray, out: FloatArray) -> None:
         """Write Z into ``out`` of shape (n, c), given the links' regressor (n, 10 n) at the sample."""
         out[:] = regressor @ self._links
         for effect, spread in self._joints:
             out += effect.curve(sample)[:, None] * spread
+        for other, rows in self._others:
+            out += other.columns(sample) @ rows

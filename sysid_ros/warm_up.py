@@ -73,7 +73,9 @@ def _warm_up_on_legs(estimation: OnlineEstimation, base: FloatingBase, settings:
     for k in range(round(duration * RATE)):
         t = 1.0 + k / RATE
         weight = (base.mass + (1.0 if t > 1.0 + 0.5 * duration else 0.0)) * 9.81 / len(jacobians)
-        tau = base.robot.rnea(*base.state(q, still, still, zero, gravity, zero))[FREE:] - weight * jacobians[:, 2, FREE:].sum(axis=0)
+        tau = base.robot.rnea(*base.state(q, still, still, zero, gravity, zero))[FREE:] - weight * jacobians[:, 2, FREE:].sum(
+            axis=0
+        )
         gate.take(ContactRecord(t, np.ones(len(jacobians))))
         gate.take(ImuRecord(t, t, base.trunk, (0.0, 0.0, 0.0, 1.0), zero, gravity + 0.01 * noise.standard_normal(3)))
         tau = tau + 0.01 * noise.standard_normal(legs.n)

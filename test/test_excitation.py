@@ -130,7 +130,7 @@ def test_the_figure_is_written(tmp_path: Path, found: tuple[Excitation, Collisio
 
 def test_a_start_in_a_corner_does_not_throw_the_search_off() -> None:
     text = chain().replace('lower="-3" upper="3"', 'lower="-3" upper="0.02"')
-    settings = ExcitationSettings(duration=4.0, harmonics=4, starts=2, comparison=2, acceleration_limit=20.0, velocity_scale=1.0)
+    settings = ExcitationSettings(duration=3.0, harmonics=3, starts=1, comparison=2, acceleration_limit=20.0, velocity_scale=1.0)
     result, collision = search(RobotModel.from_urdf(text), settings)
     require_feasible(result, settings, collision, 2e-3)
     assert min(result.start_d) > max(c.d for c in result.random)

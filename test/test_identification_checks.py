@@ -165,7 +165,7 @@ def test_the_odd_one_of_three_bags_is_named(sound: Recording) -> None:
     other = TRUTH.copy()
     other[60:70] += np.array([3.0, 0.1, 0.0, 0.3, 0.05, 0.0, 0.05, 0.0, 0.0, 0.02])
     bags = [sound, recorded(MODEL, other, 2, seconds=15.0), recorded(MODEL, TRUTH, 3, seconds=15.0)]
-    with pytest.raises(DataError, match="^bag 2 contradicts the others"):
+    with pytest.raises(DataError, match=r"^bag 2 contradicts the others"):
         identify_recordings(MODEL, bags, [], {})
 
 

@@ -49,10 +49,11 @@ def torque_error(model: TorqueModel, difference: FloatArray, seed: int = 99) -> 
     return max(float(np.abs(model.split(random_sample(model.robot, rng))[0] @ difference).max()) for _ in range(20))
 
 
+@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(1, 12), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ROBOTS)
-def test_random_bodies_come_back_from_data_without_noise(name: str) -> None:
+def test_random_bodies_come_back_from_data_without_noise(name: str, seeds: range) -> None:
     """As far as motion tells them apart: the same torque everywhere, though the prior is another robot's."""
-    for seed in range(3):
+    for seed in seeds:
         rng = np.random.default_rng(seed)
         model = free_model(robot(name))
         truth, A = truth_of(model, rng), information_of(model, rng)
@@ -86,7 +87,7 @@ def test_the_urdfs_own_links_come_back_in_full(name: str) -> None:
         assert found.at_bound == ()
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 30))])
 def test_what_cannot_exist_is_never_returned(seed: int) -> None:
     """Data of a robot with negative masses and friction, with noise: the nearest that exists, at any weight."""
     rng = np.random.default_rng(seed)
@@ -243,9 +244,10 @@ def test_no_joint_comes_out_worse_than_with_the_urdfs_links() -> None:
         choose_weight(lambda w: np.array([np.nan]), (1.0,))
 
 
-def test_the_solver_survives_what_a_bad_log_brings() -> None:
+@pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 40), marks=pytest.mark.slow)])
+def test_the_solver_survives_what_a_bad_log_brings(seeds: range) -> None:
     """Twelve decades between the best and the least known, and data that contradict every body by many deviations."""
-    for seed in range(4):
+    for seed in seeds:
         rng = np.random.default_rng(seed)
         model = free_model(robot(ROBOTS[seed % 3]))
         A = information_of(model, rng, 20, noise=1e-4)

@@ -9,7 +9,7 @@ import pytest
 from robots import ROBOTS, random_body, urdf, with_body
 
 from sysid_ros import inertial_parameters
-from sysid_ros.effects import CoulombFriction, Effect, LinkInertia, RotorInertia, ViscousFriction
+from sysid_ros.effects import EFFECTS, CoulombFriction, Effect, LinkInertia, RotorInertia, ViscousFriction
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.identification.urdf_export import check_model_file, check_urdf, export_urdf, identified_urdf
 from sysid_ros.model_file import EffectBlock, ModelFile, urdf_digest
@@ -58,6 +58,23 @@ def test_what_is_written_comes_back(name: str, drop: int, tmp_path: Path) -> Non
     assert any("rotor_inertia" in note for note in notes)
 
 
+def test_another_simulator_reads_the_same_robot() -> None:
+    """PyBullet's own inverse dynamics of the exported arm."""
+    from sysid_ros.simulation.arm import ArmWorld
+
+    robot = RobotModel.from_urdf(urdf("iiwa"))
+    model = identified(robot, 3)
+    text, _ = identified_urdf(robot, model)
+    world, rng = ArmWorld(text, robot.default_frame), np.random.default_rng(0)
+    try:
+        for _ in range(5):
+            q, v, a = rng.normal(size=(3, robot.n))
+            expected = robot.regressor(q, v, a) @ model.effects[0].theta
+            np.testing.assert_allclose(world.inverse_dynamics(q, v, a), expected, atol=1e-4 * np.abs(expected).max())
+    finally:
+        world.close()
+
+
 def test_a_light_fixed_link_keeps_its_mass_and_a_heavy_one_is_merged() -> None:
     rng = np.random.default_rng(1)
     _, com, inertia = random_body(rng)
@@ -83,6 +100,18 @@ def test_the_links_of_locked_joints_can_be_unlocked_again() -> None:
     finger = full.body_names.index("finger")
     np.testing.assert_allclose(free.pi[10 * finger : 10 * finger + 10], full.pi[10 * finger : 10 * finger + 10], rtol=1e-9)
     assert any("finger" in note for note in notes)
+
+
+def test_of_other_dry_friction_the_level_is_held() -> None:
+    robot = RobotModel.from_urdf(urdf("small_arm"))
+    effect = EFFECTS["stribeck_friction"](robot, robot.joint_names[:2])
+    theta = np.arange(1.0, effect.p + 1.0)
+    out, notes = identified_urdf(robot, model_file(robot, [(effect, theta)]))
+    level = {name: value for name, value in zip(effect.parameter_names, theta, strict=True) if name.startswith("Fc[")}
+    friction = loaded(out, robot).friction
+    np.testing.assert_array_equal(friction[:2], [level[f"Fc[{name}]"] for name in robot.joint_names[:2]])
+    np.testing.assert_array_equal(friction[2:], robot.friction[2:])
+    assert any("alone" in note and "stribeck_friction" in note for note in notes)
 
 
 def test_what_the_model_does_not_say_stays_the_urdfs() -> None:

@@ -15,7 +15,7 @@ import click
 from rich.console import Console
 
 from sysid_ros.cli.demo_display import Display, Picture, comparison_table
-from sysid_ros.cli.demo_processes import DemoProcess, ProcessFailed, ros_arguments, write_arm_urdf
+from sysid_ros.cli.demo_processes import DemoProcess, ProcessFailed, ros_arguments, write_urdf
 from sysid_ros.cli.demo_verdict import CRITERION, EVENT_DELAY, compare, objections
 from sysid_ros.exceptions import SysidError
 from sysid_ros.payload_estimate import PayloadEvent
@@ -35,7 +35,8 @@ _INTERRUPTED = 130
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]}, epilog=f"The demo's question: {CRITERION}")
-@click.option("--robot", type=click.Choice(["arm"]), default="arm", show_default=True)
+@click.option("--robot", type=click.Choice(["arm", "quadruped"]), default="arm", show_default=True)
+@click.option("--gait", type=click.Choice(["stand", "sway", "trot"]), default="sway", show_default=True, help="Of the quadruped.")
 @click.option("--payload-mass", type=click.FloatRange(0.3, 4.0), default=1.5, show_default=True, help="[kg]")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the motion and of the noise.")
 @click.option("--duration", type=click.FloatRange(20.0, 50.0), default=30.0, show_default=True, help="Of the motion. [s]")
@@ -43,14 +44,15 @@ _INTERRUPTED = 130
               help="Joint states a second; 1000 needs an idle machine. [Hz]")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("demo"), show_default=True,
               help="Folder of the plot and of the logs.")  # fmt: skip
-def demo(robot: str, payload_mass: float, seed: int, duration: float, rate: str, out: Path) -> int:
-    """Watch a payload being estimated live: simulated arm and estimator are two real ROS 2 nodes.
+def demo(robot: str, gait: str, payload_mass: float, seed: int, duration: float, rate: str, out: Path) -> int:
+    """Watch a payload being estimated live: simulated robot and estimator are two real ROS 2 nodes.
 
-    The arm moves, picks the payload up after 30 % of the time, drops it after 75 %, and the demo ends with a plot.
+    The robot moves, picks the payload up after 30 % of the time, drops it after 75 %, and the demo ends with a plot.
 
     \b
     Example:
       python -m sysid_ros.cli.demo --robot arm --payload-mass 2.5 --seed 3
+      python -m sysid_ros.cli.demo --robot quadruped --gait sway --payload-mass 3
 
     Exit codes: 0 the estimate was right by the criterion below; 1 it was not; 2 bad input, or a process failed.
     """
@@ -66,8 +68,10 @@ def demo(robot: str, payload_mass: float, seed: int, duration: float, rate: str,
         "pick_time": round(_PICK * duration, 3),
         "drop_time": round(_DROP * duration, 3),
     }
-    urdf = out / "arm.urdf"
-    write_arm_urdf(urdf)
+    if robot == "quadruped":
+        robot_parameters |= {"robot": robot, "gait": gait}
+    urdf = out / f"{robot}.urdf"
+    write_urdf(urdf, robot)
     estimator_parameters: dict[str, object] = {"estimate_friction": False}
     _explain(console, environment, robot_parameters, estimator_parameters)
 
@@ -85,7 +89,7 @@ def demo(robot: str, payload_mass: float, seed: int, duration: float, rate: str,
         _wait_for(estimator, listener, display)
         with DemoProcess(ROBOT_MODULE, robot_parameters, started, out / "simulated_robot.log") as simulated:
             _watch(listener, (estimator, simulated), display, duration)
-    return _conclude(console, listener.monitor, out, payload_mass)
+    return _conclude(console, listener.monitor, out, f"Simulated {robot} picks up and drops {payload_mass:g} kg, estimated live")
 
 
 def ros_environment(out: Path) -> dict[str, str]:
@@ -114,10 +118,13 @@ def _explain(
     """Say what happens, and how to do it by hand."""
     domain = environment["ROS_DOMAIN_ID"]
     mass, pick, drop = (robot_parameters[name] for name in ("payload_mass", "pick_time", "drop_time"))
+    on_legs = robot_parameters.get("robot") == "quadruped"
+    what = "quadruped" if on_legs else "7-joint arm"
+    inputs = "/joint_states, /imu and /contacts" if on_legs else "/joint_states"
     console.print(
-        f"[bold]A simulated 7-joint arm moves, picks up {mass} kg after {pick} s and drops it after {drop} s.[/bold]\n"
-        "The estimator is told neither the payload nor when: it gets /joint_states (positions and torques, with noise)\n"
-        "and the URDF of the empty arm. The joints have no friction here, so none is estimated. By hand it is:\n",
+        f"[bold]A simulated {what} moves, picks up {mass} kg after {pick} s and drops it after {drop} s.[/bold]\n"
+        f"The estimator is told neither the payload nor when: it gets {inputs} (with noise)\n"
+        "and the URDF of the empty robot. The joints have no friction here, so none is estimated. By hand it is:\n",
         highlight=False,
         soft_wrap=True,
     )
@@ -187,7 +194,7 @@ def _picture(monitor: DemoMonitor, duration: float) -> Picture:
     return Picture(estimate.t - start, duration, start, estimate, monitor.truth[-1], monitor.events)
 
 
-def _conclude(console: Console, monitor: DemoMonitor, out: Path, payload_mass: float) -> int:
+def _conclude(console: Console, monitor: DemoMonitor, out: Path, title: str) -> int:
     """Show the comparison before the drop, write the plot, and answer the question."""
     carried = next((s for s in monitor.truth if s.mass > 0.0), None)
     if carried is None:
@@ -196,7 +203,6 @@ def _conclude(console: Console, monitor: DemoMonitor, out: Path, payload_mass: f
     if before is not None:
         console.print(comparison_table(compare(before, carried), "The last estimate before the drop"))
     plot = out / "payload.png"
-    title = f"Simulated arm picks up and drops {payload_mass:g} kg, estimated live"
     write_payload_plot(
         plot, monitor.estimates, monitor.events, monitor.joint_names, title, monitor.truth_until(monitor.estimates[-1].t)
     )

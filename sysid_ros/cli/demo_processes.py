@@ -17,9 +17,13 @@ _SOFT_STOP = 5.0
 _LINES = 15
 _WRITE_URDF = """
 import pathlib, sys
-from sysid_ros.simulation.description import arm_description
-pathlib.Path(sys.argv[1]).write_text(arm_description())
+from sysid_ros.simulation.{module} import {function}
+pathlib.Path(sys.argv[1]).write_text({function}())
 """
+_DESCRIPTIONS = {
+    "arm": ("description", "arm_description"),
+    "quadruped": ("quadruped_description", "quadruped_description"),
+}
 
 
 class ProcessFailed(SysidError):
@@ -84,16 +88,18 @@ class DemoProcess:
         return f"Its log ({self.log}) ends with:\n" + "\n".join(f"    {line}" for line in lines or ["(it is empty)"])
 
 
-def write_arm_urdf(path: Path) -> None:
-    """Write the simulated arm's URDF; in another process, because PyBullet writes to stdout when it is imported.
+def write_urdf(path: Path, robot: str) -> None:
+    """Write the URDF of the simulated robot, "arm" or "quadruped"; in another process, because PyBullet writes to stdout when it
+    is imported.
 
     Raises:
         ProcessFailed: it could not be written.
     """
-    command = [sys.executable, "-c", _WRITE_URDF, str(path)]
+    module, function = _DESCRIPTIONS[robot]
+    command = [sys.executable, "-c", _WRITE_URDF.format(module=module, function=function), str(path)]
     done = subprocess.run(command, env=child_environment(os.environ), capture_output=True, text=True, check=False)
     if done.returncode:
-        raise ProcessFailed(f"The simulated arm's URDF could not be written to {path}:\n{done.stderr}")
+        raise ProcessFailed(f"The simulated robot's URDF could not be written to {path}:\n{done.stderr}")
 
 
 def child_environment(environment: Mapping[str, str]) -> dict[str, str]:

@@ -59,8 +59,8 @@ def command(
 ) -> int:
     """Find what the model of a robot gets wrong: the causes by name, with evidence, and a model extended by them.
 
-    Writes DIR/report.html, diagnosis.json, model.yaml, extended.urdf and predictions.npz. Without --validate the last part of each
-    bag is held out.
+    Writes DIR/report.html, diagnosis.json, model.yaml, extended.urdf and predictions.npz. Without --validate the last part
+    of each bag is held out.
 
     \b
     Example:
@@ -76,7 +76,7 @@ def command(
     known = ModelFile.read(model_path) if model_path else None
     for sentence in known.notes(robots[0].urdf) if known else []:
         note(sentence)
-    provenance = {
+    provenance: dict[str, object] = {
         "bags": [str(b) for b in bags],
         "validate": [str(b) for b in validate],
         "command": shlex.join(["sysid", *sys.argv[1:]]),

@@ -1,4 +1,4 @@
-"""Band: a recording's rows in the frequency domain, in which noise of any colour has (nearly) independent entries.
+"""Band: rows of recordings in the frequency domain, in which noise of any colour has (nearly) independent entries.
 
 Each segment of a motion goes through the orthonormal cosine transform (type II), of which the coefficients below a cut-off are kept:
 an ideal low-pass, the same on torque and columns. Stationary noise of spectral density S(f) gives uncorrelated coefficients of
@@ -8,6 +8,7 @@ variance S(f_k) (Whittle 1953), so coloured noise needs a weight a coefficient a
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,7 @@ class Band:
             edges = np.linspace(0, len(motion.t), max(1, round(length / _SEGMENT)) + 1).astype(int)
             if len(edges) == 2 and len(self.motions) == 1 and length > 3.0:
                 edges = np.array([0, len(motion.t) // 2, len(motion.t)])
-            for a, b in zip(edges[:-1], edges[1:], strict=True):
+            for a, b in pairwise(edges):
                 seconds = (b - a) * motion.period
                 count = int(min(2.0 * CUTOFF, 0.8 / motion.period) * seconds)
                 f.append(np.arange(count) / (2.0 * seconds))

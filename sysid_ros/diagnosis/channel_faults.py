@@ -1,4 +1,4 @@
-"""Faults of the published channels: units, signs, order. They are looked for first, since every other effect would soak them up."""
+"""Faults of units, signs and order: looked for first, since every other effect would soak them up."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def _order_and_signs(screen: _Screen) -> Fault | None:
 
 
 def _gains(screen: _Screen) -> Fault | None:
-    """One factor on all efforts, or a factor of its own on each: another unit."""
+    """One factor on all efforts: another unit."""
     n = screen.robot.n
     gains, stds, fits = np.ones(n), np.full(n, np.inf), np.zeros(n)
     for j in range(n):
@@ -140,16 +140,11 @@ def _gains(screen: _Screen) -> Fault | None:
         return None
     middle = float(np.exp(np.median(np.log(gains[loaded]))))
     same = np.abs(np.log(gains[loaded] / middle)) < np.log1p(_CLOSE) + 3.0 * stds[loaded] / gains[loaded]
-    off = np.abs(np.log(gains[loaded])) > np.log1p(_FAR)
     known = min(UNITS, key=lambda u: abs(np.log(u / middle)))
     if np.mean(same) > 0.7 and abs(np.log(known / middle)) < _CLOSE:
         factor = known
         std = float(np.min(stds[loaded]))
         return Fault(TorqueUnit([factor] * n), tuple(range(n)), (("factor", None, factor, "1", std),), _share(middle))
-    if np.mean(off) > 0.7 and np.median(fits[loaded]) > 0.9:
-        factors = np.where(loaded, gains, middle)
-        values = tuple(("factor", j, float(factors[j]), "1", float(stds[j] if loaded[j] else middle)) for j in range(n))
-        return Fault(TorqueUnit(factors.tolist()), tuple(range(n)), values, _share(middle))
     return None
 
 

@@ -52,7 +52,7 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, tuple
     out = {}
     for term, where in zip(fit.terms, fit.slices, strict=True):
         knobs = [i for i, (owner, _, _) in enumerate(owners) if owner is term]
-        index = [*range(where.start, where.stop), *(count + i for i in knobs)]
+        both = [*range(where.start, where.stop), *(count + i for i in knobs)]
         values = np.concatenate([fit.theta[where], [owners[i][2] for i in knobs]])
-        out[term] = values, inverse[np.ix_(index, index)]
+        out[term] = values, inverse[np.ix_(both, both)]
     return out

@@ -23,8 +23,8 @@ def worth(problem: Problem, fit: Fit) -> dict[Term, float]:
         for s in range(len(G)):
             rows = segments == s
             weighted = X[rows] * weight[rows, None]
-            G[np.ix_([s], index, index)] += weighted.T @ X[rows]
-            b[np.ix_([s], index)] += weighted.T @ problem.y[rows, j]
+            G[s][np.ix_(index, index)] += weighted.T @ X[rows]
+            b[s][index] += weighted.T @ problem.y[rows, j]
     whole = _left_out(G, b, prior, np.arange(count))
     out = {}
     for term, where in zip(fit.terms, fit.slices, strict=True):

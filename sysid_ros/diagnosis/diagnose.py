@@ -12,18 +12,18 @@ from scipy import stats
 from sysid_ros.diagnosis.channel_faults import Fault, find_faults, undo
 from sysid_ros.diagnosis.covariance import with_knobs
 from sysid_ros.diagnosis.extended_model import extended_model
-from sysid_ros.diagnosis.fault_findings import finding_of, signal_findings
+from sysid_ros.diagnosis.fault_findings import as_unit, finding_of, signal_findings
 from sysid_ros.diagnosis.faults import refusal_of
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.parameters import parameters
+from sysid_ros.diagnosis.parameters import coulomb_part, parameters
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.recording import Recording
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, TorqueRmse
-from sysid_ros.diagnosis.selection import Selection
+from sysid_ros.diagnosis.selection import EXPECTED, Selection
 from sysid_ros.diagnosis.sentences import sentence
-from sysid_ros.diagnosis.term import Term
+from sysid_ros.diagnosis.term import DRY, Term
 from sysid_ros.exceptions import DataError
 from sysid_ros.model_file import ModelFile
 from sysid_ros.robot_model import RobotModel
@@ -31,6 +31,9 @@ from sysid_ros.sample import FloatArray
 
 _HELD_OUT = 0.3
 """Part of the recordings that is held out where no others are given to judge on."""
+_TOLD = 5.0
+"""Log-likelihood by which a rival must be worse to be told from a finding."""
+_MOST_RIVALS = 8
 _LEFT = 0.1
 """Part of the nominal residual's power that may be left where it counts as explained."""
 
@@ -78,6 +81,7 @@ def diagnose(
     held = HeldOut.of(robot, prepare(robot, judged, effects) if faults else raw, fit)
     values = with_knobs(train.problem, library, fit)
     found = _report(robot, train, selection, fit, held, values)
+    found = replace(found, findings=tuple(as_unit(found.findings, robot.joint_names)))
     if faults or signals:
         first = [finding_of(f, robot.joint_names, len(train.band.f)) for f in faults]
         found = _with_faults(found, first, signals, faults, raw, held, fit)
@@ -97,7 +101,8 @@ def _check(robot: RobotModel, recordings: Sequence[Recording]) -> None:
 
 def _split(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Recording]]:
     """The first and the last part of each recording."""
-    first, last = [], []
+    first: list[Recording] = []
+    last: list[Recording] = []
     for r in recordings:
         cut = int(np.searchsorted(r.t, r.t[0] + (1.0 - _HELD_OUT) * r.seconds))
         for part, s, word in ((first, slice(None, cut), "first part"), (last, slice(cut, None), "held-out part")):
@@ -115,6 +120,25 @@ def _groups(terms: Sequence[Term]) -> dict[tuple[str, tuple[int, ...]], list[Ter
     return groups
 
 
+def _beside_coulomb(terms: Sequence[Term], n: int) -> list[Term]:
+    """Richer forms of dry friction where most joints have the simplest: their Coulomb part is named with the others'."""
+    plain = [t for t in terms if t.id == "coulomb_friction"]
+    rich = [t for t in terms if t.id in DRY and t.id != "coulomb_friction"]
+    return rich if len(plain) >= len(rich) and len(plain) + len(rich) > n // 2 else []
+
+
+def _rivals(selection: Selection, terms: Sequence[Term]) -> tuple[str, ...]:
+    """Effects that explain the rows as well as the terms of a finding do."""
+    if terms[0].id in EXPECTED and len(terms) > 2:
+        return ()
+    close = [
+        p.terms[0].id
+        for p in selection.rivals(terms)
+        if p.terms and p.fit.loglik > selection.fit.loglik - _TOLD and p.terms[0].id != terms[0].id
+    ]
+    return tuple(dict.fromkeys(close))
+
+
 def _report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, held: HeldOut, values: Values) -> Diagnosis:
     problem, n = train.problem, robot.n
     active = problem.active
@@ -127,14 +151,25 @@ def _report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, 
     excess = float(np.sum(np.maximum(held.rms(after) ** 2 - floor**2, 0.0) * weight))
     unexplained = min(1.0, excess / max(power_before, 1e-12))
     findings = []
-    for (name, _), terms in _groups(fit.terms).items():
-        rest = problem.fit([t for t in fit.terms if t not in terms], fit.noise, inexact=fit.inexact)
+    groups = _groups(fit.terms)
+    rich = _beside_coulomb(fit.terms, n)
+    for (name, _), terms in groups.items():
+        others = [t for t in fit.terms if t not in terms]
+        if name == "coulomb_friction":
+            others = [t for t in others if t not in rich]
+        elif any(t in rich for t in terms):
+            others += [selection.library.local("coulomb_friction", t.joints[0]) for t in terms]
+            held.add(others)
+        rest = problem.fit(others, fit.noise, inexact=fit.inexact)
         without = held.residual(rest)
         gain = float(np.sum((held.rms(without) ** 2 - held.rms(after) ** 2) * weight)) / max(power_before, 1e-12)
         cost = sum(t.cost for t in terms)
         rise = 2.0 * (fit.loglik - rest.loglik)
         rows = len(train.band.f) * (len(active) if terms[0].row is None else len(terms))
         found = tuple(p for t in terms for p in parameters(t, *values[t]))
+        if name == "coulomb_friction" and rich:
+            terms = sorted([*terms, *rich], key=lambda t: t.joints)
+            found = tuple(p for t in terms for p in coulomb_part(t, *values[t]))
         joints = tuple(dict.fromkeys(robot.joint_names[j] for t in terms for j in t.joints))
         findings.append(
             Finding(
@@ -145,7 +180,7 @@ def _report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, 
                 heldout_gain=min(gain, 1.0),
                 delta_bic=rise - cost * float(np.log(rows)),
                 p_value=float(min(1.0, stats.chi2.sf(max(rise, 0.0), cost) * selection.tried)),
-                cannot_be_told_from=(),
+                cannot_be_told_from=_rivals(selection, terms) if len(groups) <= _MOST_RIVALS else (),
                 sentence=sentence(terms[0].effect.label, joints, found, gain),
                 signature=terms[0].effect.signature,
                 separated_by=terms[0].effect.separated_by,
@@ -179,7 +214,8 @@ def _with_faults(
     assert found.predictions is not None
     rows, floor, extended = held.residual(fit), found.torque.noise_floor[None], found.predictions.extended
     for fault in reversed(faults):
-        rows, floor, extended = (np.abs(fault.effect.publish(x)) if x is floor else fault.effect.publish(x) for x in (rows, floor, extended))
+        rows, extended = fault.effect.publish(rows), fault.effect.publish(extended)
+        floor = np.abs(fault.effect.publish(floor))
     torque, predictions = found.torque, found.predictions
     if faults:
         measured = np.concatenate([m.tau for m in raw.motions])

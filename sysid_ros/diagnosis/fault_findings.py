@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,9 +11,11 @@ from sysid_ros.diagnosis.channel_faults import Fault
 from sysid_ros.diagnosis.recording import Recording
 from sysid_ros.diagnosis.result import Finding, Parameter
 from sysid_ros.diagnosis.signal_faults import quantisation, velocity_lag
-from sysid_ros.effects import ChannelEffect, TorqueQuantisation, VelocityLag
+from sysid_ros.effects import ChannelEffect, TorqueQuantisation, TorqueUnit, VelocityLag
 
 _95 = 1.959964
+_FAR, _MOST = 1.15, 0.7
+"""Gains further from 1 than by this factor on this part of the joints are another unit."""
 
 
 def finding_of(fault: Fault, joints: Sequence[str], rows: int) -> Finding:
@@ -28,11 +31,40 @@ def finding_of(fault: Fault, joints: Sequence[str], rows: int) -> Finding:
     named = tuple(joints[j] for j in fault.joints)
     sizes = ", ".join(_size(p) for p in found)
     sentence = (
-        f"{_capital(fault.effect.label)} on {', '.join(named)} ({sizes}): undone before anything else, since every other cause would "
-        "soak it up."
+        f"{_capital(fault.effect.label)} on {', '.join(named)} ({sizes}): undone before anything else, since every other cause "
+        "would soak it up."
     )
     share = max(fault.share, 1e-3)
     return _finding(fault.effect, named, tuple(found), share, -rows * float(np.log(max(1.0 - share, 1e-6))), sentence)
+
+
+def as_unit(findings: Sequence[Finding], joints: Sequence[str]) -> list[Finding]:
+    """Findings in which wrong gains of nearly all joints are what they are: efforts in another unit, as amperes."""
+    out = []
+    for f in findings:
+        far = [p for p in f.parameters if f.id == "torque_scale" and not 1.0 / _FAR < p.value < _FAR]
+        if len(far) < max(2, round(_MOST * len(joints))):
+            out.append(f)
+            continue
+        unit = TorqueUnit([1.0])
+        values = tuple(replace(p, name="factor") for p in f.parameters)
+        sizes = ", ".join(_size(p) for p in values)
+        sentence = (
+            f"The efforts are in another unit than N m, with a factor of its own on each joint ({sizes}), as currents are: multiply "
+            "them by the torque constants and the gear ratios."
+        )
+        out.append(
+            replace(
+                f,
+                id=unit.id,
+                label=unit.label,
+                joints=tuple(joints),
+                parameters=values,
+                sentence=sentence,
+                signature=unit.signature,
+            )
+        )
+    return out
 
 
 def signal_findings(fitted: Sequence[Recording], judged: Sequence[Recording], joints: Sequence[str]) -> list[Finding]:
@@ -43,8 +75,8 @@ def signal_findings(fitted: Sequence[Recording], judged: Sequence[Recording], jo
         names = tuple(joints)
         value = Parameter("cutoff", None, lag.cutoff, "Hz", lag.std, lag.cutoff - _95 * lag.std, lag.cutoff + _95 * lag.std)
         sentence = (
-            f"The published velocity went through a low-pass of about {lag.cutoff:.3g} Hz, which explains {100 * lag.share:.0f} % of its "
-            "difference to the derivative of the position; velocities are taken from the positions here."
+            f"The published velocity went through a low-pass of about {lag.cutoff:.3g} Hz, which explains {100 * lag.share:.0f} % of "
+            "its difference to the derivative of the position; velocities are taken from the positions here."
         )
         share = other.share if other is not None else 0.0
         out.append(_finding(VelocityLag(lag.cutoff), names, (value,), share, 1e3 * lag.share, sentence))
@@ -57,8 +89,8 @@ def signal_findings(fitted: Sequence[Recording], judged: Sequence[Recording], jo
             if s > 0.0
         )
         sentence = (
-            f"The effort of {', '.join(named)} comes in steps of {', '.join(f'{p.value:.3g}' for p in values)} N m, coarser than its noise: "
-            "the noise floor can't be lower than the step over the square root of 12."
+            f"The effort of {', '.join(named)} comes in steps of {', '.join(f'{p.value:.3g}' for p in values)} N m, coarser than its "
+            "noise: the noise floor can't be lower than the step over the square root of 12."
         )
         out.append(_finding(TorqueQuantisation(steps.tolist()), named, values, 0.0, 1e3, sentence))
     return out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +44,12 @@ class HeldOut:
             if term.id == "payload_change":
                 terms[term] = _event(library, prepared, fit, term, terms)
         return cls(prepared, library, terms)
+
+    def add(self, terms: Sequence[Term]) -> None:
+        """Make terms known that are not in the fit."""
+        for term in terms:
+            if term not in self.terms:
+                self.terms[term] = remake(self.library, term, term.effect.settings)
 
     def residual(self, fit: Fit) -> FloatArray:
         """Rows that a fit leaves, shape (K, n)."""

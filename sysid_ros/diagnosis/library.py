@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.diagnosis.band import Band
-from sysid_ros.effects import EFFECTS, Effect, JointCurves, JointEffect, Motion
 from sysid_ros.diagnosis.term import Term
+from sysid_ros.effects import EFFECTS, Effect, JointCurves, JointEffect, Motion
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 

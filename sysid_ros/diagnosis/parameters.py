@@ -24,15 +24,23 @@ def parameters(term: Term, values: FloatArray, covariance: FloatArray) -> list[P
     return _READERS.get(term.id, _plain)(term, values, covariance)
 
 
+def coulomb_part(term: Term, values: FloatArray, covariance: FloatArray) -> list[Parameter]:
+    """The Coulomb friction in any form of dry friction: the mean of both directions, where they differ."""
+    if term.id == "asymmetric_coulomb_friction":
+        unit = term.effect.units[0]
+        return [_number("Fc", _joint(term), unit, lambda x: 0.5 * float(x[0] + x[1]), values, covariance)]
+    return [p for p in parameters(term, values, covariance) if p.name == "Fc"]
+
+
 def _number(
     name: str, joint: str | None, unit: str, f: Callable[[FloatArray], float], values: FloatArray, covariance: FloatArray
 ) -> Parameter:
     """A function of the values, by the delta method."""
     value = f(values)
     gradient = np.zeros(len(values))
-    for i, std in enumerate(np.sqrt(np.maximum(np.diag(covariance), 0.0))):
+    for i, spread in enumerate(np.sqrt(np.maximum(np.diag(covariance), 0.0))):
         step = np.zeros(len(values))
-        step[i] = max(0.1 * std, 1e-9 * max(abs(values[i]), 1e-6))
+        step[i] = max(0.1 * float(spread), 1e-9 * max(abs(float(values[i])), 1e-6))
         gradient[i] = (f(values + step) - f(values - step)) / (2.0 * step[i])
     std = float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))
     return Parameter(name, joint, float(value), unit, std, float(value - _95 * std), float(value + _95 * std))

@@ -20,6 +20,8 @@ _UNIT_SHARE = (0.6, 1.5)
 _COMPENSATED = 0.15
 _BREAKAWAY = 4.0
 """Breakaway friction is not more than so many times the friction of steady sliding."""
+_DRIFTS = 4.0
+"""Standard deviations that a rate must be away from zero."""
 _YIELDS = 0.2
 """No gear yields by more under the loads of a recording [rad]."""
 
@@ -37,11 +39,12 @@ def allowed(term: Term, theta: FloatArray, std: FloatArray) -> bool:
     if term.id == "asymmetric_coulomb_friction":
         return bool(np.all(high > 0.0)) and float(theta.sum()) > 0.0
     if term.id == "stribeck_friction":
-        return high[0] > 0.0 and max(theta[0], 0.0) < theta[1] < _BREAKAWAY * max(high[0], 0.2 * theta[1])
+        return bool(high[0] > 0.0 and max(theta[0], 0.0) < theta[1] < _BREAKAWAY * max(high[0], 0.2 * theta[1]))
     if term.id == "load_dependent_friction":
-        return high[0] > 0.0 and theta[1] > 0.0
+        return bool(high[0] > 0.0 and theta[1] > 0.0)
     if term.id == "friction_drift":
-        return high[0] > 0.0 and bool(high[2] > 0.0)
+        drifts = np.abs(theta[[1, 3]]) > _DRIFTS * np.maximum(std[[1, 3]], 1e-12)
+        return bool(high[0] > 0.0 and high[2] > 0.0 and np.any(drifts))
     if term.id in ("payload", "payload_change"):
         return value > 0.0 or term.id == "payload_change"
     if term.id == "torque_saturation":
@@ -49,7 +52,7 @@ def allowed(term: Term, theta: FloatArray, std: FloatArray) -> bool:
     if term.id == "gravity_compensated_effort":
         return min(abs(value - 1.0), abs(value + 1.0)) < _COMPENSATED
     if term.id == "torque_scale":
-        return value > -0.9
+        return value > -0.98
     if term.id == "base_tilt":
         return bool(np.all(np.abs(theta) < 0.6))
     if term.id == "joint_elasticity" and value * term.load > _YIELDS:

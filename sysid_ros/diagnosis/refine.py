@@ -11,7 +11,6 @@ from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import Knob
-from sysid_ros.sample import FloatArray
 
 _STEPS = 8
 _FIXED_POINTS = 3
@@ -85,7 +84,7 @@ def search(term: Term, settings: dict[str, Any], cost: Callable[[dict[str, Any]]
         low, high = _around(term, knob, float(settings[knob.name]))
         a, b = (np.log(low), np.log(high)) if knob.logarithmic else (low, high)
 
-        def at(x: float, knob: Knob = knob) -> tuple[float, dict[str, Any]]:
+        def at(x: float, knob: Knob = knob, settings: dict[str, Any] = settings) -> tuple[float, dict[str, Any]]:
             changed = {**settings, knob.name: float(np.exp(x) if knob.logarithmic else x)}
             return cost(changed), changed
 

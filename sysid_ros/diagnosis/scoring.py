@@ -31,12 +31,11 @@ class Scorer:
 
     def __init__(self, problem: Problem, fit: Fit) -> None:
         self._fit = fit
-        K, n = problem.y.shape
         self._active = problem.active
         self._root = 1.0 / np.sqrt(fit.variance)
         self._residual = fit.residual * self._root
         self._rss = np.maximum(np.sum(self._residual**2, axis=0), 1e-9)
-        self._count = K
+        self._count = len(problem.y)
 
     def local(self, terms: Sequence[Term]) -> list[Score]:
         """Scores of terms that load one and the same joint."""

@@ -20,12 +20,19 @@ from sysid_ros.sample import FloatArray
 _TRIED_IN_FULL = 10
 _REFINED = 4
 _MOST_STEPS = 30
+_SWAPS = 3
+_SWAPPED = 3
+"""Effects on more joints than this are not swapped for others."""
+_CLEARLY = 5.0
+"""Likelihood by which another effect must be better to take the place of one that was chosen."""
 _ELSEWHERE = 3.0
 """Likelihood that a term must gain on segments that it was not fitted to."""
 ON_EVENTS = ("payload_change",)
 """Effects that happen once: the segments before tell nothing of those after."""
 _SEEN_OF_ALL = 0.03
-"""Least part of the nominal residual of all joints (rms, each over its noise)."""
+"""Least part of the nominal residual of all joints (rms, each over its noise), for effects that not every arm has."""
+EXPECTED = (*DRY, "viscous_friction", "rotor_inertia", "torque_offset")
+"""Effects that every arm has on every joint, large or small."""
 _SEEN = 0.04
 """Least part of the nominal residual (rms) that an effect must make on one of its joints."""
 
@@ -82,6 +89,7 @@ class Selection:
 
     def run(self) -> Fit:
         """The terms that earn their place."""
+        swaps = _SWAPS
         seen: set[frozenset[tuple[str, tuple[int, ...]]]] = set()
         for _ in range(_MOST_STEPS):
             state = frozenset(t.key for t in self.fit.terms) | ({("inexact", ())} if self.fit.inexact else set())
@@ -96,8 +104,9 @@ class Selection:
             self.simplify()
             self.prune()
             self.refresh()
-            if frozenset(t.key for t in self.fit.terms) == state - {("inexact", ())}:
+            if frozenset(t.key for t in self.fit.terms) == state - {("inexact", ())} and not (swaps and self.swap()):
                 break
+            swaps -= 1
         return self.fit
 
     def refresh(self) -> None:
@@ -122,16 +131,48 @@ class Selection:
 
     def propose(self) -> Proposal | None:
         """The best step forward, or None where nothing is worth its price."""
+        return max(self.proposals(), key=lambda p: p.score, default=None)
+
+    def rivals(self, terms: Sequence[Term]) -> list[Proposal]:
+        """Other effects in the place of ``terms``, which are in the fit; the score is relative to the fit without them."""
+        whole = self.fit
+        self.fit = self.problem.fit([t for t in whole.terms if t not in terms], whole.noise, inexact=whole.inexact)
+        try:
+            return self.proposals(terms[0].id)
+        finally:
+            self.fit = whole
+
+    def swap(self) -> bool:
+        """Put another effect in the place of one that explains less than it would; True where there was one."""
+        for name in dict.fromkeys(t.id for t in self.fit.terms):
+            terms = [t for t in self.fit.terms if t.id == name]
+            if name in EXPECTED or len(terms) > _SWAPPED:
+                continue
+            best = max(self.rivals(terms), key=lambda p: p.score, default=None)
+            if best is None:
+                continue
+            paid = sum(map(self.price, terms)) - sum(map(self.price, best.terms))
+            if best.fit.loglik + paid > self.fit.loglik + _CLEARLY:
+                self._progress(f"{best.words}, in place of {terms[0].effect.label}")
+                self.fit = best.fit
+                return True
+        return False
+
+    def proposals(self, without: str = "") -> list[Proposal]:
+        """Every step forward that is worth its price, but for one effect; the likeliest are refined."""
         scorer = Scorer(self.problem, self.fit)
         groups: list[tuple[float, list[Term]]] = []
         for name in LOCAL:
-            if name in self._excluded or name == "friction_drift":  # holds two other frictions: tried in their place only
+            if name in self._excluded or name in (
+                without,
+                "friction_drift",
+            ):  # holds two other frictions: tried in their place only
                 continue
             scores = [s for j in self._joints if (s := self._best_option(scorer, name, j)) is not None]
             if scores:
                 groups.append((sum(s.gain - self.price(s.term) for s in scores), [s.term for s in scores]))
         for term in self._whole:
-            if any(term.key == t.key for t in self.fit.terms):
+            if term.id == without or any(term.key == t.key for t in self.fit.terms):
                 continue
             score = scorer.whole(term)
             if score.gain > self.price(term) and allowed(term, score.theta, score.std):
@@ -142,8 +183,7 @@ class Selection:
         proposals = [self._refined(p) for p in proposals[:_REFINED]] + proposals[_REFINED:]
         if not self.fit.inexact and (p := self._inexact()) is not None:
             proposals.append(p)
-        self.last = proposals
-        return max(proposals, key=lambda p: p.score, default=None)
+        return proposals
 
     def _inexact(self) -> Proposal | None:
         fit = self.problem.fit(list(self.fit.terms), self.fit.noise, inexact=True)
@@ -194,7 +234,7 @@ class Selection:
         noise = np.sum(fit.variance, axis=0)
         seen = np.any(power > _SEEN**2 * nominal[rows])
         total = np.sum(nominal[self._joints] / noise[self._joints])
-        return bool(seen and np.sum(power / noise[rows]) > _SEEN_OF_ALL**2 * total)
+        return bool(seen and (term.id in EXPECTED or np.sum(power / noise[rows]) > _SEEN_OF_ALL**2 * total))
 
     def prune(self) -> None:
         """Take out, one after the other, what is no longer worth its price or no longer possible."""

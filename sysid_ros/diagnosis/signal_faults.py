@@ -49,6 +49,8 @@ def velocity_lag(recordings: Sequence[Recording]) -> Lag | None:
     independent = sum(2.0 * _BAND * period * true.size for true, _, period in pairs)
     count = sum(true.size for true, _, _ in pairs)
     variance = 2.0 * (left(tau) / count) / max(curvature, 1e-30) * count / independent
+    # by half a sample the driver's own filter may be early or late, depending on how it was discretised
+    variance += (0.5 * max(period for _, _, period in pairs) / 1.96) ** 2
     cutoff = 1.0 / (2.0 * np.pi * tau)
     return Lag(cutoff, float(cutoff * np.sqrt(variance) / tau), share)
 

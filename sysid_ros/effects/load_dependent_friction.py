@@ -23,6 +23,7 @@ class LoadDependentFriction(JointCurves):
 
     id: ClassVar[str] = "load_dependent_friction"
     label: ClassVar[str] = "friction that grows with the load"
+    nonnegative: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]] = ("Fc", "mu")
     symbol_units: ClassVar[tuple[str, ...]] = ("N m", "1")
     slide_units: ClassVar[tuple[str, ...]] = ("N", "1")

@@ -24,6 +24,7 @@ class StribeckFriction(JointCurves):
 
     id: ClassVar[str] = "stribeck_friction"
     label: ClassVar[str] = "Stribeck friction"
+    nonnegative: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]] = ("Fc", "Fs")
     symbol_units: ClassVar[tuple[str, ...]] = ("N m", "N m")
     slide_units: ClassVar[tuple[str, ...]] = ("N", "N")

@@ -80,7 +80,8 @@ def _own(equations: NormalEquations, prior: Prior) -> FloatArray:
         for _ in range(_OWN_ITERATIONS):
             weight = 1.0 / (_COLOURED * np.maximum(residual, 1e-9) ** 2)
             A = bag.information(weight) + np.diag(precision)
-            theta = np.linalg.solve(A, bag.right_side(weight) + precision * prior.mean)
+            side = bag.right_side(weight) + precision * prior.mean
+            theta = np.asarray(np.linalg.solve(A, side), dtype=np.float64)
             residual = _rms(bag, theta)
         out.append(residual[0])
     own: FloatArray = np.maximum(np.array(out), 1e-9)

@@ -17,7 +17,9 @@ from sysid_ros.sample import FloatArray
 _SAMPLES_PER_HARMONIC = 20
 _LEAST_SAMPLES = 100
 _EXACT_STEP = 0.004
-_TOLERANCE = 3e-5
+_CAUTION = 0.1
+"""Factor on D for each parameter: the first steps go by the gradient itself, and shall not be wider than a joint's range."""
+_TOLERANCE = 3e-5 * _CAUTION
 _LIMIT = 0.999
 """Part of a limit that may be used, of which a thousandth is left for what lies between the samples."""
 
@@ -71,14 +73,14 @@ class MotionOptimiser:
         from scipy.optimize import minimize
 
         start = (begin.coefficients / self._unit)[self._fixed :].ravel()
-        parameters = len(self._criteria.columns)
+        scale = _CAUTION / len(self._criteria.columns)
         correction = self._correction(begin, stage)
 
         # the optimiser asks for value and derivative one after the other
         @lru_cache(maxsize=1)
         def objective(key: bytes) -> tuple[float, FloatArray]:
             value, gradient = self._negative_d(self._coefficients(begin, np.frombuffer(key)))
-            return value / parameters, gradient / parameters
+            return scale * value, scale * gradient
 
         @lru_cache(maxsize=1)
         def inequality(key: bytes) -> tuple[FloatArray, FloatArray]:
@@ -91,7 +93,7 @@ class MotionOptimiser:
         def look(x: FloatArray) -> None:
             nonlocal best, best_merit
             excess = max(0.0, -float(inequality(x.tobytes())[0].min()))
-            merit = objective(x.tobytes())[0] + _SHRINKING * excess
+            merit = objective(x.tobytes())[0] + _CAUTION * _SHRINKING * excess
             if merit < best_merit:
                 best, best_merit = np.array(x), merit
 

@@ -19,6 +19,9 @@ from sysid_ros.identification.rows import BagRows
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque_model import TorqueModel
 
+_LOAD_SHARE = 0.3
+"""Standard deviation of the friction coefficient by load before any data [1]."""
+
 _SLACK = (0.01, 0.03)
 _TOO_STRICT = 1.1
 """A joint that no inertials can improve must not keep all the others from theirs: where holding every joint to 1 % of what the
@@ -49,7 +52,9 @@ class Prior:
                 continue
             per_joint = effect.p // max(len(effect.joints), 1)
             size = np.repeat(limit[effect.joints], per_joint)
-            std[where] = [1.0 if unit == "1" else by_unit.get(unit, 0.2) * s for unit, s in zip(effect.units, size, strict=True)]
+            std[where] = [
+                _LOAD_SHARE if unit == "1" else by_unit.get(unit, 0.2) * s for unit, s in zip(effect.units, size, strict=True)
+            ]
         return cls(mean, std, is_link)
 
     def precision(self, weight: float = 1.0) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -207,7 +208,8 @@ def _bounded_least_squares(rows: FloatArray, target: FloatArray, lower: FloatArr
     size[size == 0.0] = 1.0
     order = np.argsort(np.isfinite(lower), kind="stable")
     count, first = len(order), int(np.sum(np.isneginf(lower)))
-    triangle = np.linalg.qr(np.column_stack([(rows / size)[:, order], target]), mode="r")[:count]
+    reduced: Any = np.linalg.qr(np.column_stack([(rows / size)[:, order], target]), mode="r")
+    triangle = np.asarray(reduced)[:count]
     right, side = triangle[:, :count], triangle[:, count]
     diagonal = np.abs(np.diag(right))
     right[np.diag_indices(count)] = np.where(diagonal > 1e-15 * diagonal.max(), np.diag(right), 1e-15 * diagonal.max())

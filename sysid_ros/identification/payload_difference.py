@@ -73,7 +73,8 @@ def payload_difference(model: TorqueModel, empty: Fit, loaded: Fit, frame: str =
     placed = robot.model.frames[robot.frame_id(frame)]
     if links is None or links.stop - links.start != 10 * robot.n or placed.parentJoint == 0:
         raise DataError(
-            f"a payload at '{frame}' needs a model whose links are all free and a frame that some joint moves. Choose another frame."
+            f"a payload at '{frame}' needs a model whose links are all free and a frame that some joint moves. Choose another "
+            "frame."
         )
     p = model.p
     start = links.start + 10 * (placed.parentJoint - 1)
@@ -95,7 +96,9 @@ def payload_difference(model: TorqueModel, empty: Fit, loaded: Fit, frame: str =
     information = first.T @ empty.information @ first + second.T @ loaded.information @ second + eye
     score = first.T @ empty.score + second.T @ loaded.score + mean / std
     scatter = (
-        first.T @ empty.bag_score_covariance.sum(axis=0) @ first + second.T @ loaded.bag_score_covariance.sum(axis=0) @ second + eye
+        first.T @ empty.bag_score_covariance.sum(axis=0) @ first
+        + second.T @ loaded.bag_score_covariance.sum(axis=0) @ second
+        + eye
     )
     factor = linalg.cho_factor(information)
     found = linalg.cho_solve(factor, score)
@@ -141,8 +144,9 @@ def _changes(model: TorqueModel, theta: FloatArray, part: float) -> FloatArray:
         if isinstance(effect, LinkInertia | RotorInertia):
             continue
         out[where] = part * np.abs(theta[where])
-        if effect.id == "coulomb_friction":
-            dry[effect.joints] = np.abs(theta[where])
+        for j, joint in enumerate(model.robot.joint_names):
+            if (level := f"Fc[{joint}]") in effect.parameter_names:
+                dry[j] = abs(theta[where][effect.parameter_names.index(level)])
     for effect, where in blocks:
         if isinstance(effect, TorqueOffset):
             out[where] = part * np.maximum(np.abs(theta[where]), dry[effect.joints])

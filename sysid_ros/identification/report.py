@@ -120,6 +120,11 @@ def _sections(result: Identification, judged: Sequence[TorqueError], provenance:
     out = []
     if result.record_next or result.problems:
         out.append(_section("What to record next", "", _list(result.record_next) + _problems(result)))
+    if result.payload is not None:
+        said = "The difference between the loaded and the empty runs, as a body that can exist."
+        if not result.payload.consistent:
+            said = "No body explains the difference between the loaded and the empty runs; this is the nearest."
+        out.append(_section("Payload", said, f"<div class='scroll'>{report_tables.payload(result.payload)}</div>"))
     out.append(
         _section(
             "Torque error where nothing was fitted",

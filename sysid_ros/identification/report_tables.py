@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.identification.payload_difference import PayloadDifference
 from sysid_ros.identification.report_figures import BLUE, GREEN, ORANGE
 from sysid_ros.identification.result import (
     BaseGroup,
@@ -21,6 +22,7 @@ from sysid_ros.identification.result import (
     TorqueError,
     WhitenessTest,
 )
+from sysid_ros.inertial_parameters import NAMES
 
 ERROR_KEY = (
     f'<span class="key"><i style="background:{ORANGE}"></i>URDF alone<i style="background:{GREEN}"></i>URDF with friction, '
@@ -111,6 +113,21 @@ def knobs(found: Sequence[Knob]) -> str:
         for k in found
     ]
     return f"<h3>Settings searched for</h3>{_table(('setting', 'joint', 'value', 'determined by the bags'), rows)}"
+
+
+def payload(found: PayloadDifference) -> str:
+    """The ten parameters of a payload with their intervals, and what follows from them."""
+    std = np.sqrt(np.diag(found.covariance))
+    lines = [("mass", found.mass, found.mass_std, "kg")]
+    lines += [(f"centre of mass, {a}", c, s, "m") for a, c, s in zip("xyz", found.com, found.com_std, strict=True)]
+    origin = zip(NAMES[4:], found.theta[4:], std[4:], strict=True)
+    lines += [(f"{name} about the frame's origin", value, s, "kg m²") for name, value, s in origin]
+    rows = [
+        f"<tr><td>{escape(name)}</td><td>{number(value, 4)}</td><td>± {number(1.96 * s, 2)}</td><td>{unit}</td>"
+        f"<td>{_share(float(part))}</td></tr>"
+        for (name, value, s, unit), part in zip(lines, found.from_data, strict=True)
+    ]
+    return _table((f"in the frame of {found.frame}", "value", "95 %", "unit", "from the bags"), rows)
 
 
 def noise(found: Sequence[JointNoise], tests: Sequence[WhitenessTest]) -> str:

@@ -60,8 +60,8 @@ def identified_urdf(robot: RobotModel, model: ModelFile) -> tuple[str, list[str]
         theta = links[10 * j : 10 * j + 10]
         if not inertial_parameters.is_physical(theta):
             raise ModelFileError(
-                f"the inertials of link '{body}' in {model.source} belong to no body (mass {theta[0]:.3g} kg), and simulators take "
-                "bodies only. Identify with physical consistency."
+                f"the inertials of link '{body}' in {model.source} belong to no body (mass {theta[0]:.3g} kg), and simulators "
+                "take bodies only. Identify with physical consistency."
             )
         attached = _attached(robot, root, j)
         kept = _kept(theta, attached)
@@ -84,9 +84,11 @@ def identified_urdf(robot: RobotModel, model: ModelFile) -> tuple[str, list[str]
         dynamics.set("damping", repr(float(damping[j])))
         dynamics.set("friction", repr(float(friction[j])))
     held = {"link_inertia", "viscous_friction", "coulomb_friction"}
-    lost = [block.effect for block in model.effects if block.effect not in held and np.any(block.theta)]
+    lost = dict.fromkeys(block.effect for block in model.effects if block.effect not in held and np.any(block.theta))
     if lost:
         notes.append(f"A URDF can't hold {', '.join(lost)}; model.yaml does.")
+    if levels := [name for name in lost if any(b.effect == name and "Fc" in "".join(b.names) for b in model.effects)]:
+        notes.append(f"The <dynamics> friction holds the level Fc of {', '.join(levels)} alone.")
     comments = re.match(r"\s*(?:<\?xml.*?\?>)?\s*((?:<!--.*?-->\s*)*)", robot.urdf, re.DOTALL)
     head = '<?xml version="1.0" encoding="utf-8"?>\n' + (comments.group(1) if comments else "")
     return head + ElementTree.tostring(root, encoding="unicode") + "\n", notes
@@ -128,7 +130,7 @@ def check_model_file(robot: RobotModel, model: ModelFile, path: Path) -> None:
 
 
 def _known(robot: RobotModel, model: ModelFile) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Link inertials (10 n,), damping (n,) and friction (n,) of a model; the URDF's where it says nothing of them."""
+    """Link inertials (10 n,), damping (n,) and level of the dry friction (n,) of a model; the URDF's where it says nothing."""
     links, damping, friction = robot.pi.copy(), robot.damping.copy(), robot.friction.copy()
     for known in model.known_effects(robot):
         if isinstance(known.effect, LinkInertia):
@@ -136,8 +138,9 @@ def _known(robot: RobotModel, model: ModelFile) -> tuple[FloatArray, FloatArray,
                 links[10 * j : 10 * j + 10] = theta
         elif known.effect.id == "viscous_friction":
             damping[known.effect.joints] = known.theta
-        elif known.effect.id == "coulomb_friction":
-            friction[known.effect.joints] = known.theta
+        for j, joint in enumerate(robot.joint_names):
+            if (level := f"Fc[{joint}]") in known.effect.parameter_names:
+                friction[j] = known.theta[known.effect.parameter_names.index(level)]
     return links, damping, friction
 
 

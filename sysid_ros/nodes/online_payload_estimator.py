@@ -1,9 +1,10 @@
-"""Node ``online_payload_estimator``: estimates what an arm carries, from its joint states."""
+"""Node ``online_payload_estimator``: estimates what a robot carries, from its joint states and, on legs, its IMU."""
 
 from __future__ import annotations
 
 import gc
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,9 @@ from sysid_ros.nodes.parameters import NodeParameters
 from sysid_ros.nodes.reporter import Reporter
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock, Timing
+from sysid_ros.nodes.trunk_inputs import TrunkInputs
 from sysid_ros.payload_estimate import PayloadEstimate
+from sysid_ros.sample import ContactRecord, ImuRecord
 from sysid_ros.sources.robot_description import urdf_text
 from sysid_ros.warm_up import warm_up
 
@@ -36,7 +39,8 @@ _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.
 
 
 class OnlinePayloadEstimator(LifecycleNode):
-    """Reads ``joint_states``, and ``robot_description`` where ``urdf_path`` is empty.
+    """Reads ``joint_states``, and ``robot_description`` where ``urdf_path`` is empty; of a legged robot ``imu`` and ``contacts``
+    too.
 
     Publishes the payload (:class:`Outputs`) and its own state on ``/diagnostics`` (:class:`Reporter`); services
     ``~/reset``, ``~/tare``, ``~/commit``, ``~/enable``.
@@ -55,6 +59,7 @@ class OnlinePayloadEstimator(LifecycleNode):
         self._problem = self._qos_problem = ""
         self._description = ""
         self._troubles: dict[str, int] = {}
+        self._trunk_inputs: TrunkInputs | None = None
         self._read, self._receive_clock = RecordReader(), ReceiveClock()
         self._parameter_source = NodeParameters(self, lambda: self._state != "unconfigured", self._on_parameters)
         self._outputs = Outputs(self)
@@ -136,7 +141,16 @@ class OnlinePayloadEstimator(LifecycleNode):
     def _free(self, state: str) -> None:
         self.live = None
         self._problem, self._state = "", state
+        self._listen_to_trunk(False)
         self._reporter.forget()
+
+    def _listen_to_trunk(self, floats: bool) -> None:
+        """Subscribe to IMU and contacts where the robot's base floats."""
+        if floats and self._trunk_inputs is None:
+            self._trunk_inputs = TrunkInputs(self, self._receive_clock.now, self._on_trunk)
+        elif not floats and self._trunk_inputs is not None:
+            self._trunk_inputs.close()
+            self._trunk_inputs = None
 
     def _load(self, urdf: str) -> str:
         """Make the estimation for a URDF; returns what is wrong, or an empty string."""
@@ -148,6 +162,7 @@ class OnlinePayloadEstimator(LifecycleNode):
         except SysidError as error:
             return str(error)
         self.live, self._problem = live, ""
+        self._listen_to_trunk(live.estimation.base is not None)
         self._commit.interrupt("No estimate yet.")
         self.get_logger().info(
             f"{live.robot.name}: joints {', '.join(live.robot.joint_names)}; payload in {live.estimation.frame}; "
@@ -179,11 +194,17 @@ class OnlinePayloadEstimator(LifecycleNode):
             self._handle(taken[0])
 
     def _handle(self, message: JointState) -> None:
+        self._with_live(self._take, message)
+
+    def _on_trunk(self, record: ImuRecord | ContactRecord) -> None:
+        self._with_live(self._take_trunk, record)
+
+    def _with_live(self, take: Callable[[LiveEstimation, Any], None], message: Any) -> None:
         live = self.live
         if live is None or self._state != "active":
             return
         try:
-            self._take(live, message)
+            take(live, message)
         except Exception as error:  # noqa: BLE001 - one message must not end the node; it is counted and shown
             kind = type(error).__name__
             self._troubles[kind] = self._troubles.get(kind, 0) + 1
@@ -197,6 +218,10 @@ class OnlinePayloadEstimator(LifecycleNode):
         self._reporter.timing.add(done - (record.stamp or received), done - received)
         if estimate is not None:
             self._publish(live, estimate, message.header.stamp if record.stamp else stamp_of(estimate.t))
+
+    def _take_trunk(self, live: LiveEstimation, record: ImuRecord | ContactRecord) -> None:
+        if (estimate := live.take(record)) is not None:
+            self._publish(live, estimate, stamp_of(estimate.t))
 
     def _publish(self, live: LiveEstimation, estimate: PayloadEstimate, stamp: Any) -> None:
         if self._outputs.joints is not live.robot.joint_names:

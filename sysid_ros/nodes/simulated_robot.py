@@ -1,4 +1,4 @@
-"""Node ``simulated_robot``: the simulated arm in real time, as a robot's drivers would show it."""
+"""Node ``simulated_robot``: the simulated arm or quadruped in real time, as a robot's drivers would show it."""
 
 from __future__ import annotations
 
@@ -22,8 +22,11 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from sysid_ros.exceptions import SettingsError, SysidError
+from sysid_ros.nodes.trunk_outputs import TrunkOutputs
 from sysid_ros.sample import Measurement
 from sysid_ros.simulation import ArmScenario, ArmSimulation
+from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
+from sysid_ros.simulation.quadruped_simulation import QuadrupedSimulation, QuadrupedState
 
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _SERVE_EVERY = 0.01
@@ -32,6 +35,9 @@ _QUIET = 5.0
 _NEVER = -1.0
 
 PARAMETERS: tuple[tuple[str, Any, str], ...] = (
+    ("robot", "arm", "arm or quadruped"),
+    ("gait", "sway", "of the quadruped: stand, sway or trot"),
+    ("slope", 0.0, "of the ground under the quadruped, up to 10 [deg]"),
     ("seed", 0, "seed of the motion and of the noise"),
     ("rate", 1000, "messages a second, a divisor of 1000 [Hz]"),
     ("duration", 0.0, "the motion ends at rest after this time [s]; 0: it never ends"),
@@ -51,12 +57,19 @@ PARAMETERS: tuple[tuple[str, Any, str], ...] = (
 )
 
 
+_ARM_ONLY = ("velocity", "viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset", "controller_knows_payload")
+"""Parameters that the quadruped does not have."""
+_FASTEST_ON_LEGS = 500
+"""Messages a second that the quadruped sends where nothing else is asked for [Hz]."""
+
+
 class SimulatedRobot(Node):
-    """Publishes ``joint_states`` of an arm in PyBullet as fast as it moves, and picks up and drops a payload.
+    """Publishes ``joint_states`` of a robot in PyBullet as fast as it moves, and picks up and drops a payload.
 
     Topics: ``joint_states`` (reliable, depth 10, as joint_state_broadcaster), ``robot_description`` and ``~/truth`` (latched: the
-    payload carried now, com in the tip link's frame and inertia about it; mass 0 while there is none). Services ``~/pick`` and
-    ``~/drop``.
+    payload carried now, com in the tip link's frame and inertia about it; mass 0 while there is none); of the quadruped ``imu``
+    and
+    ``contacts`` too. Services ``~/pick`` and ``~/drop``.
 
     Raises:
         SettingsError: a parameter is not allowed.
@@ -64,13 +77,14 @@ class SimulatedRobot(Node):
 
     def __init__(self) -> None:
         super().__init__("simulated_robot")
-        self.simulation = ArmSimulation(self._scenario())
+        self.simulation = self._make_simulation()
         self._joint_states = self.create_publisher(JointState, "joint_states", 10)
         self._description = self.create_publisher(String, "robot_description", _LATCHED)
         self._truth = self.create_publisher(InertiaStamped, "~/truth", _LATCHED)
         self._pick_service = self.create_service(Trigger, "~/pick", self._on_pick)
         self._drop_service = self.create_service(Trigger, "~/drop", self._on_drop)
         self._message = JointState(name=list(self.simulation.robot.joint_names))
+        self._trunk = TrunkOutputs(self) if isinstance(self.simulation, QuadrupedSimulation) else None
         self._told_events = 0
         self._start_stamp = self.get_clock().now()
         self._description.publish(String(data=self.simulation.urdf))
@@ -95,7 +109,7 @@ class SimulatedRobot(Node):
         while rclpy.ok():
             now = time.monotonic()
             if done * period <= now - start:
-                self._publish(self.simulation.noisy(self.simulation.step()))
+                self._publish(self._next())
                 done += 1
                 late = now - start - done * period
                 # rclpy's own throttle looks up its caller at every step, which costs as much as the step that is late
@@ -112,7 +126,13 @@ class SimulatedRobot(Node):
                 executor.spin_once(timeout_sec=0.0)
                 served = now
 
-    def _scenario(self) -> ArmScenario:
+    def _next(self) -> Measurement | QuadrupedState:
+        simulation = self.simulation
+        if isinstance(simulation, ArmSimulation):
+            return simulation.noisy(simulation.step())
+        return simulation.noisy(simulation.step())
+
+    def _make_simulation(self) -> ArmSimulation | QuadrupedSimulation:
         for name, default, description in PARAMETERS:
             # a whole number in a YAML file is an integer to ROS, so the type is left open and brought back below
             self.declare_parameter(
@@ -124,6 +144,9 @@ class SimulatedRobot(Node):
                 f"There is no parameter '{name}'. The parameters are {', '.join(n for n, _, _ in PARAMETERS)}."
             )
         v = {name: _typed(name, self.get_parameter(name), default) for name, default, _ in PARAMETERS}
+        robot = v.pop("robot")
+        if robot not in ("arm", "quadruped"):
+            raise SettingsError(f"robot is {robot!r}; it must be arm or quadruped.")
         mass = v.pop("payload_mass")
         pick, drop, duration = v.pop("pick_time"), v.pop("drop_time"), v.pop("duration")
         if mass:
@@ -132,11 +155,19 @@ class SimulatedRobot(Node):
                 "pick_time": pick if pick >= 0.0 else math.inf,
                 "drop_time": drop if drop >= 0.0 else None,
             }
-        return ArmScenario(**v, duration=duration or math.inf)
+        legs = {name: v.pop(name) for name in ("gait", "slope")}
+        if robot == "arm":
+            return ArmSimulation(ArmScenario(**v, duration=duration or math.inf))
+        v = {name: value for name, value in v.items() if name not in _ARM_ONLY} | legs
+        if "rate" not in self._parameter_overrides:
+            v["rate"] = _FASTEST_ON_LEGS
+        return QuadrupedSimulation(QuadrupedScenario(**v, duration=duration or math.inf))
 
-    def _publish(self, m: Measurement) -> None:
+    def _publish(self, m: Measurement | QuadrupedState) -> None:
         message = self._message
         message.header.stamp = self._stamp(m.t)
+        if self._trunk is not None and isinstance(m, QuadrupedState):
+            self._trunk.publish(m, message.header.stamp)
         message.position = array.array("d", m.q.tobytes())
         message.velocity = array.array("d", b"" if m.v is None else m.v.tobytes())
         message.effort = array.array("d", m.tau.tobytes())
@@ -187,6 +218,10 @@ def _typed(name: str, parameter: Parameter, default: Any) -> Any:
         SettingsError: it has another one.
     """
     value = parameter.value
+    if isinstance(default, str):
+        if not isinstance(value, str):
+            raise SettingsError(f"{name} is {value!r}; it must be a string.")
+        return value
     if isinstance(default, list):
         items = list(value) if not isinstance(value, int | float | str) and value is not None else [value]
         return tuple(_number(name, x) for x in items)

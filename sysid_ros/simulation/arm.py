@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pybullet
 
 from sysid_ros.sample import FloatArray
+from sysid_ros.simulation.carried_body import CarriedBody
 from sysid_ros.simulation.payload import Payload
 
 STEP = 1e-3
 """Step of the physics and of the torque control [s]."""
-
-_FALL_TIME = 1.0
-_NO_SLIP_FORCE = 1e6
 
 
 class ArmWorld:
@@ -64,9 +61,7 @@ class ArmWorld:
         for link in range(-1, len(infos)):
             self._undamp(self._arm, link)
         self._joint_command(pybullet.VELOCITY_CONTROL, np.zeros(len(self._joints)))
-        self._body: int | None = None
-        self._constraint: int | None = None
-        self._fallen = 0.0
+        self._body = CarriedBody(self._client, self._arm, self._tip)
         self._read()
 
     def close(self) -> None:
@@ -77,7 +72,7 @@ class ArmWorld:
 
     @property
     def carries(self) -> bool:
-        return self._constraint is not None
+        return self._body.tied
 
     def reset(self, q: FloatArray, v: FloatArray) -> None:
         """Put the joints into a state, shape (n,) each."""
@@ -90,50 +85,23 @@ class ArmWorld:
         self._joint_command(pybullet.TORQUE_CONTROL, tau)
         pybullet.stepSimulation(physicsClientId=self._client)
         self._read()
-        if self._body is not None and self._constraint is None:
-            self._fallen += STEP
-            if self._fallen > _FALL_TIME:
-                self._remove_body()
+        self._body.step(STEP)
 
     def pick(self, payload: Payload) -> None:
         """Tie a body to the tip; it appears there with the tip's own motion, so that the pick is no impact.
 
         A body that was dropped and still falls is taken out of the world.
         """
-        self._remove_body()
-        com_world, tip_orientation, _, _ = self._motion_of(payload.com)
         # a tied body's velocity is J(q before the step) v; with J(q after it) the first torque would lack the centripetal part
         q, v = self.q, self.v
         self.reset(q - STEP * v, v)
-        _, _, velocity, omega = self._motion_of(payload.com)
+        motion = self._body.motion_of(payload.com)
         self.reset(q, v)
-        moments, axes = payload.principal()
-        body_orientation = _quaternion(axes)
-        # the body's frame is put at its centre of mass along its principal axes, where PyBullet keeps its state anyway
-        _, world_orientation = pybullet.multiplyTransforms([0.0] * 3, tip_orientation, [0.0] * 3, body_orientation)
-        body: int = pybullet.createMultiBody(
-            payload.mass, -1, -1, com_world.tolist(), world_orientation, physicsClientId=self._client
-        )
-        self._undamp(body, -1)
-        pybullet.changeDynamics(body, -1, localInertiaDiagonal=moments.tolist(), physicsClientId=self._client)
-        pybullet.resetBaseVelocity(body, velocity.tolist(), omega, physicsClientId=self._client)
-        dynamics = pybullet.getDynamicsInfo(self._arm, self._tip, physicsClientId=self._client)
-        # frames of a constraint count from the centres of mass; both meet in the tip's origin
-        parent_position, parent_orientation = pybullet.invertTransform(dynamics[3], dynamics[4])
-        child_position, child_orientation = pybullet.invertTransform(payload.com.tolist(), body_orientation)
-        self._constraint = pybullet.createConstraint(
-            self._arm, self._tip, body, -1, pybullet.JOINT_FIXED, [0.0] * 3, parent_position, child_position,
-            parent_orientation, child_orientation, physicsClientId=self._client,
-        )  # fmt: skip
-        pybullet.changeConstraint(self._constraint, maxForce=_NO_SLIP_FORCE, physicsClientId=self._client)
-        self._body = body
+        self._body.tie(payload, motion)
 
     def drop(self) -> None:
         """Let the body go: it falls freely and is taken out of the world a second later."""
-        if self._constraint is not None:
-            pybullet.removeConstraint(self._constraint, physicsClientId=self._client)
-            self._constraint = None
-            self._fallen = 0.0
+        self._body.untie()
 
     def inverse_dynamics(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """PyBullet's own inverse dynamics of the arm without the body, shape (n,) [N m]."""
@@ -143,24 +111,7 @@ class ArmWorld:
 
     def slip(self, payload: Payload) -> float:
         """How far the tied body has moved away from its place at the tip [m]: the constraint's own error."""
-        position, _ = pybullet.getBasePositionAndOrientation(self._body, physicsClientId=self._client)
-        return float(np.linalg.norm(np.array(position) - self._motion_of(payload.com)[0]))
-
-    def _motion_of(self, point: FloatArray) -> tuple[FloatArray, Any, FloatArray, Any]:
-        """Position (3,) of a point given in the tip's frame, orientation of the tip, velocity (3,) of the point, tip's omega."""
-        link = pybullet.getLinkState(
-            self._arm, self._tip, computeLinkVelocity=1, computeForwardKinematics=1, physicsClientId=self._client
-        )
-        link_com, tip_position, tip_orientation, com_velocity, omega = link[0], link[4], link[5], link[6], link[7]
-        rotation = np.array(pybullet.getMatrixFromQuaternion(tip_orientation)).reshape(3, 3)
-        position = np.array(tip_position) + rotation @ point
-        return position, tip_orientation, np.array(com_velocity) + np.cross(omega, position - np.array(link_com)), omega
-
-    def _remove_body(self) -> None:
-        self.drop()
-        if self._body is not None:
-            pybullet.removeBody(self._body, physicsClientId=self._client)
-            self._body = None
+        return self._body.slip(payload)
 
     def _undamp(self, body: int, link: int) -> None:
         pybullet.changeDynamics(body, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, physicsClientId=self._client)
@@ -172,17 +123,3 @@ class ArmWorld:
         states = pybullet.getJointStates(self._arm, self._joints, physicsClientId=self._client)
         self.q: FloatArray = np.array([state[0] for state in states])
         self.v: FloatArray = np.array([state[1] for state in states])
-
-
-def _quaternion(rotation: FloatArray) -> list[float]:
-    """Quaternion x, y, z, w of a rotation matrix (3, 3), by the eigenvector of Bar-Itzhack 2000, which has no special case."""
-    r = rotation
-    matrix = np.array(
-        [
-            [r[0, 0] - r[1, 1] - r[2, 2], r[1, 0] + r[0, 1], r[2, 0] + r[0, 2], r[2, 1] - r[1, 2]],
-            [r[1, 0] + r[0, 1], r[1, 1] - r[0, 0] - r[2, 2], r[2, 1] + r[1, 2], r[0, 2] - r[2, 0]],
-            [r[2, 0] + r[0, 2], r[2, 1] + r[1, 2], r[2, 2] - r[0, 0] - r[1, 1], r[1, 0] - r[0, 1]],
-            [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], r[0, 0] + r[1, 1] + r[2, 2]],
-        ]
-    )
-    return [float(x) for x in np.linalg.eigh(matrix)[1][:, -1]]

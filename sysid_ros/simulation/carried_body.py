@@ -14,6 +14,10 @@ _FALL_TIME = 1.0
 _NO_SLIP_FORCE = 1e6
 
 
+Motion = tuple[FloatArray, Any, FloatArray, Any]
+"""Position (3,), orientation, velocity (3,) and angular velocity in the world."""
+
+
 class CarriedBody:
     """Ties a :class:`Payload` to a link and lets it go.
 
@@ -31,10 +35,16 @@ class CarriedBody:
     def tied(self) -> bool:
         return self._constraint is not None
 
-    def tie(self, payload: Payload) -> None:
-        """Tie a body to the link; it appears there with the link's own motion, so that this is no impact."""
+    def tie(self, payload: Payload, moving: Motion | None = None) -> None:
+        """Tie a body to the link; it appears there with the link's own motion, so that this is no impact.
+
+        Args:
+            moving: takes velocity and omega from there, of :meth:`motion_of` in another state.
+        """
         self.untie(remove=True)
-        com_world, link_orientation, velocity, omega = self._motion_of(payload.com)
+        com_world, link_orientation, velocity, omega = self.motion_of(payload.com)
+        if moving is not None:
+            _, _, velocity, omega = moving
         moments, axes = payload.principal()
         body_orientation = self.quaternion(axes)
         # the body's frame is put at its centre of mass along its principal axes, where PyBullet keeps its state anyway
@@ -75,9 +85,9 @@ class CarriedBody:
     def slip(self, payload: Payload) -> float:
         """How far the tied body has moved away from its place at the link [m]: the constraint's own error."""
         position, _ = pybullet.getBasePositionAndOrientation(self._body, physicsClientId=self._client)
-        return float(np.linalg.norm(np.array(position) - self._motion_of(payload.com)[0]))
+        return float(np.linalg.norm(np.array(position) - self.motion_of(payload.com)[0]))
 
-    def _motion_of(self, point: FloatArray) -> tuple[FloatArray, Any, FloatArray, Any]:
+    def motion_of(self, point: FloatArray) -> Motion:
         """Position (3,) of a point given in the link's frame, the link's orientation, the point's velocity (3,), and omega."""
         if self._link < 0:
             com, com_orientation = pybullet.getBasePositionAndOrientation(self._robot, physicsClientId=self._client)

@@ -124,6 +124,11 @@ class QuadrupedSimulation:
         return q
 
     @property
+    def robot(self) -> RobotModel:
+        """Model of the legs, whose joints the messages hold."""
+        return self.base.legs
+
+    @property
     def t(self) -> float:
         """Time of the next physics step since the start [s]."""
         return self._k / CONTROL_RATE
