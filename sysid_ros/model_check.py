@@ -74,8 +74,9 @@ class ModelCheck:
         listed = ", ".join(
             f"{self._names[i]} {np.sqrt(self._unexplained[i]):.2g} N m ({100 * part[i]:.0f} % of its torque)" for i in worst
         )
+        times = f"{usual:.0f}" if usual < 1000.0 else "over a thousand"
         return (
-            f"The residual is far above any noise that it could be ({usual:.0f} times): rms {listed}. "
+            f"The residual is far above any noise that it could be ({times} times): rms {listed}. "
             "The robot's model does not explain these torques; the payload can't be trusted. "
             "Identify the arm without a payload ('sysid identify') and give the model with --model."
         )

@@ -235,9 +235,19 @@ class RobotModel:
             out[i] = pin.computeFrameJacobian(self.model, self._aside, q[i], frame, pin.LOCAL_WORLD_ALIGNED)[:3]
         return out
 
-    def forward_dynamics(self, q: FloatArray, v: FloatArray, tau: FloatArray) -> FloatArray:
-        """Accelerations of the URDF's links under joint torques, shape (n,) [rad/s^2]."""
-        return np.array(pin.aba(self.model, self._aside, q, v, tau))
+    def forward_dynamics(self, q: FloatArray, v: FloatArray, tau: FloatArray, rotor: FloatArray | None = None) -> FloatArray:
+        """Accelerations of the URDF's links under joint torques, shape (n,) [rad/s^2].
+
+        Args:
+            rotor: inertia of the motors seen through the gears, shape (n,) [kg m^2].
+        """
+        kept = np.array(self.model.armature)
+        if rotor is not None:
+            self.model.armature = kept + rotor
+        try:
+            return np.array(pin.aba(self.model, self._aside, q, v, tau))
+        finally:
+            self.model.armature = kept
 
     def frame_placement(self, q: FloatArray, frame: str) -> tuple[FloatArray, FloatArray]:
         """Rotation (3, 3) and origin (3,) [m] of a frame in the base."""

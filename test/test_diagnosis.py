@@ -212,7 +212,8 @@ def test_rows_of_noise_have_its_spectrum_and_a_constant_stays_one_where_joints_s
     band = Band([motion])
     rng = np.random.default_rng(0)
     rows = np.stack([band.rows([rng.normal(size=motion.q.shape)]) for _ in range(20)])
-    assert np.mean(rows**2) == pytest.approx(1.0, rel=0.05)
+    # the ends of each bridge count for all of it: a little more than the noise itself
+    assert 0.97 < np.mean(rows**2) < 1.2
     constant = band.rows([np.ones_like(motion.q)])
     assert np.abs(constant[band.f > 0.0]).max() < 1e-9
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -64,8 +65,13 @@ PARAMETERS = {
 }
 
 
+@cache
+def model(name: str) -> RobotModel:
+    return arm(name).model()
+
+
 def usual(name: str, seed: int, scale: float = 1.0) -> Circumstances:
-    robot = arm(name).model()
+    robot = model(name)
     rng = np.random.default_rng(seed)
     return Circumstances(robot, DiagnosisMotion(robot, rng, 3.4, 2.4, 0.4), rng, scale, np.full(robot.n, 0.1))
 
@@ -73,6 +79,7 @@ def usual(name: str, seed: int, scale: float = 1.0) -> Circumstances:
 @pytest.mark.parametrize("name", ARMS)
 def test_every_effect_can_be_drawn_on_every_arm(name: str) -> None:
     assert set(PARAMETERS) == set(DRAWS)
+    robot = arm(name).model()
     for id_, draw in DRAWS.items():
         effect = draw(usual(name, 1))
         names = effect.as_dict()
@@ -81,7 +88,7 @@ def test_every_effect_can_be_drawn_on_every_arm(name: str) -> None:
         assert set(effect.joints) <= set(arm(name).joint_names)
         again = draw(usual(name, 1))
         assert again.as_dict() == names
-        TrueRobot(arm(name).model(), (effect,))
+        TrueRobot(robot, (effect,))
 
 
 def test_scale_makes_effects_smaller() -> None:

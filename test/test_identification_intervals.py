@@ -12,6 +12,7 @@ from sysid_ros.identification.base_groups import base_of_range, group_matrix
 from sysid_ros.identification.coloured_noise import whiteness
 from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.least_squares import METHODS, fit
+from sysid_ros.identification.spectrum import choose_cutoff
 from sysid_ros.sample import FloatArray
 
 MODEL = robot("iiwa")
@@ -24,7 +25,8 @@ def normalised_errors(seeds: range, colour: float, method: str = "irls", **optio
     errors, ratios = [], []
     for seed in seeds:
         truth = hidden_parameters(MODEL, seed)
-        rows = collect_rows(model, recorded(MODEL, truth, seed, colour=colour, **options), "")  # type: ignore[arg-type]
+        recording = recorded(MODEL, truth, seed, colour=colour, **options)  # type: ignore[arg-type]
+        rows = collect_rows(model, recording, "", choose_cutoff([recording], MODEL.joint_names).hz)
         found = fit([rows], prior.mean, prior.std, method)
         std = np.sqrt(np.diag(T @ found.covariance @ T.T))
         errors.append(T @ (found.theta - truth) / std)

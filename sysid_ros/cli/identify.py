@@ -113,7 +113,7 @@ def command(
     problems: list[Problem] = []
     read = [_read(path, urdf, topic, settings, robots, problems) for path in (*bags, *validate, *payload_bag)]
     provenance = {"bags": [str(b) for b in bags], "command": shlex.join(["sysid", *sys.argv[1:]]), "version": __version__}
-    with progress_bar("identifying", 0) as _:
+    with progress_bar("identifying", 2 * len(read) + 1) as advance:
         result = identify_recordings(
             robots[0],
             read[: len(bags)],
@@ -125,6 +125,7 @@ def command(
             settings.velocity_source == "message",
             problems,
             read[len(bags) + len(validate) :],
+            lambda what: advance(1),
         )
     for problem in result.problems:
         warn(f"{Path(problem.bag).name}: {problem.text}" if problem.bag else problem.text)

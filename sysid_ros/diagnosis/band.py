@@ -1,6 +1,6 @@
 """Band: rows of recordings in the frequency domain, in which noise of any colour has (nearly) independent entries.
 
-Each segment of a motion goes through the orthonormal cosine transform (type II), of which the coefficients below a cut-off are kept:
+Each segment of a motion goes through the orthonormal cosine transform (type II); coefficients below a cut-off are kept:
 an ideal low-pass, the same on torque and columns. Stationary noise of spectral density S(f) gives uncorrelated coefficients of
 variance S(f_k) (Whittle 1953), so coloured noise needs a weight a coefficient and nothing else.
 """

@@ -15,12 +15,13 @@ from sysid_ros.diagnosis.extended_model import extended_model
 from sysid_ros.diagnosis.fault_findings import as_unit, finding_of, signal_findings
 from sysid_ros.diagnosis.faults import refusal_of
 from sysid_ros.diagnosis.fit import Fit
+from sysid_ros.diagnosis.forward_simulation import forward_simulation
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.parameters import coulomb_part, parameters
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.recording import Recording
-from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, TorqueRmse
+from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, SimulationError, TorqueRmse
 from sysid_ros.diagnosis.selection import EXPECTED, Selection
 from sysid_ros.diagnosis.sentences import sentence
 from sysid_ros.diagnosis.term import DRY, Term
@@ -86,7 +87,17 @@ def diagnose(
         first = [finding_of(f, robot.joint_names, len(train.band.f)) for f in faults]
         found = _with_faults(found, first, signals, faults, raw, held, fit)
     model = extended_model(robot, known, fit, values, train, float(recordings[0].t[0]), provenance or {})
-    return replace(found, model=model)
+    progress("simulating")
+    return replace(found, model=model, simulation=_simulation(robot, held, fit))
+
+
+def _simulation(robot: RobotModel, held: HeldOut, fit: Fit) -> SimulationError:
+    rotor = np.zeros(robot.n)
+    for term in fit.terms:
+        if term.id == "rotor_inertia":
+            rotor[term.row] += max(float(fit.theta_of(term)[0]), 0.0)
+    motions = held.prepared.motions
+    return forward_simulation(robot, motions, held.prepared.nominal, held.predictions(fit, robot), rotor)
 
 
 def _check(robot: RobotModel, recordings: Sequence[Recording]) -> None:

@@ -50,8 +50,8 @@ def as_unit(findings: Sequence[Finding], joints: Sequence[str]) -> list[Finding]
         values = tuple(replace(p, name="factor") for p in f.parameters)
         sizes = ", ".join(_size(p) for p in values)
         sentence = (
-            f"The efforts are in another unit than N m, with a factor of its own on each joint ({sizes}), as currents are: multiply "
-            "them by the torque constants and the gear ratios."
+            f"The efforts are in another unit than N m, with a factor of its own on each joint ({sizes}), as currents are: "
+            "multiply them by the torque constants and the gear ratios."
         )
         out.append(
             replace(
@@ -75,8 +75,8 @@ def signal_findings(fitted: Sequence[Recording], judged: Sequence[Recording], jo
         names = tuple(joints)
         value = Parameter("cutoff", None, lag.cutoff, "Hz", lag.std, lag.cutoff - _95 * lag.std, lag.cutoff + _95 * lag.std)
         sentence = (
-            f"The published velocity went through a low-pass of about {lag.cutoff:.3g} Hz, which explains {100 * lag.share:.0f} % of "
-            "its difference to the derivative of the position; velocities are taken from the positions here."
+            f"The published velocity went through a low-pass of about {lag.cutoff:.3g} Hz, which explains "
+            f"{100 * lag.share:.0f} % of its difference to the derivative of the position; velocities are taken from the positions here."
         )
         share = other.share if other is not None else 0.0
         out.append(_finding(VelocityLag(lag.cutoff), names, (value,), share, 1e3 * lag.share, sentence))
@@ -89,8 +89,8 @@ def signal_findings(fitted: Sequence[Recording], judged: Sequence[Recording], jo
             if s > 0.0
         )
         sentence = (
-            f"The effort of {', '.join(named)} comes in steps of {', '.join(f'{p.value:.3g}' for p in values)} N m, coarser than its "
-            "noise: the noise floor can't be lower than the step over the square root of 12."
+            f"The effort of {', '.join(named)} comes in steps of {', '.join(f'{p.value:.3g}' for p in values)} N m, coarser "
+            "than its noise: the noise floor can't be lower than the step over the square root of 12."
         )
         out.append(_finding(TorqueQuantisation(steps.tolist()), named, values, 0.0, 1e3, sentence))
     return out

@@ -42,7 +42,7 @@ def _number(
         step = np.zeros(len(values))
         step[i] = max(0.1 * float(spread), 1e-9 * max(abs(float(values[i])), 1e-6))
         gradient[i] = (f(values + step) - f(values - step)) / (2.0 * step[i])
-    std = float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))
+    std = float(np.sqrt(max(float(gradient @ covariance @ gradient), 0.0)))
     return Parameter(name, joint, float(value), unit, std, float(value - _95 * std), float(value + _95 * std))
 
 

@@ -14,8 +14,8 @@ from sysid_ros.sample import FloatArray, Sample
 
 
 class Backlash(Effect):
-    """``tau = -d ID(q, v, a) / dq_j sign(tau_link,j) gap_j / 2`` [rad]: the link hangs on the side of the gap that its load pushes
-    it to (Nordin, Gutman 2002).
+    """``tau = -d ID(q, v, a) / dq_j sign(tau_link,j) gap_j / 2`` [rad]: the link hangs on the side of the gap that its load
+    pushes it to (Nordin, Gutman 2002).
 
     Args:
         robot: the model. joints: joints with play; empty for all. width: torque at which the side has changed [N m].

@@ -20,7 +20,8 @@ class Knob:
     """A nonlinear parameter of an effect: a constructor argument that is searched for.
 
     Attributes:
-        name: of the argument. low, high: range of the search [unit]. unit: in words. logarithmic: the search goes in equal ratios.
+        name: of the argument. low, high: range of the search [unit]. unit: in words.
+        logarithmic: the search goes in equal ratios.
     """
 
     name: str

@@ -14,8 +14,8 @@ from sysid_ros.sample import FloatArray, Sample
 
 
 class FrictionDrift(JointCurves):
-    """``tau_j = s (Fc + rate_Fc t) + v (b + rate_b t)``, s = tanh(v / width) [N m], t from the start of the recording (Bittencourt,
-    Axelsson 2014: friction of a gear against its temperature).
+    """``tau_j = s (Fc + rate_Fc t) + v (b + rate_b t)``, s = tanh(v / width) [N m], t from the start of the recording
+    (Bittencourt, Axelsson 2014: friction of a gear against its temperature).
 
     Args:
         robot: the model. joints: joints that rub; empty for all. width: speed at which the sign function has turned [rad/s].

@@ -8,8 +8,8 @@ from sysid_ros.effects.channel_effect import ChannelEffect, Channels
 
 
 class VelocityLag(ChannelEffect):
-    """Published velocity = first-order low-pass of the true one: ``v' = 2 pi cutoff (dq/dt - v)``. Nothing here depends on the published
-    velocity, so there is nothing to undo but to leave it out.
+    """Published velocity = first-order low-pass of the true one: ``v' = 2 pi cutoff (dq/dt - v)``. Nothing here depends on the
+    published velocity, so there is nothing to undo but to leave it out.
 
     Args:
         cutoff: of the low-pass [Hz].

@@ -108,7 +108,9 @@ class Solvers:
         """theta, shape (p,), and how it was found where it must be physical."""
         if not self.physical:
             return self.approximate(information, score, weight), None
-        fitted = PhysicalProblem(self.model, information, score).solve(weight)
+        # what is no link keeps its own prior, or a friction that these data hardly tell takes any value that is allowed
+        precision = np.where(self.prior.is_link, 0.0, self.prior.precision())
+        fitted = PhysicalProblem(self.model, information + np.diag(precision), score + precision * self.prior.mean).solve(weight)
         return fitted.theta, fitted
 
 

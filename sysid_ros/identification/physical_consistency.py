@@ -51,7 +51,7 @@ class PhysicalProblem:
     """``min theta' A theta / 2 - b' theta + w sum_k D(P_k || U_k)`` over ``P_k`` positive definite and friction, rotors >= 0.
 
     P_k is the pseudo-inertia of link k, U_k the URDF's, and ``D(P || U) = tr(U^-1 P) - log det(U^-1 P) - 4`` the entropic
-    divergence (Lee, Wensing, Park 2020, section IV.B). D depends neither on units nor on the frame of the link. With A the
+    divergence (Lee, Wensing, Park 2020). D depends neither on units nor on the frame of the link. With A the
     information of weighted least squares the whole cost is without unit: about a link whose ten parameters are uncertain by a
     part s of themselves is told by ``w = 1 / s^2``.
 
@@ -60,7 +60,7 @@ class PhysicalProblem:
 
     Args:
         model: whose free effects the columns of A belong to; friction and rotors are those that say ``nonnegative``.
-        information: A, shape (p, p), positive semidefinite, of the data alone. score: b, shape (p,).
+        information: A, shape (p, p), positive semidefinite, of the data, without a prior of the links. score: b, shape (p,).
 
     Attributes:
         notes: links of the URDF that are no bodies and what the prior takes in their place.

@@ -16,7 +16,7 @@ _VERDICTS = {
     "explained": "The causes below explain what the nominal model gets wrong.",
     "partly_explained": "The causes below explain a part of what the nominal model gets wrong; something else is left.",
     "unexplained": "The nominal model is wrong, and no cause that is known here explains it.",
-    "nothing_wrong": "Nothing is wrong that these recordings could show: the nominal model predicts the torques down to the noise.",
+    "nothing_wrong": "Nothing is wrong that these recordings could show: the model predicts the torques down to the noise.",
     "refused": "These recordings can't be judged.",
 }
 
@@ -58,8 +58,10 @@ def _lead(result: Diagnosis) -> str:
         part = t.before / np.maximum(t.torque, 1e-12), t.after / np.maximum(t.torque, 1e-12)
         worst = int(np.argmax(t.after / np.maximum(t.noise_floor, 1e-12)))
         sentences.append(
-            f"On data that were not fitted the error falls from {_percent(part[0])} of the joints' torque to {_percent(part[1])}; "
-            f"{100 * result.unexplained_fraction:.1f} % of its power above the noise is left, most on {escape(result.joints[worst])}."
+            f"On data that were not fitted the error falls from {_percent(part[0])} of the joints' torque to "
+            f"{_percent(part[1])}; "
+            f"{100 * result.unexplained_fraction:.1f} % of its power above the noise is left, most on "
+            f"{escape(result.joints[worst])}."
         )
     if result.unexplained:
         sentences.append(escape(result.unexplained))
@@ -127,7 +129,7 @@ def _numbers(result: Diagnosis) -> list[str]:
     out = []
     if result.findings:
         rows = "".join(_parameter_row(f, p) for f in result.findings for p in f.parameters)
-        head = "<tr><th>cause</th><th class='left'>joint</th><th class='left'>parameter</th><th>value</th><th>95 % interval</th></tr>"
+        head = "<tr><th>cause</th><th class='left'>joint</th><th class='left'>parameter</th><th>value</th><th>95 %</th></tr>"
         out.append(_section("Parameters", "", f"<div class='scroll'><table>{head}{rows}</table></div>"))
     if (t := result.torque) is not None:
         head = "<tr><th>joint</th><th>torque</th><th>nominal model</th><th>extended model</th><th>noise floor</th></tr>"

@@ -161,11 +161,14 @@ def _noise(level: str, seed: int, robot: RobotModel, motion: DiagnosisMotion, rn
     """0.1 to 0.3 N m at the strongest joint, less at weaker ones; with a memory in hard and in a quarter of the healthy cases."""
     q, v, a = motion.sample(np.arange(0.0, motion.duration, 0.05))
     usual = torque_scale(robot.rnea_along(q, v, a))
-    white = rng.uniform(0.1, 0.3) * np.sqrt(usual / usual.max())
+    white = rng.uniform(0.1, 0.3) * (usual / usual.max()) ** 0.25
     coloured = np.zeros(robot.n)
     if level == "hard" or (level == "healthy" and seed % 4 == 1):
         coloured = white * rng.uniform(0.4, 0.8)
-    return Noise(white, coloured, memory=float(np.exp(rng.uniform(np.log(0.3), np.log(3.0)))))
+    # encoders of 16 and of 18 bits
+    resolution = float(rng.choice([1e-4, 2.5e-5]))
+    memory = float(np.exp(rng.uniform(np.log(0.3), np.log(3.0))))
+    return Noise(white, coloured, memory, position=0.2 * resolution, resolution=resolution)
 
 
 def _friction_of_all(usual: Circumstances) -> dict[str, np.ndarray]:

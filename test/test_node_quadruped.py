@@ -1,0 +1,141 @@
+"""The real node on a legged robot: joint states, IMU and contacts in, the payload out."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not installed: pip install '.[ros]'")
+
+os.environ["ROS_DOMAIN_ID"] = str(os.getpid() % 100)
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import InertiaStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import Float32MultiArray, Float64MultiArray, String
+
+from sysid_ros.nodes.messages import stamp_of
+from sysid_ros.nodes.online_payload_estimator import OnlinePayloadEstimator
+from sysid_ros.sample import ContactRecord, ImuRecord
+from sysid_ros.sources import BagSource, FloatingBagSource
+
+SOURCE = FloatingBagSource(BagSource(Path(__file__).resolve().parents[1] / "bags" / "quadruped_trot"))
+RECORDS = list(SOURCE)
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+class Walk:
+    """The node, and who plays the walk to it."""
+
+    def __init__(self, name: str, contacts: Any = Float32MultiArray, **parameters: Any) -> None:
+        given = [Parameter(key, value=value) for key, value in parameters.items()]
+        self.node = OnlinePayloadEstimator(namespace=name, parameter_overrides=given)
+        self.player = rclpy.create_node("player", namespace=name)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.executor.add_node(self.player)
+        self.contact_type = contacts
+        self.joints = self.player.create_publisher(JointState, "joint_states", 100)
+        self.imu = self.player.create_publisher(Imu, "imu", 100)
+        self.contacts = self.player.create_publisher(contacts, "contacts", 100)
+        self.description = self.player.create_publisher(String, "robot_description", LATCHED)
+        self.payloads: list[InertiaStamped] = []
+        self.statuses: dict[str, DiagnosticStatus] = {}
+        self.kept = (
+            self.player.create_subscription(InertiaStamped, "online_payload_estimator/payload", self.payloads.append, 100),
+            self.player.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10),
+        )
+        self.description.publish(String(data=SOURCE.robot_description))
+        self.until(lambda: self.joints.get_subscription_count() and self.imu.get_subscription_count(), 60.0)
+        self.until(lambda: self.contacts.get_subscription_count() > 0)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self.statuses |= {s.name.rpartition(": ")[2]: s for s in message.status}
+
+    def until(self, condition: Callable[[], Any], seconds: float = 15.0) -> None:
+        end = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < end, f"waited in vain; {[(n, s.message) for n, s in self.statuses.items()]}"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def play(self, count: int, shift: float, frame: str | None = None) -> None:
+        for k, record in enumerate(RECORDS[:count]):
+            if isinstance(record, ContactRecord):
+                self.contacts.publish(self.contact_type(data=[float(x) for x in record.values]))
+            elif isinstance(record, ImuRecord):
+                message = Imu()
+                message.header.stamp = stamp_of(record.stamp + shift)
+                message.header.frame_id = frame or record.frame_id
+                w, f = message.angular_velocity, message.linear_acceleration
+                w.x, w.y, w.z = map(float, record.omega)
+                f.x, f.y, f.z = map(float, record.specific_force)
+                self.imu.publish(message)
+            else:
+                joints = JointState(
+                    name=list(record.names),
+                    position=[float(x) for x in record.position],
+                    velocity=[float(x) for x in record.velocity],
+                    effort=[float(x) for x in record.effort],
+                )
+                joints.header.stamp = stamp_of(record.stamp + shift)
+                self.joints.publish(joints)
+            if k % 30 == 29:
+                wanted = sum(not isinstance(r, ImuRecord | ContactRecord) for r in RECORDS[: k + 1])
+                self.until(lambda wanted=wanted: self.node.live.gate is not None and self.node.live.gate.received >= wanted)
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.player.destroy_node()
+
+
+@pytest.fixture
+def walk() -> Iterator[Callable[..., Walk]]:
+    made: list[Walk] = []
+
+    def make(name: str, **arguments: Any) -> Walk:
+        made.append(Walk(name, **arguments))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("contacts", [Float32MultiArray, Float64MultiArray], ids=["float32", "float64"])
+def test_the_box_on_a_trotting_robot_is_published(walk: Callable[..., Walk], contacts: Any) -> None:
+    one = walk(f"trot_{contacts.__name__.lower()}", contacts=contacts)
+    one.play(len(RECORDS), time.time() - RECORDS[0].receive_time)
+    one.until(lambda: one.payloads and one.payloads[-1].inertia.m > 0.0)
+    last = one.payloads[-1]
+    assert last.header.frame_id == "trunk"
+    assert last.inertia.m == pytest.approx(2.5, rel=0.05)
+    assert [last.inertia.com.x, last.inertia.com.y] == pytest.approx([0.05, -0.03], abs=0.01)
+
+
+@pytest.mark.slow
+def test_an_imu_in_an_unknown_frame_is_an_error_with_the_cure(walk: Callable[..., Walk]) -> None:
+    one = walk("camera")
+    one.play(900, time.time() - RECORDS[0].receive_time, frame="camera")
+    one.until(lambda: "input" in one.statuses and one.statuses["input"].level == DiagnosticStatus.ERROR)
+    assert "imu_frame" in one.statuses["input"].message
+    assert not any(p.inertia.m for p in one.payloads)
