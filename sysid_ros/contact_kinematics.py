@@ -15,13 +15,17 @@ class ContactKinematics:
     """Positions, Jacobians and accelerations of some links, in the axes of the base.
 
     Args:
-        robot: the model. frames: names of k links that it has.
+        robot: the model. frames: names of k links that it has. offsets: points of the links, in their axes, shape (k, 3) [m];
+        None:
+            their origins.
 
     Attributes:
         joints_above: number of joints between the base and each link. carriers: those that move each link, shape (k, n), bool.
     """
 
-    def __init__(self, robot: RobotModel, frames: Sequence[str]) -> None:
+    def __init__(self, robot: RobotModel, frames: Sequence[str], offsets: FloatArray | None = None) -> None:
+        self._offsets = np.zeros((len(frames), 3)) if offsets is None else offsets
+        self._shifted = bool(self._offsets.any())
         self._model, self._data, self._n = robot.model, robot.model.createData(), robot.n
         self.frames = tuple(frames)
         self._ids = [robot.frame_id(name) for name in frames]
@@ -33,13 +37,14 @@ class ContactKinematics:
                 self.carriers[i, self._model.joints[joint].idx_v] = True
 
     def origins(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Origins, shape (k, 3) [m], and the motion that each joint gives to a body around the base's origin, shape (6, n):
+        """The points, shape (k, 3) [m], and the motion that each joint gives to a body around the base's origin, shape (6, n):
         velocity
         and angular velocity. A point p of a link that joint j carries has the Jacobian ``v_j + w_j x p``."""
         motions = pin.computeJointJacobians(self._model, self._data, q)
         origins = np.empty((len(self._ids), 3))
         for i, frame in enumerate(self._ids):
-            origins[i] = pin.updateFramePlacement(self._model, self._data, frame).translation
+            placement = pin.updateFramePlacement(self._model, self._data, frame)
+            origins[i] = placement.act(self._offsets[i]) if self._shifted else placement.translation
         return origins, np.ascontiguousarray(motions)
 
     def jacobians(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -66,6 +71,11 @@ class ContactKinematics:
         ends = [j for j in range(1, model.njoints) if len(model.children[j]) == 0]
         hanging = [[f for f in bodies if f.parentJoint == j] for j in ends]
         return tuple(max(links, key=lambda f: float(np.linalg.norm(f.placement.translation))).name for links in hanging)
+
+    @staticmethod
+    def mass_of_base(robot: RobotModel) -> float:
+        """Mass of all that is fixed to the root link [kg]."""
+        return float(robot.model.inertias[0].mass)
 
     @staticmethod
     def leg_lengths(robot: RobotModel) -> list[int]:

@@ -130,7 +130,9 @@ class ContactProjection:
         costs; of a residual, what is missing."""
         columns = self.matrix * self._carrying
         gram = columns @ columns.T
-        return np.asarray(columns.T @ np.linalg.solve(gram + 1e-6 * np.trace(gram) * np.eye(FREE), wrench))
+        # one pair of feet can't hold a moment about the line between them, and with no leg loaded nothing can be held
+        regular = 1e-6 * float(np.trace(gram)) + 1e-12
+        return np.asarray(columns.T @ np.linalg.solve(gram + regular * np.eye(FREE), wrench))
 
     def apply(self, rows: FloatArray, out: FloatArray) -> None:
         """``N' rows`` for rows of shape (n, c), into ``out`` of shape (6, c)."""

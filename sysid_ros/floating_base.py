@@ -16,6 +16,9 @@ from sysid_ros.settings import OnlineSettings
 FREE = 6
 """Joints of the trunk: three slides, three turns."""
 
+LEAST_JOINTS = 3
+"""Joints of a leg from whose torques the force on its foot is known."""
+
 _AXES = ("x", "y", "z")
 
 
@@ -59,15 +62,14 @@ class FloatingBase:
                 f"contact frames {', '.join(missing)} are no links of the URDF '{legs.name}'. It has "
                 f"{', '.join(legs.frame_names)}. Correct contact_frames."
             )
-        self.contacts = ContactKinematics(self.robot, frames)
+        self.foot_radius, centres = _spheres(root, frames)
+        self.contacts = ContactKinematics(self.robot, frames, centres)
         for frame, joints in zip(frames, self.contacts.joints_above, strict=True):
-            if joints < FREE + 3:
+            if joints < FREE + LEAST_JOINTS:
                 raise RobotModelError(
-                    f"contact frame {frame} hangs on {max(joints - FREE, 0)} joints; the force on a foot is known "
-                    f"from the torques "
-                    "of at least 3. Name the feet in contact_frames."
+                    f"contact frame {frame} hangs on {max(joints - FREE, 0)} joints; the force on a foot is known from the "
+                    f"torques of at least {LEAST_JOINTS}. Name the feet in contact_frames."
                 )
-        self.foot_radius = _radii(root, frames)
         self.mass = float(self.robot.pi[::10].sum())
         above = ContactKinematics(self.robot, legs.frame_names).joints_above
         self.trunk_frames: tuple[str, ...] = tuple(name for name, n in zip(legs.frame_names, above, strict=True) if n == FREE)
@@ -98,7 +100,8 @@ class FloatingBase:
 
     def _outermost(self, root: ElementTree.Element) -> tuple[str, ...]:
         """The link of every leg that is farthest from the leg's last joint, in the order of the URDF."""
-        names = set(ContactKinematics.ends(self.robot))
+        ends = ContactKinematics(self.robot, ContactKinematics.ends(self.robot))
+        names = {name for name, joints in zip(ends.frames, ends.joints_above, strict=True) if joints >= FREE + LEAST_JOINTS}
         return tuple(str(link.get("name")) for link in root.findall("link") if link.get("name") in names)
 
 
@@ -114,13 +117,10 @@ def floating_base_of(robot: RobotModel, settings: OnlineSettings) -> FloatingBas
 
 
 def is_legged(robot: RobotModel) -> bool:
-    """True for a URDF whose root link has mass and carries at least three legs of three movable joints or more: a robot that
-    stands on the ground by itself."""
-    root = ElementTree.fromstring(robot.urdf)
-    trunk = root.find(f"link[@name='{_root_link(root)}']/inertial/mass")
-    if trunk is None or float(str(trunk.get("value"))) <= 0.0:
-        return False
-    return len([depth for depth in ContactKinematics.leg_lengths(robot) if depth >= 3]) >= 3
+    """True for a URDF whose root has mass and carries at least three legs of three movable joints or more: a robot that stands on
+    the ground by itself."""
+    legs = [length for length in ContactKinematics.leg_lengths(robot) if length >= LEAST_JOINTS]
+    return len(legs) >= 3 and ContactKinematics.mass_of_base(robot) > 0.0
 
 
 def _free_joints(trunk: str) -> list[str]:
@@ -153,10 +153,17 @@ def _hung(root: ElementTree.Element, trunk: str) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _radii(root: ElementTree.Element, frames: Sequence[str]) -> FloatArray:
-    spheres = {
-        str(link.get("name")): float(str(sphere.get("radius")))
-        for link in root.findall("link")
-        if (sphere := link.find("collision/geometry/sphere")) is not None
-    }
-    return np.array([spheres.get(name, 0.0) for name in frames])
+def _spheres(root: ElementTree.Element, frames: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Radius, shape (k,), and centre in the link's axes, shape (k, 3) [m], of the sphere that each link collides with; 0
+    without."""
+    radii, centres = np.zeros(len(frames)), np.zeros((len(frames), 3))
+    for i, frame in enumerate(frames):
+        for collision in root.findall(f"link[@name='{frame}']/collision"):
+            sphere, origin = collision.find("geometry/sphere"), collision.find("origin")
+            if sphere is None:
+                continue
+            radii[i] = float(str(sphere.get("radius")))
+            if origin is not None:
+                centres[i] = [float(x) for x in origin.get("xyz", "0 0 0").split()]
+            break
+    return radii, centres

@@ -221,7 +221,7 @@ class RobotModel:
         return out
 
     def rnea_derivatives_along(self, q: FloatArray, v: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Derivatives of the inverse dynamics by q, v and a (the last is the mass matrix) along a motion, shape (N, n, n) each."""
+        """Derivatives of the inverse dynamics by q, v and a (the mass matrix) along a motion, shape (N, n, n) each."""
         by_q, by_v, by_a = (np.empty((len(q), self.n, self.n)) for _ in range(3))
         for i in range(len(q)):
             by_q[i], by_v[i], by_a[i] = pin.computeRNEADerivatives(self.model, self._aside, q[i], v[i], a[i])

@@ -71,6 +71,8 @@ def test_what_pybullet_can_not_step_is_simulated_all_the_same(tmp_path: Path) ->
         (("--hide", "payload", "--hide-value", "com=0.1"), "com.*3 numbers"),
         (("--hide", "payload", "--duration", "3"), "--duration is 3.0 s"),
         (("--hide", "payload", "--rate", "333"), "rate.*divisor"),
+        (("--hide", "payload", "--torque-noise", "-1"), "--torque-noise is -1.0"),
+        (("--hide", "payload", "--hide-seed", "-1"), "--hide-seed is -1"),
         (("--hide", "payload", "--pick", "2"), "--pick is given beside --hide"),
         (("--hide", "external_force", "--hide-value", "force=0,0,5000"), "Hide something smaller"),
     ],

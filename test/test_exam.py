@@ -133,7 +133,7 @@ def test_what_is_hidden_shows_in_the_recording() -> None:
     assert not others.size or others.max() < 1.0
 
 
-def test_the_levels_hide_what_they_say() -> None:
+def test_healthy_robots_hide_nothing() -> None:
     healthy = draw_case(300, "healthy", simulator="compiled")
     assert healthy.truth["hidden"] == []
     declared = draw_case(303, "healthy", simulator="compiled").nominal.model()
@@ -141,6 +141,10 @@ def test_the_levels_hide_what_they_say() -> None:
     assert declared.friction.min() > 0.0
     coloured = draw_case(301, "healthy", simulator="compiled")
     assert min(coloured.truth["noise"]["coloured"]) > 0.0
+
+
+@pytest.mark.slow
+def test_the_harder_levels_hide_what_they_say() -> None:
     hard = draw_case(302, "hard", effect="torque_offset", simulator="compiled")
     assert {"coulomb_friction", "viscous_friction"} <= {e["name"] for e in hard.truth["effects"]}
     assert hard.truth["rate"] == 250

@@ -108,6 +108,9 @@ def command(
 
     Exit codes: 0 done; 2 bad input or usage.
     """
+    for path in (out_path, urdf_out, report_path, json_path):
+        if path is not None and not path.parent.is_dir():
+            raise click.UsageError(f"'{path}' can't be written: the folder '{path.parent}' does not exist. Create it first.")
     settings = settings_from(read_config(config_path))
     robots: list[RobotModel] = []
     problems: list[Problem] = []

@@ -76,7 +76,7 @@ def record_hidden(bag: Path, storage: str, json_file: Path | None, options: dict
         with Bar(round(scenario.duration * scenario.rate)) as advance:
             recording, truth = hide_in_arm(scenario, urdf, START_TIME, advance)
     except SettingsError as error:
-        raise named_option(error, {*_SHARED, "hide"}) from None
+        raise named_option(error, {*_SHARED, *_OWN}) from None
     records = recording.records()
     if not options["velocity"]:
         records = [JointStateRecord(r.stamp, r.receive_time, r.names, r.position, (), r.effort) for r in records]

@@ -17,6 +17,7 @@ from sysid_ros.diagnosis.faults import refusal_of
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.forward_simulation import forward_simulation
 from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.leftover import Leftover, leftovers
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.parameters import coulomb_part, parameters
 from sysid_ros.diagnosis.prepare import Prepared, prepare
@@ -198,7 +199,20 @@ def _report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, 
             )
         )
     findings.sort(key=lambda f: -f.heldout_gain)
-    verdict = "nothing_wrong" if not findings else "explained" if unexplained <= _LEFT else "partly_explained"
+    follows = leftovers(train, fit, held.prepared, after)
+    if follows:
+        rms = held.rms(after)
+        lost = sum(x.share * rms[x.joint] ** 2 * weight[x.joint] for x in follows)
+        unexplained = min(1.0, max(unexplained, float(lost) / max(power_before, 1e-12)))
+    verdict = (
+        "nothing_wrong"
+        if not findings and not follows
+        else "unexplained"
+        if not findings
+        else "explained"
+        if unexplained <= _LEFT
+        else "partly_explained"
+    )
     torque = held.rms(held.prepared.band.rows([m.tau for m in held.prepared.motions]))
     return Diagnosis(
         verdict=verdict,
@@ -206,6 +220,7 @@ def _report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, 
         findings=tuple(findings),
         torque=TorqueRmse(robot.joint_names, held.rms(before), held.rms(after), floor, torque),
         unexplained_fraction=unexplained,
+        unexplained=_in_words(robot, follows),
         record_next=_record_next(findings),
         predictions=_predictions(robot, held, fit),
     )
@@ -244,6 +259,13 @@ def _with_faults(
     findings = tuple(first) + tuple(sorted([*later, *signals], key=lambda f: -f.heldout_gain))
     verdict = "explained" if found.verdict == "nothing_wrong" else found.verdict
     return replace(found, verdict=verdict, findings=findings, torque=torque, predictions=predictions)
+
+
+def _in_words(robot: RobotModel, follows: Sequence[Leftover]) -> str:
+    if not follows:
+        return ""
+    parts = [f"on {robot.joint_names[x.joint]} it follows the {', the '.join(x.follows[:2])}" for x in follows[:3]]
+    return f"What is left still depends on the motion: {'; '.join(parts)}. No effect that is known here describes it."
 
 
 def _record_next(findings: Sequence[Finding]) -> tuple[str, ...]:

@@ -76,7 +76,8 @@ def signal_findings(fitted: Sequence[Recording], judged: Sequence[Recording], jo
         value = Parameter("cutoff", None, lag.cutoff, "Hz", lag.std, lag.cutoff - _95 * lag.std, lag.cutoff + _95 * lag.std)
         sentence = (
             f"The published velocity went through a low-pass of about {lag.cutoff:.3g} Hz, which explains "
-            f"{100 * lag.share:.0f} % of its difference to the derivative of the position; velocities are taken from the positions here."
+            f"{100 * lag.share:.0f} % of its difference to the derivative of the position; "
+            "velocities are taken from the positions here."
         )
         share = other.share if other is not None else 0.0
         out.append(_finding(VelocityLag(lag.cutoff), names, (value,), share, 1e3 * lag.share, sentence))

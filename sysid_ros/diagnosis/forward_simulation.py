@@ -41,7 +41,7 @@ def forward_simulation(
         last = len(motion.t) - 1 - int(np.ceil(HORIZON / motion.period))
         if last <= 0:
             continue
-        ends = int(round(HORIZON / motion.period))
+        ends = round(HORIZON / motion.period)
         for start in np.unique(np.linspace(0, last, count).astype(int)):
             window = slice(int(start), int(start) + ends + 1)
             for name, model, rotor in (("0", before, np.zeros(robot.n)), ("1", after, rotor_inertia)):
@@ -52,15 +52,13 @@ def forward_simulation(
     return SimulationError(HORIZON, q0, q1, v0, v1)
 
 
-def _run(
-    robot: RobotModel, motion: Motion, window: slice, model: FloatArray, rotor: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _run(robot: RobotModel, motion: Motion, window: slice, model: FloatArray, rotor: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Position and velocity error at the end of one window, shape (n,) each."""
     t = motion.t[window] - motion.t[window][0]
     beside = model - motion.link_torque[window] - rotor * motion.a[window]
     drive = motion.tau[window] - beside
     q, v = motion.q[window][0].copy(), motion.v[window][0].copy()
-    steps = max(1, int(round(t[-1] / _STEP)))
+    steps = max(1, round(float(t[-1]) / _STEP))
     h = t[-1] / steps
     at = np.stack([np.interp(np.arange(2 * steps + 1) * 0.5 * h, t, drive[:, j]) for j in range(robot.n)], axis=1)
     for i in range(steps):

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg
-from scipy.stats import chi2
 
 from sysid_ros import inertial_parameters
 from sysid_ros.effects import LinkInertia, RotorInertia, TorqueOffset
@@ -67,6 +66,8 @@ def payload_difference(model: TorqueModel, empty: Fit, loaded: Fit, frame: str =
     Raises:
         DataError: the links are not free in the model. RobotModelError: there is no such frame.
     """
+    from scipy.stats import chi2  # takes longer to load than the rest of the package
+
     robot = model.robot
     frame = frame or robot.default_frame
     links = next((s for e, s in zip(model.free, model.slices, strict=True) if isinstance(e, LinkInertia)), None)

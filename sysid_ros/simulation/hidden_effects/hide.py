@@ -16,7 +16,7 @@ from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
 from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
 from sysid_ros.simulation.hidden_effects.noise import Noise
-from sysid_ros.simulation.hidden_effects.run import HiddenRecording, move, publish, stiffening_for, truth_of
+from sysid_ros.simulation.hidden_effects.run import HiddenRecording, move, publish, require_rate, stiffening_for, truth_of
 from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
 
 _REST = 0.8
@@ -55,9 +55,16 @@ class HiddenScenario:
         for id_, _ in self.hide:
             if id_ not in DRAWS:
                 raise SettingsError(f"hide is '{id_}'; it must be one of {', '.join(sorted(DRAWS))}.")
-        # not <, so that NaN does not pass
-        if not self.duration >= _SHORTEST:
+        require_rate(self.rate)
+        # written so that NaN does not pass
+        if not _SHORTEST <= self.duration < np.inf:
             raise SettingsError(f"duration is {self.duration} s; with hide it must be {_SHORTEST:g} s or more.")
+        for name in ("encoder_noise", "torque_noise", "velocity_noise"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise SettingsError(f"{name} is {getattr(self, name)}; it must be 0 or more.")
+        for name in ("seed", "hide_seed"):
+            if getattr(self, name) < 0:
+                raise SettingsError(f"{name} is {getattr(self, name)}; it must be 0 or more.")
 
 
 def hide_in_arm(

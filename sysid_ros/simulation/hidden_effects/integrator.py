@@ -34,7 +34,8 @@ class State(NamedTuple):
 
     Attributes:
         q, v: of the links. angle, rate: of the motors, the same where the joint is rigid.
-        v_next, rate_next: at the step's end. acceleration: of the links in the step. command: torque asked of the motors. link_torque: on the links.
+        v_next, rate_next: at the step's end. acceleration: of the links in the step.
+        command: torque asked of the motors. link_torque: on the links.
         bristle, friction: memory of the dry friction.
         vectors: shape (8, n). matrices: (3, n, n). rotation, offset, work: see :mod:`.chain`.
     """

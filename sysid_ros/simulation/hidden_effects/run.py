@@ -55,8 +55,7 @@ def move(true: TrueRobot, motion: DiagnosisMotion, rate: int, stiffening: FloatA
     Raises:
         SettingsError: the arm does not follow the motion, or ``rate`` is no divisor of 1000 Hz.
     """
-    if rate <= 0 or 1000 % rate:
-        raise SettingsError(f"rate is {rate}; it must be a divisor of 1000 Hz: 1000, 500, 250, 200, 125, 100, ...")
+    require_rate(rate)
     joints = true.joints
     fast = bool(np.any(joints.stiffness) or np.any(joints.presliding))
     steps = _STEPS_OF_FAST_PHYSICS if fast else _STEPS
@@ -85,6 +84,16 @@ def move(true: TrueRobot, motion: DiagnosisMotion, rate: int, stiffening: FloatA
     t = np.arange(count, dtype=np.float64) / rate
     check_followed(true, motion, t[:rows], out[:rows, 0])
     return Signals(t, out[:, 0].copy(), out[:, 1].copy(), out[:, 2].copy())
+
+
+def require_rate(rate: int) -> None:
+    """Messages fall on steps of the reference.
+
+    Raises:
+        SettingsError: they do not.
+    """
+    if rate <= 0 or 1000 % rate:
+        raise SettingsError(f"rate is {rate}; it must be a divisor of 1000 Hz: 1000, 500, 250, 200, 125, 100, ...")
 
 
 def check_followed(true: TrueRobot, motion: DiagnosisMotion, t: FloatArray, q: FloatArray) -> None:
