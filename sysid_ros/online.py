@@ -80,6 +80,7 @@ class OnlineEstimation:
         self.latest: PayloadEstimate | None = None
         self.estimator: Estimator | None = None
         self._judgement: Judgement | None = None
+        self._floor: FloatArray = np.zeros(0)
         self._next_publish = -math.inf
         self._front_end: FrontEnd | None = None
         self._first: list[Measurement] = []
@@ -200,19 +201,24 @@ class OnlineEstimation:
                 f"The joint states come at {front_end.rate:.1f} Hz; below 20 Hz the accelerations are lost. Publish them faster."
             )
         if self.estimator is None:
-            floor = self._free.noise_density(measurements, sample_period) / front_end.period
-            self.estimator = self._free.make_estimator(front_end, floor)
-            self._judgement = Judgement(self.base.robot if self.base else self.robot, s, floor)
+            self._floor = self._free.noise_density(measurements, sample_period) / front_end.period
+            self._make_estimator(front_end)
         return front_end
+
+    def _make_estimator(self, front_end: FrontEnd) -> None:
+        self.estimator = self._free.make_estimator(front_end, self._floor)
+        self._judgement = Judgement(self.base.robot if self.base else self.robot, self.settings, self._floor)
 
     def _take(self, front_end: FrontEnd, measurement: Measurement) -> PayloadEstimate | None:
         published = None
         for rows in front_end.push(measurement):
-            assert self.estimator is not None
             if rows.trust < _TRUSTED:
                 published = self._lifted(rows, front_end) or published
                 continue
             self._off_ground = 0.0
+            if self.estimator is None:
+                self._make_estimator(front_end)
+            assert self.estimator is not None
             estimate = self._update(rows, front_end, self.estimator)
             if estimate.status == "not_finite":
                 self._forget_filters()
@@ -228,11 +234,13 @@ class OnlineEstimation:
         if self._off_ground < self.settings.sensor_timeout or rows.sample.t < self._next_publish:
             return None
         self._next_publish = rows.sample.t + 1.0 / self.settings.publish_rate
+        # who lifts a robot pulls at it before its feet are off the ground, and what it carries may be another thing afterwards
+        self.estimator = self._judgement = None
         self.latest = replace(
-            self.latest or self.prior(),
+            self.prior(),
             t=rows.sample.t,
             status="stale",
-            reason=f"The feet have not carried the robot for {self._off_ground:.1f} s; the estimate is held.",
+            reason=f"The feet have not carried the robot for {self._off_ground:.1f} s; what it carries is not known any more.",
         )
         return self.latest
 

@@ -186,3 +186,10 @@ def test_the_cut_off_follows_the_motion() -> None:
     for cutoff in (low, high):
         assert "Hz" in cutoff.reason
         assert any(j in cutoff.reason for j in JOINTS)
+
+
+def test_noisy_positions_ask_for_a_lower_cut_off() -> None:
+    noise = (1e-5, 1e-4, 1e-3)
+    cutoffs = [choose_cutoff([recorded(MODEL, TRUTH, 1, seconds=20.0, encoder_noise=e)], JOINTS) for e in noise]
+    assert cutoffs[0].hz > cutoffs[1].hz > cutoffs[2].hz
+    assert "noise of the position" in cutoffs[1].reason

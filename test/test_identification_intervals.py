@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from arm_recordings import hidden_parameters, recorded
-from robots import robot
+from robots import robot, urdf
 
-from sysid_ros.identification import collect_rows, free_model
+from sysid_ros.identification import collect_rows, free_model, identify_recordings
 from sysid_ros.identification.base_groups import base_of_range, group_matrix
 from sysid_ros.identification.coloured_noise import whiteness
 from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.least_squares import METHODS, fit
 from sysid_ros.identification.spectrum import choose_cutoff
+from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 MODEL = robot("iiwa")
@@ -119,3 +120,22 @@ def test_the_whiteness_test_skips_what_is_missing() -> None:
     noise[rng.random(2000) < 0.4] = np.nan
     assert whiteness(noise, 20)[1] > 0.001
     assert np.isnan(whiteness(np.full(100, np.nan), 20)[1])
+
+
+@pytest.mark.parametrize("robot_name", ["small_arm", "tree_robot"])
+def test_groups_of_sliding_and_branched_arms_hold_the_truth(robot_name: str) -> None:
+    """The whole way from recordings: checks, cut-off, two bags, groups with their intervals."""
+    whole = robot(robot_name)
+    model = RobotModel.from_urdf(urdf(robot_name), [j for j in whole.joint_names if j != "grip"])  # too slow for its friction
+    truth = hidden_parameters(model, 3)
+    bags = [recorded(model, truth, k, seconds=25.0, torque_noise=0.1) for k in (1, 2)]
+    result = identify_recordings(model, bags, [], {})
+    value = dict(zip(result.names, truth, strict=True))
+    errors = np.array([(g.value - value[g.name] - sum(c * value[n] for c, n in g.terms)) / g.std for g in result.groups])
+    assert np.mean(np.abs(errors) < 1.96) > 0.85
+    assert np.abs(errors).max() < 4.5
+    assert result.problems == ()
+    assert {r.name for r in result.repeatability} <= {g.words for g in result.groups}
+    assert len(result.repeatability) > 20
+    for r in result.repeatability:
+        assert r.between < 6.0 * r.within

@@ -225,7 +225,7 @@ def module_of(mark: str, name: str) -> types.ModuleType:
 @pytest.fixture
 def extended(monkeypatch: pytest.MonkeyPatch) -> tuple[type, type]:
     """The package with the effect and the estimator of docs/extending.md named as it says."""
-    effect = module_of("effect", "sysid_ros.effects.quadratic_friction").QuadraticFriction
+    effect = module_of("effect", "sysid_ros.effects.cubic_friction").CubicFriction
     estimator = module_of("estimator", "sysid_ros.estimators.random_walk").RandomWalk
     monkeypatch.setattr(effects, effect.__name__, effect, raising=False)
     monkeypatch.setattr(effects, "__all__", [*effects.__all__, effect.__name__])

@@ -12,7 +12,7 @@ from rich.progress import Progress
 from sysid_ros.exceptions import BagError, SettingsError
 from sysid_ros.simulation.recording import truth_path
 
-_OPTION_OF = {"pick_time": "--pick", "drop_time": "--drop"}
+_OPTION_OF = {"pick_time": "--pick", "drop_time": "--drop", "hoist_time": "--hoist"}
 
 
 def prepare(bag: Path, json_file: Path | None) -> None:

@@ -47,6 +47,8 @@ from sysid_ros.sources import BagRecorder
     "--controller-knows-payload/--controller-ignorant", default=True, show_default=True,
     help="The controller's model has the box while it is on.",
 )  # fmt: skip
+@click.option("--hoist", "hoist_time", type=float, metavar="T", help="Lifted off the ground by ropes after T s.")
+@click.option("--hoist-duration", type=float, default=4.0, show_default=True, help="Until it is set down and free. [s]")
 @click.option("--lifted-foot", default="", metavar="LINK", help="A foot that is held in the air all along.")
 @click.option(
     "--imu-xyz", type=float, nargs=3, metavar="X Y Z", default=(0.0, 0.0, 0.0), show_default=True,

@@ -55,7 +55,7 @@ def choose_cutoff(recordings: Sequence[Recording], joint_names: Sequence[str], m
             wanted, reason = lowest, f"{found}; {lowest:.3g} Hz is the least that is used"
     if max(noisy, least) < wanted:
         wanted = max(noisy, least)
-        reason = f"above {wanted:.2g} Hz the encoder noise of {noisy_joint} would bias its inertia"
+        reason = f"above that the noise of the position of {noisy_joint} would bias its inertia"
     return CutOff(wanted, reason)
 
 
@@ -89,7 +89,7 @@ def _bands(recording: Recording, max_gap: float) -> _Bands:
     noise = 2.0 * _white_variance(q) / rate
     _, power = signal.welch(q, rate, window="hann", nperseg=segment, detrend="linear", axis=0)
     band = frequency < 0.1 * rate
-    bend = (2.0 * np.pi * frequency[band, None]) ** 4 * np.where(power[band] > 4.0 * noise, power[band] - noise, 0.0)
+    bend = (2.0 * np.pi * frequency[band, None]) ** 4 * np.where(power[band] > 10.0 * noise, power[band] - noise, 0.0)
     bends = np.cumsum(bend, axis=0)
     for j in range(n):
         if total[-1, j] > 0.0:

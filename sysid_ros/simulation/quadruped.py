@@ -111,6 +111,12 @@ class QuadrupedWorld:
         self._read_contacts()
         self.body.step(STEP)
 
+    def push(self, point: FloatArray, force: FloatArray) -> None:
+        """Apply a force (3,) [N] at a point (3,) of the trunk, both in the world, during the next step."""
+        pybullet.applyExternalForce(
+            self._robot, -1, force.tolist(), point.tolist(), pybullet.WORLD_FRAME, physicsClientId=self._client
+        )
+
     def place(self, payload: Payload) -> None:
         """Tie a body to the trunk; it appears there with the trunk's own motion."""
         self.body.tie(payload)

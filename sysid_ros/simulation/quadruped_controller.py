@@ -39,6 +39,7 @@ class QuadrupedController:
     _LINEAR = (180.0, 24.0, 250.0)
     _ANGULAR = (250.0, 28.0, 250.0)
     _FOOT = (900.0, 55.0)
+    _JOINT = (150.0, 3.0)
     _LIFT = 0.06
 
     def __init__(self, base: FloatingBase, motion: TrunkMotion, trot: Trot | None, ground: FloatArray) -> None:
@@ -50,6 +51,7 @@ class QuadrupedController:
         self._lifted_from = np.zeros((self._k, 3))
         self._swinging = np.zeros(self._k, dtype=bool)
         self.lifted: int | None = None
+        self._held: FloatArray | None = None
         self.load = np.zeros(10)
         self._frame = base.robot.frame_id(base.trunk)
         _, jacobians = base.contacts.jacobians(np.full(base.robot.n, 0.3))
@@ -93,6 +95,19 @@ class QuadrupedController:
         forces = self._share(wrench[:FREE], points[:, :, :FREE], phase, normal)
         tau: FloatArray = wrench[FREE:] - forces.ravel() @ points[:, :, FREE:].reshape(-1, q.size)
         return tau
+
+    def hold(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Joint torques (n,) [N m] that keep the legs as they are when first called: what a robot does that hangs in the air."""
+        if self._held is None:
+            self._held = q.copy()
+        stiffness, damping = self._JOINT
+        return stiffness * (self._held - q) - damping * v
+
+    def resume(self, trunk: TrunkState) -> None:
+        """Go on standing where the robot was set down."""
+        self._held = None
+        self._place = (self._ground.T @ trunk.position)[:2]
+        self._linear_sum, self._angular_sum = np.zeros(3), np.zeros(3)
 
     def _inverse_dynamics(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         wrench = self._base.robot.rnea(q, v, a)

@@ -34,6 +34,9 @@ class QuadrupedScenario:
         pick_time, drop_time: when it is put on and taken off [s]; None: carried from the start, never taken off.
         controller_knows_payload: its model has the box while it is on; else the robot leans under a heavy one.
         lifted_foot: a foot that is held in the air all along; empty: none.
+        hoist_time: from then on ropes lift the robot, which holds its legs, off the ground [s]; None: never. hoist_duration:
+        until it
+            is set down and free again [s].
         imu_xyz, imu_rpy: where the IMU sits in the trunk [m] and how it is turned [rad].
         encoder_noise, velocity_noise, torque_noise, gyro_noise, accelerometer_noise: standard deviations of a message's values
             [rad], [rad/s], [N m], [rad/s], [m/s^2]. gyro_bias, accelerometer_bias: the IMU shows so much more, shape (3,).
@@ -59,6 +62,8 @@ class QuadrupedScenario:
     drop_time: float | None = None
     controller_knows_payload: bool = True
     lifted_foot: str = ""
+    hoist_time: float | None = None
+    hoist_duration: float = 4.0
     imu_xyz: tuple[float, ...] = (0.0, 0.0, 0.0)
     imu_rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
     encoder_noise: float = 2e-5
@@ -86,6 +91,12 @@ class QuadrupedScenario:
         self._require(math.isfinite(self.slope_heading), "slope_heading", "a finite number of degrees")
         self._require(self.lifted_foot in ("", *FEET), "lifted_foot", f"one of {', '.join(FEET)}")
         self._require(not (self.lifted_foot and self.gait == "trot"), "lifted_foot", "empty in a trot")
+        self._require(
+            self.hoist_time is None or (0.0 <= self.hoist_time < self.duration and self.gait != "trot"),
+            "hoist_time",
+            "from 0 s to before the end, and not in a trot",
+        )
+        self._require(2.5 <= self.hoist_duration < math.inf, "hoist_duration", "2.5 s or more")
         for name in ("encoder_noise", "velocity_noise", "torque_noise", "gyro_noise", "accelerometer_noise"):
             self._require(0.0 <= getattr(self, name) < math.inf, name, "0 or more")
         self._require(0.0 <= self.contact_error <= 0.5, "contact_error", "from 0 to 0.5")

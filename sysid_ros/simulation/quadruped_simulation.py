@@ -15,6 +15,7 @@ from sysid_ros.robot_model import RobotModel
 from sysid_ros.rotation import rotation_of
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.arm import STEP
+from sysid_ros.simulation.hoist import Hoist
 from sysid_ros.simulation.payload import Payload
 from sysid_ros.simulation.quadruped import QuadrupedWorld, TrunkState
 from sysid_ros.simulation.quadruped_controller import QuadrupedController
@@ -88,6 +89,9 @@ class QuadrupedSimulation:
         self._imu_rotation = rotation_of(scenario.imu_rpy)
         self._every = CONTROL_RATE // scenario.rate
         self._schedule = _schedule(scenario)
+        self._hoist: Hoist | None = None
+        if scenario.hoist_time is not None:
+            self._hoist = Hoist(self.world, scenario.hoist_time, scenario.hoist_time + scenario.hoist_duration)
         self._stand()
         self._k = -round(SETTLE_TIME * CONTROL_RATE)
         self._steps: deque[QuadrupedState] = deque(maxlen=2 * (self._every // 2) + 1)
@@ -201,7 +205,13 @@ class QuadrupedSimulation:
             _ = self.pick() if kind == "pick" else self.drop()
         world = self.world
         trunk, q, v = world.trunk, world.q[self._to_model], world.v[self._to_model]
-        tau = self._controller.torque(t, STEP, trunk, q, v)
+        if self._hoist is not None and self._hoist.active(t):
+            self._hoist.pull(t)
+            tau = self._controller.hold(q, v)
+            if not self._hoist.active(t + STEP):
+                self._controller.resume(trunk)
+        else:
+            tau = self._controller.torque(t, STEP, trunk, q, v)
         limit = self.base.legs.effort_limit
         tau = np.clip(tau, -limit, limit)
         world.step(tau[self._to_world])

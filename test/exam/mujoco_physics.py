@@ -12,7 +12,7 @@ from sysid_ros.simulation.hidden_effects.channels import Signals
 
 _FREQUENCY = 25.0
 _DAMPING = 0.8
-_COMMAND_MARGIN = 1.3
+_COMMAND_MARGIN = 2.0
 _LOST = 0.5
 
 

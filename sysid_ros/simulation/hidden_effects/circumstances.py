@@ -56,6 +56,12 @@ class Circumstances:
             diagonal[:, j] = columns[:, j] - gravity[:, j]
         return np.asarray(diagonal.mean(axis=0))
 
+    @cached_property
+    def gravity(self) -> FloatArray:
+        """Torque that gravity costs along the motion, shape (K, n) [N m]."""
+        still = np.zeros_like(self.q)
+        return self.robot.rnea_along(self.q, still, still)
+
     @property
     def mass(self) -> float:
         """Of all moving links [kg]."""

@@ -9,6 +9,7 @@ from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
 
 _FLANK_FREQUENCY = 300.0
 _REVERSAL = 0.15
+_HOLDING = 1.1
 
 
 def spring(c: Circumstances) -> HiddenEffect:
@@ -64,9 +65,14 @@ def joint_coupling(c: Circumstances) -> HiddenEffect:
 
 
 def torque_saturation(c: Circumstances) -> HiddenEffect:
-    """A motor, or the sensor of one, that can do no more; the published effort is what was asked for, or ends at the limit."""
-    j = c.one_joint()
-    kind = "sensor" if c.uniform(0.0, 1.0) < 0.35 else "motor"
-    part = c.uniform(0.85, 0.93) if kind == "sensor" else c.uniform(0.9, 0.97)
-    limit = float(np.quantile(np.abs(c.tau[:, j]), 1.0 - (1.0 - part) * c.scale))
-    return c.effect("torque_saturation", [j], {"limit": ({j: limit}, "N m")}, kind)
+    """A motor, or the sensor of one, that can do no more; the published effort is what was asked for, or ends at the limit.
+
+    A motor's limit holds the arm against gravity with some room: else the arm would fall, and not only lag behind.
+    """
+    motor = c.uniform(0.0, 1.0) > 0.35
+    part = 1.0 - c.uniform(0.05, 0.15) * c.scale
+    limits = np.quantile(np.abs(c.tau), part, axis=0)
+    held = _HOLDING * np.abs(c.gravity).max(axis=0) < limits
+    j = c.one_joint(held if motor else None)
+    kind = "motor" if motor and held[j] else "sensor"
+    return c.effect("torque_saturation", [j], {"limit": ({j: float(limits[j])}, "N m")}, kind)

@@ -24,7 +24,7 @@ _JIT = {"cache": True, "error_model": "numpy", "nogil": True}
 FREQUENCY = 25.0
 """Of the position control [rad/s]."""
 DAMPING = 0.8
-COMMAND_MARGIN = 1.3
+COMMAND_MARGIN = 2.0
 """A saturated motor is asked for at most this multiple of its limit."""
 _LOST = 1.0
 
