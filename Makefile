@@ -10,6 +10,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 ROBOT ?=
+# Processes that share the tests, a file each at a time.
+JOBS ?= 2
 
 # The matrices are small: more threads of BLAS would only wait for each other.
 export OMP_NUM_THREADS ?= 1
@@ -35,11 +37,11 @@ demo: $(READY)
 	@$(BIN)/python -m sysid_ros.cli.demo $(if $(ROBOT),--robot $(ROBOT))
 
 test: $(READY)
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
 # pytest's exit code 5 says that no test carries the mark.
 test-slow: $(READY)
-	@$(BIN)/python -m pytest -m slow || [ $$? -eq 5 ]
+	@$(BIN)/python -m pytest -m slow -n $(JOBS) --dist loadfile || [ $$? -eq 5 ]
 
 lint: $(READY)
 	@failed=0; for tool in "ruff check ." "ruff format --check ." mypy; do echo "-- $$tool"; $(BIN)/$$tool || failed=1; done; exit $$failed

@@ -10,10 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid_ros import ground_contact
 from sysid_ros.estimators import Estimate, Estimator, VariableForgetting
 from sysid_ros.floating_base import floating_base_of
 from sysid_ros.free_parameters import PAYLOAD, FreeParameters
 from sysid_ros.front_end import FrontEnd, Rows
+from sysid_ros.ground_contact import GroundContact
 from sysid_ros.judgement import Judgement
 from sysid_ros.model_file import ModelFile
 from sysid_ros.payload_estimate import PayloadEstimate, PayloadEvent
@@ -36,8 +38,6 @@ _LONGEST_FILL = 10.5
 """Longest step that is interpolated over [periods]."""
 _STANDS = 0.15
 """Time below the standstill velocity after which the robot stands [s]."""
-_TRUSTED = 0.5
-"""Part of a row that is from when the feet carried the robot, below which the row is left out."""
 _OBSERVABLE = 0.3
 """Part of a parameter's prior standard deviation below which it is the motion that determines it."""
 _NOT_A_BODY = 29.6
@@ -87,7 +87,8 @@ class OnlineEstimation:
         self._last_t = -math.inf
         self._since_check, self._checked_t = 0, 0.0
         self._longest_step = math.inf
-        self._still = self._off_ground = 0.0
+        self._still = 0.0
+        self._ground = GroundContact(settings.sensor_timeout)
 
     @property
     def events(self) -> list[PayloadEvent]:
@@ -185,7 +186,7 @@ class OnlineEstimation:
         self._front_end = None
         self._next_publish = -math.inf
         self._longest_step = math.inf
-        self._still = self._off_ground = 0.0
+        self._still = 0.0
 
     def _make_front_end(self, measurements: list[Measurement]) -> FrontEnd:
         s = self.settings
@@ -202,23 +203,20 @@ class OnlineEstimation:
             )
         if self.estimator is None:
             self._floor = self._free.noise_density(measurements, sample_period) / front_end.period
-            self._make_estimator(front_end)
+            self.estimator = self._free.make_estimator(front_end, self._floor)
+            self._make_judgement()
         return front_end
 
-    def _make_estimator(self, front_end: FrontEnd) -> None:
-        self.estimator = self._free.make_estimator(front_end, self._floor)
+    def _make_judgement(self) -> None:
         self._judgement = Judgement(self.base.robot if self.base else self.robot, self.settings, self._floor)
 
     def _take(self, front_end: FrontEnd, measurement: Measurement) -> PayloadEstimate | None:
         published = None
         for rows in front_end.push(measurement):
-            if rows.trust < _TRUSTED:
-                published = self._lifted(rows, front_end) or published
-                continue
-            self._off_ground = 0.0
-            if self.estimator is None:
-                self._make_estimator(front_end)
             assert self.estimator is not None
+            if not self._on_ground(rows, front_end):
+                published = self._held(rows) or published
+                continue
             estimate = self._update(rows, front_end, self.estimator)
             if estimate.status == "not_finite":
                 self._forget_filters()
@@ -228,20 +226,21 @@ class OnlineEstimation:
                 published = self.latest = self._publish(estimate, rows, measurement.t, self.estimator)
         return published
 
-    def _lifted(self, rows: Rows, front_end: FrontEnd) -> PayloadEstimate | None:
-        """The feet do not carry the robot: nothing is updated, and after a while nothing is claimed."""
-        self._off_ground += front_end.period
-        if self._off_ground < self.settings.sensor_timeout or rows.sample.t < self._next_publish:
+    def _on_ground(self, rows: Rows, front_end: FrontEnd) -> bool:
+        """Whether a row is used; False while the feet do not carry the robot, or it has just been set down."""
+        state = self._ground.update(rows.trust, front_end.period)
+        if state == ground_contact.STANDS_AGAIN:
+            assert self.estimator is not None
+            self.estimator.forget()
+            self._make_judgement()
+        return state in (ground_contact.STANDS, ground_contact.STANDS_AGAIN)
+
+    def _held(self, rows: Rows) -> PayloadEstimate | None:
+        """What is given out while the robot is lifted, when it is due: no claim."""
+        if not self._ground.lifted or rows.sample.t < self._next_publish:
             return None
         self._next_publish = rows.sample.t + 1.0 / self.settings.publish_rate
-        # who lifts a robot pulls at it before its feet are off the ground, and what it carries may be another thing afterwards
-        self.estimator = self._judgement = None
-        self.latest = replace(
-            self.prior(),
-            t=rows.sample.t,
-            status="stale",
-            reason=f"The feet have not carried the robot for {self._off_ground:.1f} s; what it carries is not known any more.",
-        )
+        self.latest = replace(self.prior(), t=rows.sample.t, status="stale", reason=self._ground.reason)
         return self.latest
 
     def _update(self, rows: Rows, front_end: FrontEnd, estimator: Estimator) -> Estimate:

@@ -153,12 +153,14 @@ def test_the_model_file_explains_the_torque_of_the_robot(result: Identification)
         np.testing.assert_allclose(known.known_torque(sample), truth, atol=0.03 * np.abs(truth).max() + 0.1)
 
 
+@pytest.mark.slow
 def test_one_bag_is_held_out_by_halves(bags: list[BagRows]) -> None:
     result = identify(free_model(MODEL), bags[:1], [], {})
     assert [e.name.split("(")[1] for e in result.errors] == ["first half)", "second half)"]
     assert np.all(result.errors[1].residual < 0.3)
 
 
+@pytest.mark.slow
 def test_the_order_of_the_bags_does_not_matter(bags: list[BagRows], result: Identification) -> None:
     other = identify(free_model(MODEL), bags[::-1], [], {})
     std = np.sqrt(np.diag(result.covariance))

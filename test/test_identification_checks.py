@@ -138,6 +138,7 @@ def test_a_urdf_of_a_much_lighter_robot(sound: Recording) -> None:
     assert "URDF of the robot that was recorded" in text
 
 
+@pytest.mark.slow
 def test_doubts_can_be_accepted(sound: Recording) -> None:
     result = identify_recordings(MODEL, [replace(sound, tau=0.2 * sound.tau)], [], {}, Choices(accept_doubts=True))
     assert "implausible_effort" in {p.kind for p in result.problems}

@@ -29,6 +29,7 @@ def slow_recording(extra: FloatArray, effect: StribeckFriction | LoadDependentFr
     return replace(recording, tau=recording.tau + torque)
 
 
+@pytest.mark.slow
 def test_the_stribeck_velocity_of_each_joint_is_found() -> None:
     hidden = [0.15, 0.08, 0.12, 0.05]
     recording = slow_recording(np.zeros(8), StribeckFriction(MODEL))

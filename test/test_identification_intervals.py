@@ -122,6 +122,7 @@ def test_the_whiteness_test_skips_what_is_missing() -> None:
     assert np.isnan(whiteness(np.full(100, np.nan), 20)[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot_name", ["small_arm", "tree_robot"])
 def test_groups_of_sliding_and_branched_arms_hold_the_truth(robot_name: str) -> None:
     """The whole way from recordings: checks, cut-off, two bags, groups with their intervals."""

@@ -89,11 +89,11 @@ def test_a_wrong_contact_flag_is_counted_and_does_no_harm(plain: Replay) -> None
 
 def test_in_the_air_nothing_is_updated_and_nothing_claimed() -> None:
     def lifted(record: ContactRecord, t: float) -> ContactRecord:
-        return replace(record, values=np.zeros(4)) if 5.0 < t < 6.2 else record
+        return replace(record, values=np.zeros(4)) if 4.0 < t < 5.2 else record
 
     result = estimated(changed(lifted))
     by_time = {round(e.t - START, 3): e for e in result.series}
-    held = [e for t, e in by_time.items() if 5.7 < t < 6.2]
+    held = [e for t, e in by_time.items() if 4.7 < t < 6.1]
     assert held
     assert all(e.status == "stale" for e in held)
     assert all(e.mass == 0.0 and e.mass_std >= 1.0 for e in held)

@@ -83,7 +83,7 @@ def identified(folder: Path, *arguments: str | Path) -> dict[str, Any]:
     return document
 
 
-@pytest.mark.parametrize("form", ["acceleration", "momentum"])
+@pytest.mark.parametrize("form", ["acceleration", pytest.param("momentum", marks=pytest.mark.slow)])
 def test_the_ur10e_held_out_torque_error(tmp_path: Path, form: str) -> None:
     """At 5 Hz, on a run that was not fitted."""
     bags = [UR10E / "fourier14_noload", "--validate", UR10E / "fast20_noload", "--urdf", UR10E / "ur10e.urdf"]
@@ -94,6 +94,7 @@ def test_the_ur10e_held_out_torque_error(tmp_path: Path, form: str) -> None:
     assert document["problems"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fitted", "judged"),
     [("fourier14_noload", "fast20_noload"), ("fast20_noload", "fourier14_noload"), ("ptp_noload", "fast20_noload")],
@@ -104,6 +105,7 @@ def test_a_model_is_not_worse_than_the_urdf_with_friction(tmp_path: Path, fitted
     assert np.all(np.array(error["residual_rms"]) < 1.02 * np.array(error["urdf_friction_residual_rms"]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("bags", "words"),
     [
@@ -118,6 +120,7 @@ def test_bags_of_a_ur10e_that_do_not_do(tmp_path: Path, capsys: pytest.CaptureFi
     assert words in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_currents_of_a_ur10e(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config = tmp_path / "config.yaml"
     config.write_text(f"effort_scale: {[round(1.0 / g, 6) for g in (11.72, 11.99, 9.82, 10.67, 10.40, 10.69)]}\n")
@@ -126,6 +129,7 @@ def test_currents_of_a_ur10e(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert "effort_scale" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", ["ur3", "ur5"])
 def test_a_urdf_of_another_robot_with_the_same_joint_names(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], other: str
@@ -175,6 +179,7 @@ def test_friction_of_a_staubli_is_near_what_was_published(tmp_path: Path) -> Non
             assert abs(p["value"] - value) < 3.0 * p["std"]
 
 
+@pytest.mark.slow
 def test_a_ur10_raises_no_alarm(tmp_path: Path) -> None:
     bag = DATA / "unisa_ur10" / "ur10_exciting_trajectory.db3"
     document = identified(tmp_path, bag, "--urdf", ur10_description())

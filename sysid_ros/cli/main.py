@@ -14,9 +14,9 @@ from sysid_ros.exceptions import SysidError
 COMMANDS = {
     "replay": ("sysid_ros.cli.replay", "Estimate the payload from a bag, as the node does live."),
     "identify": ("sysid_ros.cli.identify", "Identify the arm's own dynamics from bags without a payload."),
-    "diagnose": ("sysid_ros.cli.diagnose", "Find what a robot's model gets wrong, why, and what the fix buys."),
     "simulate": ("sysid_ros.cli.simulate", "Record a bag of a simulated robot, with the truth beside it."),
     "excite": ("sysid_ros.cli.excite", "Find the motion that tells most about an arm."),
+    "diagnose": ("sysid_ros.cli.diagnose", "Find what a robot's model gets wrong, why, and what the fix buys."),
 }
 """Name of each sub-command: the module that exposes it as ``command``, and the sentence of the overview."""
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from sysid_ros.diagnosis.channel_faults import Fault, find_faults, undo
+from sysid_ros.diagnosis.channel_faults import Fault, find_faults, undo, wrong_robot
 from sysid_ros.diagnosis.covariance import with_knobs
 from sysid_ros.diagnosis.extended_model import extended_model
 from sysid_ros.diagnosis.fault_findings import as_unit, finding_of, signal_findings
@@ -73,6 +73,8 @@ def diagnose(
     signals = signal_findings(fitted, judged, robot.joint_names)
     for fault in faults:
         fitted, judged = ([undo(r, fault.effect) for r in part] for part in (fitted, judged))
+    if not known and (reason := wrong_robot(robot, fitted)):
+        return Diagnosis("refused", robot.joint_names, refusal=reason)
     progress("filtering")
     train = prepare(robot, fitted, effects)
     library = Library(robot, train.band)

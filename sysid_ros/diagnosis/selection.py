@@ -19,7 +19,7 @@ from sysid_ros.sample import FloatArray
 
 _TRIED_IN_FULL = 10
 _REFINED = 4
-_MOST_STEPS = 30
+_MOST_STEPS = 24
 _SWAPS = 3
 _SWAPPED = 3
 """Effects on more joints than this are not swapped for others."""
@@ -151,7 +151,7 @@ class Selection:
             best = max(self.rivals(terms), key=lambda p: p.score, default=None)
             if best is None:
                 continue
-            paid = sum(map(self.price, terms)) - sum(map(self.price, best.terms))
+            paid = sum(map(self.price, self.fit.terms)) - sum(map(self.price, best.fit.terms))
             if best.fit.loglik + paid > self.fit.loglik + _CLEARLY:
                 self._progress(f"{best.words}, in place of {terms[0].effect.label}")
                 self.fit = best.fit

@@ -91,6 +91,10 @@ class Estimator(ABC):
         """Consider another number of errors; what the ones before did is forgotten."""
         self._sensitivity = np.zeros((self.p, count))
 
+    def forget(self) -> None:
+        """Forget the parameters that may jump, and keep what is known of the noise; here as :meth:`reset`."""
+        self.reset()
+
     @abstractmethod
     def reset(self) -> None:
         """Forget everything but the prior."""

@@ -259,6 +259,14 @@ class VariableForgetting(Estimator):
         variance: FloatArray = np.maximum(self.noise.variance, self._levels[kernels.SPREAD] * self.noise.BLOCKS[0] / self._period)
         return variance
 
+    def forget(self) -> None:
+        """Forget the parameters that may jump, and keep what is known of the noise."""
+        self._theta[self._jump.block] = 0.0
+        self._settling = self._burst = 0
+        self._search = JumpSearch(self._jump, self._prior_variance)
+        self._interrupt_noise()
+        self._begin_again()
+
     def _settle(self) -> None:
         self._settling -= 1
         if self._settling == 0:

@@ -119,9 +119,9 @@ def _sections(result: Diagnosis, provenance: Mapping[str, object]) -> list[str]:
 def _row(number: int, finding: Finding) -> str:
     others = ", ".join(finding.cannot_be_told_from)
     return (
-        f"<tr><td>{number}. {escape(finding.label)}</td><td class='words'>{escape(', '.join(finding.joints))}</td>"
-        f"<td class='words'>{escape(finding.sentence)} It shows as {escape(finding.signature)}.</td>"
-        f"<td>{100 * finding.heldout_gain:.1f} %</td><td>{finding.delta_bic:.0f}</td><td class='words'>{escape(others)}</td></tr>"
+        f"<tr><td>{number}. {escape(finding.label)}</td><td class='words left'>{escape(', '.join(finding.joints))}</td>"
+        f"<td class='words left'>{escape(finding.sentence)} It shows as {escape(finding.signature)}.</td>"
+        f"<td>{100 * finding.heldout_gain:.1f} %</td><td>{finding.delta_bic:.0f}</td><td class='words left'>{escape(others)}</td></tr>"
     )
 
 

@@ -37,6 +37,9 @@ SIMULATORS = ("compiled", "mujoco")
 _VISIBLE = 4.0
 _VISIBLE_ITSELF = 3.0
 _ATTEMPTS = 60
+# what stays below the noise after so many attempts is drawn larger and larger
+_PATIENCE = 15
+_GROWTH = 1.03
 # what is not seen in the torque, or not as something added to it
 _NOT_IN_TORQUE = {"velocity_lag", "torque_quantisation"}
 # what acts on its joints alone, and so must show on each of them
@@ -110,7 +113,7 @@ def draw_case(seed: int, level: str = "single", effect: str | None = None, simul
     for attempt in range(_ATTEMPTS):
         rng = np.random.default_rng([seed, LEVELS.index(level), attempt])
         try:
-            return _draw(seed, level, effect, simulator, rng)
+            return _draw(seed, level, effect, simulator, rng, _GROWTH ** max(attempt - _PATIENCE, 0))
         except SettingsError:
             continue
     raise SettingsError(
@@ -118,7 +121,7 @@ def draw_case(seed: int, level: str = "single", effect: str | None = None, simul
     )
 
 
-def _draw(seed: int, level: str, effect: str | None, simulator: str | None, rng: np.random.Generator) -> Case:
+def _draw(seed: int, level: str, effect: str | None, simulator: str | None, rng: np.random.Generator, larger: float) -> Case:
     name = ARMS[int(rng.integers(len(ARMS)))]
     simulator = simulator or SIMULATORS[(seed if level in ("single", "hard", "pairs") else seed // 4) % 2]
     settings = _settings(level, rng)
@@ -127,7 +130,7 @@ def _draw(seed: int, level: str, effect: str | None, simulator: str | None, rng:
     motion = DiagnosisMotion(robot, rng, *settings.train)
     other = DiagnosisMotion(robot, rng, *settings.validate)
     noise = _noise(level, seed, robot, motion, rng)
-    usual = Circumstances(robot, motion, rng, settings.scale, noise.torque)
+    usual = Circumstances(robot, motion, rng, min(settings.scale * larger, 1.0), noise.torque)
     if level == "healthy" and seed % 2 == 1 and not np.any(noise.coloured):
         declared = _friction_of_all(usual)
         nominal = with_dynamics(nominal, declared["viscous_friction"], declared["coulomb_friction"])

@@ -70,9 +70,10 @@ def torque_saturation(c: Circumstances) -> HiddenEffect:
     A motor's limit holds the arm against gravity with some room: else the arm would fall, and not only lag behind.
     """
     motor = c.uniform(0.0, 1.0) > 0.35
-    part = 1.0 - c.uniform(0.05, 0.15) * c.scale
-    limits = np.quantile(np.abs(c.tau), part, axis=0)
-    held = _HOLDING * np.abs(c.gravity).max(axis=0) < limits
+    low = np.abs(c.tau).max(axis=0) * (1.0 - c.uniform(0.15, 0.45) * c.scale)
+    held = _HOLDING * np.abs(c.gravity).max(axis=0) < low
     j = c.one_joint(held if motor else None)
-    kind = "motor" if motor and held[j] else "sensor"
-    return c.effect("torque_saturation", [j], {"limit": ({j: float(limits[j])}, "N m")}, kind)
+    if motor and held[j]:
+        return c.effect("torque_saturation", [j], {"limit": ({j: float(low[j])}, "N m")}, "motor")
+    limit = float(np.quantile(np.abs(c.tau[:, j]), 1.0 - c.uniform(0.05, 0.15) * c.scale))
+    return c.effect("torque_saturation", [j], {"limit": ({j: limit}, "N m")}, "sensor")

@@ -14,6 +14,8 @@ from sysid_ros.simulation.hidden_effects.noise import BAND
 
 _SLOW = 0.015
 _GRID = 100.0
+# a level forward and another backward are a Coulomb friction and a constant: the constant may not be taken from it
+_CONTAINS = {"asymmetric_coulomb_friction": {"torque_offset"}}
 _PLAIN = {"torque_offset": 0, "coulomb_friction": 1, "viscous_friction": 2}
 
 
@@ -46,7 +48,8 @@ def shown_as_itself(t: FloatArray, v: FloatArray, residual: FloatArray, floor: F
     A Stribeck friction whose bump is below the noise is a Coulomb friction in this recording; this tells them apart.
     """
     out = np.empty(residual.shape[1])
-    keep = [column for name, column in _PLAIN.items() if name not in ids]
+    own = set(ids).union(*(_CONTAINS.get(id_, set()) for id_ in ids))
+    keep = [column for name, column in _PLAIN.items() if name not in own]
     for j in range(residual.shape[1]):
         moving = np.abs(v[:, j]) > _SLOW
         if moving.sum() < 20:
