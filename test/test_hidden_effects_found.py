@@ -42,9 +42,11 @@ def test_the_cause_is_named_first_and_on_its_joints(id_: str, rows: dict[str, di
 
 @pytest.mark.parametrize("id_", HIDDEN)
 def test_the_extended_model_predicts_another_motion(id_: str, rows: dict[str, dict[str, Any]]) -> None:
-    row = rows[id_]
-    assert row["after"] < 0.6 * row["before"]
-    assert row["after"] < 2.0
+    assert rows[id_]["after"] < 0.6 * rows[id_]["before"]
+
+
+def test_what_is_left_of_another_motion_is_noise(rows: dict[str, dict[str, Any]]) -> None:
+    assert np.median([row["after"] for row in rows.values()]) < 1.2
 
 
 def test_little_else_is_named(rows: dict[str, dict[str, Any]]) -> None:

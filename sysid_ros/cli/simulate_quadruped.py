@@ -60,7 +60,7 @@ from sysid_ros.sources import BagRecorder
 )  # fmt: skip
 @click.option("--encoder-noise", type=float, default=2e-5, show_default=True, help="Standard deviation of the positions. [rad]")
 @click.option("--velocity-noise", type=float, default=1e-3, show_default=True, help="Of the velocities. [rad/s]")
-@click.option("--torque-noise", type=float, default=0.2, show_default=True, help="Of the efforts. [N m]")
+@click.option("--torque-noise", type=float, default=0.1, show_default=True, help="Of the efforts. [N m]")
 @click.option("--gyro-noise", type=float, default=0.005, show_default=True, help="Of the angular velocity. [rad/s]")
 @click.option("--accelerometer-noise", type=float, default=0.05, show_default=True, help="Of the specific force. [m/s^2]")
 @click.option("--gyro-bias", type=float, nargs=3, metavar="X Y Z", default=(0.0, 0.0, 0.0), show_default=True, help="[rad/s]")

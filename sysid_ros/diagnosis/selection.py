@@ -128,6 +128,7 @@ class Selection:
             found = forms(self.problem, self.library, self.fit, present)
             if found:
                 self.fit = simplest(found, {f.term.id: self.price(f.term) for f in found}).fit
+            self._straighten(joint)
 
     def propose(self) -> Proposal | None:
         """The best step forward, or None where nothing is worth its price."""
@@ -141,6 +142,25 @@ class Selection:
             return self.proposals(terms[0].id)
         finally:
             self.fit = whole
+
+    def _straighten(self, joint: int) -> None:
+        """Try a straight line against the speed, with each form of dry friction, in place of a curve: Stribeck's fall at low speed
+        and a rise with the square of the speed bend the same way."""
+        curved = next((t for t in self.fit.terms if t.row == joint and t.id == "quadratic_friction"), None)
+        if curved is None:
+            return
+        others = [t for t in self.fit.terms if t is not curved and not (t.row == joint and t.id == "viscous_friction")]
+        trial = self.problem.fit(
+            [*others, self.library.local("viscous_friction", joint)], self.fit.noise, inexact=self.fit.inexact
+        )
+        present = next((t for t in trial.terms if t.row == joint and t.id in DRY), None)
+        found = forms(self.problem, self.library, trial, present) if present is not None else []
+        if not found:
+            return
+        best = simplest(found, {f.term.id: self.price(f.term) for f in found}).fit
+        paid = sum(map(self.price, best.terms)) - sum(map(self.price, self.fit.terms))
+        if best.loglik - self.fit.loglik > paid:
+            self.fit = best
 
     def swap(self) -> bool:
         """Put another effect in the place of one that explains less than it would; True where there was one."""

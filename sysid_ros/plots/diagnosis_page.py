@@ -121,7 +121,8 @@ def _row(number: int, finding: Finding) -> str:
     return (
         f"<tr><td>{number}. {escape(finding.label)}</td><td class='words left'>{escape(', '.join(finding.joints))}</td>"
         f"<td class='words left'>{escape(finding.sentence)} It shows as {escape(finding.signature)}.</td>"
-        f"<td>{100 * finding.heldout_gain:.1f} %</td><td>{finding.delta_bic:.0f}</td><td class='words left'>{escape(others)}</td></tr>"
+        f"<td>{100 * finding.heldout_gain:.1f} %</td><td>{finding.delta_bic:.0f}</td>"
+        f"<td class='words left'>{escape(others)}</td></tr>"
     )
 
 

@@ -68,7 +68,7 @@ class QuadrupedScenario:
     imu_rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
     encoder_noise: float = 2e-5
     velocity_noise: float = 1e-3
-    torque_noise: float = 0.2
+    torque_noise: float = 0.1
     gyro_noise: float = 0.005
     accelerometer_noise: float = 0.05
     gyro_bias: tuple[float, ...] = (0.0, 0.0, 0.0)
