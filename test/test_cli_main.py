@@ -33,7 +33,7 @@ def test_unknown_command_is_2_and_names_those_there_are(capsys: pytest.CaptureFi
     captured = capsys.readouterr()
     assert captured.out == ""
     assert "estimte" in captured.err
-    assert "replay, identify, diagnose, simulate" in captured.err
+    assert "replay, identify, simulate, excite, diagnose" in captured.err
 
 
 def _refuse() -> None:

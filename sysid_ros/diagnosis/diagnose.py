@@ -36,6 +36,8 @@ _HELD_OUT = 0.3
 _TOLD = 5.0
 """Log-likelihood by which a rival must be worse to be told from a finding."""
 _MOST_RIVALS = 8
+_SAMPLING = 3e-3
+"""Shorter delays come from sampling [s]."""
 _LEFT = 0.1
 """Part of the nominal residual's power that may be left where it counts as explained."""
 
@@ -168,6 +170,8 @@ def _report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, 
     groups = _groups(fit.terms)
     rich = _beside_coulomb(fit.terms, n)
     for (name, _), terms in groups.items():
+        if name == "time_delay" and abs(float(fit.theta_of(terms[0])[0])) < _SAMPLING:
+            continue  # in the model, but no fault: the effort is held between two samples
         others = [t for t in fit.terms if t not in terms]
         if name == "coulomb_friction":
             others = [t for t in others if t not in rich]

@@ -144,8 +144,8 @@ class Selection:
             self.fit = whole
 
     def _straighten(self, joint: int) -> None:
-        """Try a straight line against the speed, with each form of dry friction, in place of a curve: Stribeck's fall at low speed
-        and a rise with the square of the speed bend the same way."""
+        """Try a straight line against the speed, with each form of dry friction, in place of a curve: Stribeck's fall at low
+        speed and a rise with the square of the speed bend the same way."""
         curved = next((t for t in self.fit.terms if t.row == joint and t.id == "quadratic_friction"), None)
         if curved is None:
             return
