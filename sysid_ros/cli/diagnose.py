@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 import time
 from pathlib import Path
 
@@ -14,7 +12,7 @@ from rich.table import Table
 
 from sysid_ros import __version__
 from sysid_ros.cli.inputs import open_bag, read_config, settings_from
-from sysid_ros.cli.output import ManyValues, note, progress_bar, report, warn, write_json
+from sysid_ros.cli.output import ManyValues, command_line, note, progress_bar, report, warn, write_json
 from sysid_ros.diagnosis import Diagnosis, Recording, diagnose
 from sysid_ros.exceptions import RobotModelError, SysidError
 from sysid_ros.identification.urdf_export import export_urdf
@@ -79,7 +77,7 @@ def command(
     provenance: dict[str, object] = {
         "bags": [str(b) for b in bags],
         "validate": [str(b) for b in validate],
-        "command": shlex.join(["sysid", *sys.argv[1:]]),
+        "command": command_line(),
         "version": __version__,
     }
     result = diagnose(robots[0], fitted, judged, known, lambda sentence: note(f"  {sentence}"), provenance)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 from pathlib import Path
 
 import click
@@ -11,7 +9,7 @@ import click
 from sysid_ros import __version__
 from sysid_ros.cli.identify_tables import as_json, show
 from sysid_ros.cli.inputs import open_bag, read_config, settings_from
-from sysid_ros.cli.output import ManyValues, note, progress_bar, warn, write_json
+from sysid_ros.cli.output import ManyValues, command_line, note, progress_bar, warn, write_json
 from sysid_ros.exceptions import RobotModelError
 from sysid_ros.identification import Choices, Recording, identify_recordings
 from sysid_ros.identification.friction_search import FRICTIONS
@@ -115,7 +113,7 @@ def command(
     robots: list[RobotModel] = []
     problems: list[Problem] = []
     read = [_read(path, urdf, topic, settings, robots, problems) for path in (*bags, *validate, *payload_bag)]
-    provenance = {"bags": [str(b) for b in bags], "command": shlex.join(["sysid", *sys.argv[1:]]), "version": __version__}
+    provenance = {"bags": [str(b) for b in bags], "command": command_line(), "version": __version__}
     with progress_bar("identifying", 2 * len(read) + 1) as advance:
         result = identify_recordings(
             robots[0],

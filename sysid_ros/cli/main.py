@@ -80,8 +80,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
     A sub-command returns nothing, or an integer that becomes the exit code. A mistake of the user is one message on stderr,
     without a traceback.
     """
+    given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        result = sysid.main(args=None if arguments is None else list(arguments), prog_name="sysid", standalone_mode=False)
+        result = sysid.main(args=given, prog_name="sysid", standalone_mode=False, obj=given)
     except click.ClickException as error:
         error.show()
         return BAD_INPUT

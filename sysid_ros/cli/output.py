@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,6 +24,11 @@ class Advance(Protocol):
 def report() -> Console:
     """Where tables are printed: as wide as the terminal, and wide enough for every column where there is none."""
     return Console() if sys.stdout.isatty() else Console(width=120)
+
+
+def command_line() -> str:
+    """The command that runs, as it was given, for the provenance of what it writes."""
+    return shlex.join(["sysid", *(click.get_current_context().find_root().obj or [])])
 
 
 def note(sentence: str) -> None:
