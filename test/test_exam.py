@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("pybullet", reason="the simulation needs PyBullet: pip install 'sysid_ros[sim]'")
 
 from exam.ambiguity import told_apart
-from exam.arms import ARMS, arm
+from exam.arms import ARMS, all_there, arm
 from exam.case import LEVELS, draw_case
 from exam.scoring import COMPANIONS, EQUIVALENT, score
 from exam.table import failed_targets, measures, render
@@ -27,6 +27,8 @@ from sysid_ros.simulation.hidden_effects import (
     nominal_residual,
     shown,
 )
+
+pytestmark = pytest.mark.skipif(not all_there(), reason="the arms of the exam need: pip install example-robot-data")
 
 # names and signs that other files agree on
 PARAMETERS = {

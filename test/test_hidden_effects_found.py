@@ -14,6 +14,9 @@ pytest.importorskip("pybullet", reason="the simulation needs PyBullet: pip insta
 pytest.importorskip("sysid_ros.diagnosis", reason="the diagnosis is not part of this installation")
 
 from exam.__main__ import sit
+from exam.arms import all_there
+
+pytestmark = pytest.mark.skipif(not all_there(), reason="the arms of the exam need: pip install example-robot-data")
 
 HIDDEN = (
     "payload", "link_inertia", "rotor_inertia", "viscous_friction", "coulomb_friction", "asymmetric_coulomb_friction",

@@ -39,7 +39,18 @@ def _file(relative: str) -> Path:
 
     below = [Path(pybullet_data.getDataPath())]
     below += [parent / "share/example-robot-data/robots" for parent in Path(pinocchio.__file__).parents]
-    return next(folder / relative for folder in below if (folder / relative).is_file())
+    found = next((folder / relative for folder in below if (folder / relative).is_file()), None)
+    if found is None:
+        raise FileNotFoundError(f"{relative} is not there. pip install example-robot-data")
+    return found
+
+
+def all_there() -> bool:
+    """True where the URDFs of all arms are installed."""
+    try:
+        return all(_file(relative) for relative, _ in _FILES.values())
+    except FileNotFoundError:
+        return False
 
 
 @cache
