@@ -13,8 +13,9 @@ import pinocchio as pin
 
 from sysid_ros.exceptions import RobotModelError
 from sysid_ros.mesh_files import MeshFiles
-from sysid_ros.robot_model import RobotModel, read_urdf
+from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.urdf import read_urdf
 
 FLOOR = "floor"
 """Name of the floor in pairs."""

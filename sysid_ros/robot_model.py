@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,8 +11,7 @@ from numba import njit
 
 from sysid_ros.exceptions import RobotModelError
 from sysid_ros.sample import FloatArray
-
-_MOVABLE = ("revolute", "continuous", "prismatic")
+from sysid_ros.urdf import read_urdf
 
 
 class RobotModel:
@@ -270,43 +268,3 @@ def _transposed_product(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
 def _stated(limit: Any) -> FloatArray:
     array = np.array(limit, dtype=float)
     return np.where((array <= 0.0) | (array > 1e12), np.inf, array)
-
-
-def read_urdf(urdf: str, keep: Sequence[str] = ()) -> tuple[dict[str, str], set[str], str]:
-    """Movable joint types, mimic joints, and the URDF with continuous joints as revolute ones and without its shapes.
-
-    pinocchio gives a continuous joint two coordinates; an angle that grows without limit is the same joint with one.
-
-    Args:
-        keep: "visual", "collision": the shapes that are not taken out.
-    """
-    try:
-        root = ElementTree.fromstring(urdf)
-    except ElementTree.ParseError as error:
-        raise RobotModelError(
-            f"the URDF is not well-formed XML: {error}. Give a URDF (run xacro first if it is a .xacro)."
-        ) from error
-    if root.tag != "robot":
-        raise RobotModelError(f"the URDF's root element is <{root.tag}>; it must be <robot>.")
-    types: dict[str, str] = {}
-    mimic: set[str] = set()
-    for joint in root.findall("joint"):
-        kind, name = joint.get("type"), joint.get("name")
-        if kind not in _MOVABLE or name is None:
-            continue
-        types[name] = kind
-        if joint.find("mimic") is not None:
-            mimic.add(name)
-        if kind == "continuous":
-            joint.set("type", "revolute")
-            limit = joint.find("limit")
-            limit = ElementTree.SubElement(joint, "limit") if limit is None else limit
-            limit.set("lower", "-1e6")
-            limit.set("upper", "1e6")
-            limit.set("effort", limit.get("effort", "0"))
-            limit.set("velocity", limit.get("velocity", "0"))
-    for tag in {"visual", "collision"} - set(keep):
-        for link in root.iter("link"):
-            for element in link.findall(tag):
-                link.remove(element)
-    return types, mimic, ElementTree.tostring(root, encoding="unicode")
