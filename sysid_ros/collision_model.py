@@ -15,7 +15,7 @@ from sysid_ros.exceptions import RobotModelError
 from sysid_ros.mesh_files import MeshFiles
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.urdf import read_urdf
+from sysid_ros.urdf import lock_joints, read_urdf
 
 FLOOR = "floor"
 """Name of the floor in pairs."""
@@ -111,18 +111,15 @@ class CollisionModel:
             )
         if not found and not missing:
             self._notes.append("The URDF has no collision shapes: collisions are not checked.")
-        full = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
+        text = ElementTree.tostring(root, encoding="unicode")
+        names = pin.buildModelFromXML(text).names[1:]
+        text = lock_joints(text, [name for name in names if name not in self.robot.joint_names])
         try:
-            shapes = pin.buildGeomFromUrdfString(
-                full, ElementTree.tostring(root, encoding="unicode"), pin.GeometryType.COLLISION, package_dirs=[]
-            )
+            shapes = pin.buildGeomFromUrdfString(pin.buildModelFromXML(text), text, pin.GeometryType.COLLISION, package_dirs=[])
         except (ValueError, RuntimeError) as error:
             raise RobotModelError(
                 f"a collision mesh of the URDF can't be read: {error}. Repair the file, or take its <collision> element out."
             ) from error
-        locked = [full.getJointId(name) for name in full.names[1:] if name not in self.robot.joint_names]
-        if locked:
-            _, shapes = pin.buildReducedModel(full, shapes, locked, pin.neutral(full))
         return shapes
 
     def _require_known(self, ignored: Collection[tuple[str, str]], links: Sequence[str]) -> None:

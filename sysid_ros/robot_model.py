@@ -11,7 +11,7 @@ from numba import njit
 
 from sysid_ros.exceptions import RobotModelError
 from sysid_ros.sample import FloatArray
-from sysid_ros.urdf import read_urdf
+from sysid_ros.urdf import lock_joints, read_urdf
 
 
 class RobotModel:
@@ -95,7 +95,7 @@ class RobotModel:
         if len(set(wanted)) < len(wanted):
             raise RobotModelError(f"joint names are repeated in {', '.join(wanted)}. Name each joint once.")
         locked = [name for name in full.names[1:] if name not in wanted]
-        reduced = pin.buildReducedModel(full, [full.getJointId(name) for name in locked], pin.neutral(full)) if locked else full
+        reduced = pin.buildModelFromXML(lock_joints(prepared, locked)) if locked else full
         reduced.gravity.linear = np.asarray(gravity, dtype=float)
         notes = []
         if plain := [name for name in locked if name not in mimic]:
@@ -232,6 +232,21 @@ class RobotModel:
         for i in range(len(q)):
             out[i] = pin.computeFrameJacobian(self.model, self._aside, q[i], frame, pin.LOCAL_WORLD_ALIGNED)[:3]
         return out
+
+    def base_acceleration_columns(self, q: FloatArray) -> FloatArray:
+        """Torque that the links cost per acceleration of the base along its axes, shape (n, 3) [N m s^2/m]: mass times the
+        transposed Jacobian of the centre of mass. The base's own mass is on none of the joints."""
+        jacobian = pin.jacobianCenterOfMass(self.model, self._aside, q, False)
+        return np.array(float(self._aside.mass[0]) * jacobian.T)
+
+    def base_acceleration_columns_of(self, q: FloatArray, frame: int, theta: FloatArray) -> FloatArray:
+        """As :meth:`base_acceleration_columns`, of a body of ten parameters fixed to a frame: ``J_frame' [m; S(mc)] R``."""
+        jacobian = pin.computeFrameJacobian(self.model, self._aside, q, frame, pin.LOCAL)
+        pin.forwardKinematics(self.model, self._aside, q)
+        to_frame = pin.updateFramePlacement(self.model, self._aside, frame).rotation.T
+        m, x, y, z = theta[:4]
+        lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        return np.asarray((m * jacobian[:3].T + jacobian[3:].T @ lever) @ to_frame)
 
     def forward_dynamics(self, q: FloatArray, v: FloatArray, tau: FloatArray, rotor: FloatArray | None = None) -> FloatArray:
         """Accelerations of the URDF's links under joint torques, shape (n,) [rad/s^2].

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from sysid_ros.exceptions import RobotModelError
 
@@ -48,3 +48,18 @@ def read_urdf(urdf: str, keep: Sequence[str] = ()) -> tuple[dict[str, str], set[
             for element in link.findall(tag):
                 link.remove(element)
     return types, mimic, ElementTree.tostring(root, encoding="unicode")
+
+
+def lock_joints(urdf: str, names: Collection[str]) -> str:
+    """The URDF's text with these joints fixed at 0.
+
+    Done in the text, since pinocchio can't lock a joint of a built model where a link has a joint's name.
+    """
+    root = ElementTree.fromstring(urdf)
+    for joint in root.findall("joint"):
+        if joint.get("name") in names:
+            joint.set("type", "fixed")
+            for tag in ("axis", "limit", "dynamics", "mimic"):
+                for element in joint.findall(tag):
+                    joint.remove(element)
+    return ElementTree.tostring(root, encoding="unicode")

@@ -408,6 +408,18 @@ def test_after_a_jump_only_the_block_is_forgotten() -> None:
     assert np.all(after[:4] > 10.0 * before[:4])
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_carried_may_bring_its_own_noise(seed: int) -> None:
+    """The noise of the positions reaches the torques through the inertia that is carried: more of it is no second jump."""
+    rng = np.random.default_rng(seed)
+    Y = smooth_rows(rng, 3000, 4, 6)
+    tau = coloured(rng, len(Y), 4, 0.05, 0.6)
+    tau[1500:] += Y[1500:] @ np.array([2.0, -1.0, 1.0, 0.5, 0.0, 0.0]) + coloured(rng, len(Y), 4, 0.15, 0.6)[1500:]
+    estimator = make_variable(np.full(6, 3.0), np.full(4, 0.01**2), block=slice(0, 4), forgetting_time=60.0)
+    feed(estimator, Y, tau)
+    assert estimator.jumps == 1
+
+
 def no_jump(estimator: VariableForgetting, Y: FloatArray, tau: FloatArray) -> None:
     for k in range(len(tau)):
         estimator.update(Y[k], tau[k])

@@ -110,6 +110,16 @@ def test_locked_joints_are_at_zero_and_their_links_still_weigh() -> None:
         np.testing.assert_array_equal(getattr(part, array), getattr(whole, array)[where])
 
 
+def test_a_link_may_have_the_name_of_a_joint() -> None:
+    whole = robot("tree_robot")
+    text = urdf("tree_robot").replace(f'"{whole.body_names[whole.joint_names.index("right_turn")]}"', '"right_turn"')
+    assert '<link name="right_turn"' in text
+    part = RobotModel.from_urdf(text, ("lift", "left_shoulder"))
+    q, v, a = np.random.default_rng(4).normal(size=(3, 2))
+    other = RobotModel.from_urdf(urdf("tree_robot"), ("lift", "left_shoulder"))
+    np.testing.assert_allclose(part.rnea(q, v, a), other.rnea(q, v, a), atol=1e-12)
+
+
 def test_mimic_joints_are_named() -> None:
     assert any("Mimic" in note and "grip_mimic" in note for note in robot("tree_robot").notes)
     assert not any("Mimic" in note for note in robot("small_arm").notes)

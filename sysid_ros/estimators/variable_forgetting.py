@@ -42,6 +42,8 @@ class VariableForgetting(Estimator):
     FORGET_EVERY = 10
     SPREAD_MEMORY = 10.0
     """Time constant of the mean of squared residuals [s]."""
+    SPREAD_ANEW = 0.2
+    """What the mean of squared residuals before a jump counts for after it [s]."""
     INDEPENDENT = 0.1
     """Time after which a coloured residual counts as a new one, in the first rows [s]."""
 
@@ -271,6 +273,8 @@ class VariableForgetting(Estimator):
         self._settling -= 1
         if self._settling == 0:
             self._begin_again()
+            # what is carried now brings its own noise: that of the positions, through its inertia
+            self._spread_count = min(self._spread_count, round(self.SPREAD_ANEW / self._period))
 
     def _begin_again(self) -> None:
         """Start the block that jumped again; the others start from what they are known to now. Before the noise is known nothing
