@@ -96,9 +96,11 @@ def own_estimate(recording: Recording, urdf: str, truth: FloatArray) -> Estimate
     robot = RobotModel.from_urdf(urdf)
     result = identify_recordings(robot, [recording], [], {})
     order = {g.name: g for g in result.groups}
-    effects = {name: effect.id for effect in free_model(robot).free for name in effect.parameter_names}
+    effects = {p.name: p.effect for p in result.parameters}
     names = [result.names[i] for i in result.base.independent]
-    true = group_matrix(result.base) @ truth
+    # a term that was taken for needed and that the arm does not have is zero
+    known = dict(zip(free_model(robot).parameter_names, truth, strict=True))
+    true = group_matrix(result.base) @ np.array([known.get(name, 0.0) for name in result.names])
     kinds = tuple("link" if effects[name] == "link_inertia" else effects[name] for name in names)
     values = np.array([order[name].value for name in names])
     return Estimate(values, 1.96 * np.array([order[name].std for name in names]), true, kinds)

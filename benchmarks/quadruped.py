@@ -2,12 +2,11 @@
 
 Each recording is a Unitree A1 in PyBullet at 500 Hz: 3 s empty, then a box of 0.5 to 5 kg anywhere on its back; every third on a
 slope of up to 10 degrees. The estimate is read 1 s (standing), 3 s (swaying) and 4 s (trotting) after the box was put on, and,
-empty,
-just before. Coverage is of the 95 % intervals of mass and of the two first moments in the plane of the back.
+empty, just before. Coverage is of the 95 % intervals of mass and of the two first moments in the plane of the back.
 
 Settling: standing at 1 kHz with a box from the start, how many measurements a recursion over the unfiltered rows takes until the
-mass
-stays within 5 % of the truth, with the four parameters of mass and first moment (as the literature has it) and with all ten.
+mass stays within 5 % of the truth, with the four parameters of mass and first moment and with all ten. The literature has a
+recursion of four parameters settle in 50 to 200 steps at 1 kHz.
 
 Exit codes: 0 every target held; 1 one was missed; 2 bad usage.
 """
@@ -52,9 +51,10 @@ LEAST_COVERED, MOST_COVERED = 0.88, 0.99
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One recording: estimates loaded and empty, the truth, and the time of each step [ns]."""
+    """One recording: the truth, the slope [deg], estimates loaded and empty, and the time of each step [ns]."""
 
     theta: FloatArray
+    slope: float
     loaded: PayloadEstimate
     empty: PayloadEstimate
     step: FloatArray
@@ -76,7 +76,7 @@ class Trial:
         return abs(self.empty.mass) < max(0.1, 1.96 * self.empty.mass_std)
 
 
-def scenario(gait: str, seed: int) -> QuadrupedScenario:
+def scenario(gait: str, seed: int, **noise: Any) -> QuadrupedScenario:
     rng = np.random.default_rng([seed, len(gait)])
     slope = rng.uniform(0.0, 10.0) if seed % 3 == 2 else 0.0
     return QuadrupedScenario(
@@ -89,11 +89,13 @@ def scenario(gait: str, seed: int) -> QuadrupedScenario:
         payload_com=(rng.uniform(-0.15, 0.15), rng.uniform(-0.08, 0.08), rng.uniform(0.07, 0.2)),
         payload_rpy=(0.0, 0.0, rng.uniform(-np.pi, np.pi)),
         pick_time=PICK,
+        **noise,
     )
 
 
-def run(gait: str, seed: int) -> Trial:
-    record = simulate_quadruped(scenario(gait, seed), start_time=1000.0)
+def run(gait: str, seed: int, noise: dict[str, Any]) -> Trial:
+    told = scenario(gait, seed, **noise)
+    record = simulate_quadruped(told, start_time=1000.0)
     legs, settings = RobotModel.from_urdf(record.urdf), OnlineSettings(contact_frames=tuple(record.truth["contact_frames"]))
     estimation = OnlineEstimation(legs, settings)
     gate = gate_for(legs, estimation.base, settings)
@@ -108,7 +110,8 @@ def run(gait: str, seed: int) -> Trial:
                 series.append(estimate)
     before = [e for e in series if e.t < 1000.0 + PICK]
     after = [e for e in series if e.t <= 1000.0 + PICK + WAIT[gait]]
-    return Trial(np.array(record.truth["payload"]["theta"]), after[-1], before[-1], np.array(step, dtype=float))
+    theta = np.array(record.truth["payload"]["theta"])
+    return Trial(theta, told.slope, after[-1], before[-1], np.array(step, dtype=float))
 
 
 def steps_until_settled(record: QuadrupedRecord, parameters: int) -> int:
@@ -138,8 +141,9 @@ def steps_until_settled(record: QuadrupedRecord, parameters: int) -> int:
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--seeds", type=click.IntRange(2), default=20, show_default=True, help="Recordings a gait.")
 @click.option("--first-seed", type=int, default=0, show_default=True)
+@click.option("--torque-noise", type=float, default=0.1, show_default=True, help="Of the efforts. [N m]")
 @click.option("--json", "json_path", type=click.Path(path_type=Path, dir_okay=False), help="Write the results.")
-def main(seeds: int, first_seed: int, json_path: Path | None) -> int:
+def main(seeds: int, first_seed: int, torque_noise: float, json_path: Path | None) -> int:
     """Accuracy of what a simulated quadruped carries; 20 seeds take about ten minutes.
 
     \b
@@ -148,28 +152,45 @@ def main(seeds: int, first_seed: int, json_path: Path | None) -> int:
     """
     console = Console(width=130)
     table = Table(title="A box on the back of a quadruped, at the time of the target", title_justify="left")
-    for column in ("gait", "mass error, median", "largest", "com error, largest", "95 % covers", "empty, largest |mass|"):
+    for column in (
+        "gait",
+        "mass error, median",
+        "largest",
+        "com error, largest",
+        "95 % covers",
+        "empty |mass|, flat",
+        "on slopes",
+    ):
         table.add_column(column, justify="right")
     targets, results, steps = [], {}, []
     for gait in WAIT:
-        trials = [run(gait, first_seed + k) for k in track(range(seeds), gait, console=Console(stderr=True), transient=True)]
+        noise = {"torque_noise": torque_noise}
+        trials = [
+            run(gait, first_seed + k, noise) for k in track(range(seeds), gait, console=Console(stderr=True), transient=True)
+        ]
         steps += [trial.step[500:] for trial in trials]
         mass, com = np.array([t.mass_part for t in trials]), np.array([t.com_error for t in trials])
         covered = float(np.mean([t.covered for t in trials]))
-        empty = max(abs(t.empty.mass) for t in trials)
+        flat = max(abs(t.empty.mass) for t in trials if not t.slope)
+        sloped = max((abs(t.empty.mass) for t in trials if t.slope), default=0.0)
         table.add_row(
             gait,
             f"{100 * np.median(mass):.2f} %",
             f"{100 * mass.max():.2f} %",
             f"{1e3 * com.max():.1f} mm",
             f"{100 * covered:.0f} %",
-            f"{1e3 * empty:.0f} g",
+            f"{1e3 * flat:.0f} g",
+            f"{1e3 * sloped:.0f} g",
         )
-        results[gait] = {"mass_part": mass.tolist(), "com_error": com.tolist(), "covered": covered, "empty": empty}
+        results[gait] = {"mass_part": mass.tolist(), "com_error": com.tolist(), "covered": covered, "empty": [flat, sloped]}
         targets += [
             Target(f"{gait}: largest error of the mass after {WAIT[gait]:g} s", float(mass.max()), high=MASS_PART[gait]),
             Target(f"{gait}: part of the 95 % intervals that cover", covered, LEAST_COVERED, MOST_COVERED),
-            Target(f"{gait}: empty robots told so", float(np.mean([t.empty_is_told for t in trials])), low=1.0),
+            Target(
+                f"{gait}: part of the empty robots, on the flat and on slopes, that are told to be empty",
+                float(np.mean([t.empty_is_told for t in trials])),
+                low=1.0,
+            ),
         ]
         if gait == "sway":
             targets.append(Target("sway: largest error of the com in the plane [m]", float(com.max()), high=COM))
@@ -195,12 +216,13 @@ def _settling(console: Console, seeds: int, results: dict[str, Any]) -> None:
         record = simulate_quadruped(load)
         for parameters, found in settled.items():
             found.append(steps_until_settled(record, parameters))
+    table = Table(title="Standing, 1 kHz: measurements until the mass stays within 5 %", title_justify="left")
+    for column in ("parameters", "median", "fewest", "most", "literature"):
+        table.add_column(column, justify="right")
     for parameters, found in settled.items():
-        console.print(
-            f"Standing, 1 kHz, {parameters} parameters: the mass stays within 5 % after {np.median(found):.0f} measurements "
-            f"(median; {min(found)} to {max(found)}).",
-            highlight=False,
-        )
+        literature = "50 to 200" if parameters == 4 else ""
+        table.add_row(str(parameters), f"{np.median(found):.0f}", str(min(found)), str(max(found)), literature)
+    console.print(table)
     results["settled"] = settled
 
 

@@ -20,6 +20,8 @@ _LOADED, _UNLOADED = 0.06, 0.03
 """Share of the weight above which a foot is taken to stand, and below which to have left the ground."""
 _CARRIED = 0.15
 """Share of the weight that the feet carry at least where rows are used."""
+_STRETCHED = 0.01
+"""Lever of the torques about the force along a leg, its least singular value, below which the force is not read from them [m]."""
 _SLIP = 0.15
 """Velocity between feet that stand above which one of them slips [m/s]."""
 
@@ -141,6 +143,34 @@ def multiply(matrix: FloatArray, rows: FloatArray, out: FloatArray) -> None:
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
+def decorrelate(
+    matrix: FloatArray, joint_variance: FloatArray, row_variance: FloatArray, factor: FloatArray, variance: FloatArray
+) -> None:
+    """``L D L' = A diag(joint_variance) A' + diag(row_variance)`` with ones on the diagonal of L, into ``factor`` (6, 6) and, of
+    D, ``variance`` (6,)."""
+    for i in range(matrix.shape[0]):
+        for j in range(i + 1):
+            total = row_variance[i] if i == j else 0.0
+            for c in range(matrix.shape[1]):
+                total += matrix[i, c] * matrix[j, c] * joint_variance[c]
+            for k in range(j):
+                total -= factor[i, k] * factor[j, k] * variance[k]
+            if i == j:
+                variance[i], factor[i, i] = total, 1.0
+            else:
+                factor[i, j], factor[j, i] = total / variance[j], 0.0
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def solve_unit_lower(factor: FloatArray, rows: FloatArray) -> None:
+    """``rows <- L^-1 rows`` in place, (6, c)."""
+    for i in range(rows.shape[0]):
+        for k in range(i):
+            for c in range(rows.shape[1]):
+                rows[i, c] -= factor[i, k] * rows[k, c]
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
 def _slide(points: FloatArray, v: FloatArray, stands: NDArray[np.bool_]) -> float:
     """Largest velocity between two feet that stand [m/s]: over firm ground all move alike against the trunk."""
     k, n = points.shape[0], points.shape[2]
@@ -158,6 +188,21 @@ def _slide(points: FloatArray, v: FloatArray, stands: NDArray[np.bool_]) -> floa
                     total += (velocities[i, a] - velocities[j, a]) ** 2
                 largest = max(largest, np.sqrt(total))
     return largest
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def _is_stretched(point: FloatArray) -> bool:
+    """Whether a force on a point of the Jacobian (3, n) can be held without torques: the least eigenvalue of ``J_l J_l'``, small
+    beside the others, is about its determinant over the sum of its principal minors of order two."""
+    G = np.zeros((3, 3))
+    for a in range(3):
+        for b in range(3):
+            for j in range(6, point.shape[1]):
+                G[a, b] += point[a, j] * point[b, j]
+    x, y, z = G[1, 1] * G[2, 2] - G[1, 2] ** 2, G[0, 0] * G[2, 2] - G[0, 2] ** 2, G[0, 0] * G[1, 1] - G[0, 1] ** 2
+    cofactor_y, cofactor_z = G[1, 0] * G[2, 2] - G[1, 2] * G[2, 0], G[1, 0] * G[2, 1] - G[1, 1] * G[2, 0]
+    determinant = G[0, 0] * x - G[0, 1] * cofactor_y + G[0, 2] * cofactor_z
+    return bool(determinant < _STRETCHED * _STRETCHED * (x + y + z))
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
@@ -180,10 +225,9 @@ def follow(
     loaded: NDArray[np.bool_],
     stands: NDArray[np.bool_],
     smooth: FloatArray,
-) -> tuple[bool, bool]:
-    """Normal, basis, forces and stance of a sample, into the arrays from ``points`` on; whether the rows may be used, and
-    whether a
-    foot slips."""
+) -> tuple[bool, bool, bool]:
+    """Normal, basis, forces and stance of a sample, into the arrays from ``points`` on; whether the rows may be used, whether a
+    foot slips, and whether a leg is stretched that is not told to be in the air."""
     k = origins.shape[0]
     if fresh:
         size = max(np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]), 1e-9)
@@ -208,4 +252,8 @@ def follow(
         carried += smooth[i]
         anybody = anybody or stands[i]
     slips = _slide(points, v, stands & loaded) > _SLIP
-    return anybody and carried > _CARRIED * weight, slips
+    stretched = False
+    for i in range(k):
+        if told.size == 0 or told[i] > 0.5:
+            stretched = stretched or _is_stretched(points[i])
+    return anybody and carried > _CARRIED * weight and not stretched, slips, stretched

@@ -23,7 +23,8 @@ class Stance:
         loaded: shape (k,), bool: inferred from the torques of the legs.
         forces: of the ground on the feet in the trunk's axes, without those of an unknown load on the legs, shape (k, 3) [N].
         normal: of the ground in the trunk's axes, shape (3,). trusted: the feet carry the robot and the rows may be used.
-        slips: feet that stand move against each other. told: ``stands`` is from a message.
+        slips: feet that stand move against each other. stretched: a leg that may stand is; the force along it is in no torque.
+        told: ``stands`` is from a message.
     """
 
     stands: NDArray[np.bool_]
@@ -32,6 +33,7 @@ class Stance:
     normal: FloatArray
     trusted: bool
     slips: bool
+    stretched: bool
     told: bool
 
 
@@ -52,6 +54,10 @@ class ContactProjection:
     The force acts where the foot touches: for a sphere of radius r at ``centre - r n``, with the normal n that is perpendicular
     to the lines between feet that stand, followed with the gyro in between.
 
+    The noise of each leg's torques is in all six rows. Where it is known (:meth:`weigh`), they are multiplied by the inverse of L
+    too, ``L D L' = A diag(var tau) A' + diag(var rows)``: a row is then what the ones before it do not tell, and the noise of the
+    rows is not correlated.
+
     References: Aghili 2005 (projection by null space); Mistry, Schaal, Yamane 2009 (floating bases, section III).
 
     Args:
@@ -63,12 +69,14 @@ class ContactProjection:
         k, n = len(base.contact_frames), base.robot.n
         self._radius = base.foot_radius
         self.matrix: FloatArray = np.zeros((FREE, n - FREE))
-        self._points = np.zeros((k, 3, n))
-        self._smooth = np.zeros(k)
+        self.points = np.zeros((k, 3, n))
+        self.loads = np.zeros(k)
         self._nobody = np.zeros(0)
         nothing = np.zeros(k, dtype=np.bool_)
-        self._stance = Stance(nothing.copy(), nothing.copy(), np.zeros((k, 3)), np.zeros(3), False, False, False)
+        self._stance = Stance(nothing.copy(), nothing.copy(), np.zeros((k, 3)), np.zeros(3), False, False, False, False)
         self._weight = base.mass * _G
+        self._noise: tuple[FloatArray, FloatArray] | None = None
+        self._factor, self._variance = np.eye(FREE), np.ones(FREE)
         self._legs = base.contacts.carriers[:, FREE:].astype(float)
         self._t = -np.inf
 
@@ -76,6 +84,14 @@ class ContactProjection:
     def _carrying(self) -> FloatArray:
         """1.0 for joints of legs that are loaded, shape (n - 6,)."""
         return np.asarray(self._legs[self._stance.loaded].max(axis=0, initial=0.0))
+
+    def weigh(self, joint_variance: FloatArray, row_variance: FloatArray) -> None:
+        """Make rows whose noise is not correlated from now on.
+
+        Args:
+            joint_variance: noise of the legs' torques, shape (n - 6,). row_variance: what the six rows have beside, shape (6,).
+        """
+        self._noise = joint_variance, row_variance
 
     def reset(self) -> None:
         """Forget normal and stance."""
@@ -92,7 +108,7 @@ class ContactProjection:
         fresh = not 0.0 < sample.t - self._t < 0.5
         dt = 0.0 if fresh else sample.t - self._t
         self._t = sample.t
-        trusted, slips = kernels.follow(
+        trusted, slips, stretched = kernels.follow(
             origins,
             motions,
             self.base.contacts.carriers,
@@ -104,25 +120,29 @@ class ContactProjection:
             dt,
             fresh,
             self._weight,
-            self._points,
+            self.points,
             self.matrix,
             stance.forces,
             stance.normal,
             stance.loaded,
             stance.stands,
-            self._smooth,
+            self.loads,
         )
-        stance.trusted, stance.slips, stance.told = trusted, slips, told is not None
+        if self._noise is not None:
+            kernels.decorrelate(self.matrix, *self._noise, self._factor, self._variance)
+        stance.trusted, stance.slips, stance.stretched, stance.told = trusted, slips, stretched, told is not None
         return stance
 
-    def matrix_at(self, sample: Sample) -> FloatArray:
-        """A for a sample with the vertical as normal of the ground, shape (6, n - 6)."""
+    def variance_at(self, sample: Sample, joint_variance: FloatArray, row_variance: FloatArray) -> FloatArray:
+        """D for a sample with the vertical as normal of the ground, shape (6,): the noise of the rows."""
         origins, motions = self.base.contacts.origins(sample.q)
-        points, matrix = np.zeros_like(self._points), np.zeros_like(self.matrix)
+        points, matrix = np.zeros_like(self.points), np.zeros_like(self.matrix)
         normal = sample.a[:3] / max(float(np.linalg.norm(sample.a[:3])), 1e-9)
         kernels.touching(origins, motions, self.base.contacts.carriers, self._radius, normal, points)
         kernels.project(points, sample.tau, kernels.DAMPING, matrix, np.zeros_like(self._stance.forces))
-        return matrix
+        variance = np.zeros(FREE)
+        kernels.decorrelate(matrix, joint_variance, row_variance, np.zeros((FREE, FREE)), variance)
+        return variance
 
     def leg_torque(self, wrench: FloatArray) -> FloatArray:
         """The smallest torques of the loaded legs that hold a wrench (6,) on the trunk, shape (n - 6,) [N m]: of a payload, what
@@ -135,5 +155,11 @@ class ContactProjection:
         return np.asarray(columns.T @ np.linalg.solve(gram + regular * np.eye(FREE), wrench))
 
     def apply(self, rows: FloatArray, out: FloatArray) -> None:
-        """``N' rows`` for rows of shape (n, c), into ``out`` of shape (6, c)."""
+        """``L^-1 N' rows`` for rows of shape (n, c), into ``out`` of shape (6, c)."""
         kernels.multiply(self.matrix, rows, out)
+        if self._noise is not None:
+            kernels.solve_unit_lower(self._factor, out)
+
+    def wrench(self, rows: FloatArray) -> FloatArray:
+        """Force and moment on the trunk from the six rows, shape (6,): the inverse of the last step of :meth:`apply`."""
+        return np.asarray(self._factor @ rows)

@@ -37,18 +37,19 @@ class FloatingBase:
     Args:
         legs: the robot with its trunk held; its joints are those that are measured.
         contact_frames: links that may touch the ground; empty: the outermost link of every leg, in the order of the URDF.
+        foot_radius: of all feet [m]; 0: that of the sphere that the URDF gives each.
 
     Attributes:
         robot: the model with n = 6 + number of leg joints; the first six rows are force [N] and moment [N m] on the trunk.
         trunk: name of the trunk's link. trunk_frames: links that are fixed to it, itself among them.
         contacts: kinematics of the feet. mass: of the whole robot [kg].
-        foot_radius: of the spheres that the URDF gives the feet, 0 where it gives none, shape (k,) [m].
+        foot_radius: 0 of a foot that is taken as a point, shape (k,) [m].
 
     Raises:
         RobotModelError: a contact frame is no link of the URDF or no leg carries it.
     """
 
-    def __init__(self, legs: RobotModel, contact_frames: Sequence[str] = ()) -> None:
+    def __init__(self, legs: RobotModel, contact_frames: Sequence[str] = (), foot_radius: float = 0.0) -> None:
         self.legs = legs
         root = ElementTree.fromstring(legs.urdf)
         self.trunk = _root_link(root)
@@ -63,6 +64,8 @@ class FloatingBase:
                 f"{', '.join(legs.frame_names)}. Correct contact_frames."
             )
         self.foot_radius, centres = _spheres(root, frames)
+        if foot_radius > 0.0:
+            self.foot_radius = np.full(len(frames), foot_radius)
         self.contacts = ContactKinematics(self.robot, frames, centres)
         for frame, joints in zip(frames, self.contacts.joints_above, strict=True):
             if joints < FREE + LEAST_JOINTS:
@@ -78,6 +81,17 @@ class FloatingBase:
     def contact_frames(self) -> tuple[str, ...]:
         """Names of the feet, k of them."""
         return self.contacts.frames
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know, a sentence each."""
+        points = [name for name, radius in zip(self.contact_frames, self.foot_radius, strict=True) if radius == 0.0]
+        if not points:
+            return ()
+        return (
+            f"The URDF gives {', '.join(points)} no sphere in <collision>: they are taken to touch the ground at their origin. "
+            "On slopes and in motion the payload is wrong by what they are thick: set foot_radius.",
+        )
 
     def state(
         self, q: FloatArray, v: FloatArray, a: FloatArray, omega: FloatArray, force: FloatArray, omega_dot: FloatArray
@@ -113,7 +127,7 @@ def floating_base_of(robot: RobotModel, settings: OnlineSettings) -> FloatingBas
     """
     if settings.base == "fixed" or (settings.base == "auto" and not (settings.contact_frames or is_legged(robot))):
         return None
-    return FloatingBase(robot, settings.contact_frames)
+    return FloatingBase(robot, settings.contact_frames, settings.foot_radius)
 
 
 def is_legged(robot: RobotModel) -> bool:

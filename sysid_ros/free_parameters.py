@@ -7,11 +7,12 @@ import math
 import numpy as np
 
 from sysid_ros.contact_projection import ContactProjection
-from sysid_ros.effects import CoulombFriction, Effect, Payload, TorqueOffset, ViscousFriction
+from sysid_ros.effects import AccelerometerBias, CoulombFriction, Effect, Payload, TorqueOffset, ViscousFriction
 from sysid_ros.estimators import ConstantForgetting, Estimator, JumpRule, VariableForgetting
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.floating_base import FloatingBase
 from sysid_ros.front_end import FrontEnd, Rows, white_noise_variance, white_variance
+from sysid_ros.known_effect import KnownEffect
 from sysid_ros.model_file import ModelFile
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement, Sample
@@ -25,6 +26,14 @@ _LEAST_JUMP = (0.03, 5e-3, 5e-3, 5e-3) + (math.inf,) * 6
 """Change of mass [kg] or first moment [kg m] of which one must be exceeded to count as a change of the payload."""
 
 
+_CARRIED = 0.16
+"""Least prior standard deviation of what a robot on legs carries, as a part of its own mass."""
+_SIZE = 0.11
+"""Its distance from the trunk's origin over the cube root of the robot's mass [m/kg^(1/3)]: a quarter of a metre on 12 kg."""
+_GRAVITY_DENSITY = 1e-8
+"""Least density of the noise with which the accelerometer shows gravity [(m/s^2)^2 s]."""
+
+
 class FreeParameters:
     """The payload's ten parameters and, beside them, what offset and friction of each joint differ from the known model.
 
@@ -35,6 +44,8 @@ class FreeParameters:
     Attributes:
         payload: the effect whose columns come first.
         model: known and free effects.
+        trunk_noise: of a floating base, once :meth:`noise_density` has run: density of the noise of the legs' torques, shape
+            (n,), and what the six rows have beside, shape (6,).
         prior_std: standard deviation of the free parameters before any data, shape (p,).
 
     Raises:
@@ -56,17 +67,28 @@ class FreeParameters:
         self._estimates_friction = settings.estimate_friction and base is None
         if self._estimates_friction:
             effects += [TorqueOffset(robot), CoulombFriction(robot), ViscousFriction(robot)]
+        self._bias: AccelerometerBias | None = None
+        self.trunk_noise: tuple[FloatArray, FloatArray] | None = None
+        if base is not None and settings.accelerometer_bias_std > 0.0:
+            self._bias = AccelerometerBias(whole, frame=self.payload.frame)
+            effects.append(self._bias)
         known_effects = known.known_effects(whole) if known else []
         self.model = TorqueModel(
             whole, effects, known_effects, settings.effort_type == "total", known.uncertainty if known else None
         )
-        self._coulomb = np.abs(self.model.known_theta("coulomb_friction"))
+        self._coulomb = _dry_friction(robot, known_effects)
         self._viscous = np.abs(self.model.known_theta("viscous_friction"))
-        self.prior_std = np.concatenate([self._payload_prior(), *self._friction_prior()])
+        bias = np.full(3 if self._bias else 0, settings.accelerometer_bias_std)
+        self.prior_std = np.concatenate([self._payload_prior(), *self._friction_prior(), bias])
 
     def _payload_prior(self) -> FloatArray:
         s = self._settings
-        return np.array([s.prior_mass_std] + [s.prior_first_moment_std] * 3 + [s.prior_inertia_std] * 6)
+        prior = np.array([s.prior_mass_std] + [s.prior_first_moment_std] * 3 + [s.prior_inertia_std] * 6)
+        if self._base is None:
+            return prior
+        mass, size = _CARRIED * self._base.mass, _SIZE * self._base.mass ** (1.0 / 3.0)
+        least = np.array([mass] + [mass * size] * 3 + [mass * size**2] * 6)
+        return np.asarray(np.maximum(prior, least))
 
     def _friction_prior(self) -> list[FloatArray]:
         """Of offset, Coulomb and viscous friction: small beside a known model, of the size of the effort limits without one."""
@@ -78,6 +100,11 @@ class FreeParameters:
             return [0.2 * size, size, 2.0 * size]
         least, drift = np.full(self._robot.n, 0.1), s.friction_drift
         return [0.5 * drift * self._coulomb + least, drift * self._coulomb + least, drift * self._viscous + least]
+
+    def carry(self, theta: FloatArray) -> None:
+        """Take in what is known of the free parameters now, shape (p,): a bias of the accelerometer concerns the payload too."""
+        if self._bias is not None:
+            self._bias.load = theta[PAYLOAD].copy()
 
     def friction_variance(self, rows: Rows, theta: FloatArray) -> FloatArray:
         """Variance of the torque that may hide in dry friction near standstill, where no model holds, shape (n,) [(N m)^2].
@@ -113,18 +140,18 @@ class FreeParameters:
     def _of_trunk(
         self, base: FloatingBase, measurements: list[Measurement], density: FloatArray, sample_period: float
     ) -> FloatArray:
-        """As :meth:`noise_density`, of the six rows of a floating base, shape (6,): from the torques of the legs, shape (n,),
-        and the
-        noise of the accelerometer times the robot's mass."""
+        """As :meth:`noise_density`, of the rows of a floating base: from the torques of the legs, shape (n,), and the noise of
+        the accelerometer times the robot's mass; that of the accelerometer itself where its bias is free."""
         first = next(m for m in measurements if m.trunk is not None)
         assert first.trunk is not None
         zero = np.zeros(self._robot.n)
         state = base.state(first.q, zero, zero, np.zeros(3), first.trunk.force, np.zeros(3))
-        matrix = ContactProjection(base).matrix_at(Sample(first.t, *state, np.zeros(base.robot.n)))
-        rows: FloatArray = (matrix * matrix) @ density
         force = np.array([m.trunk.force for m in measurements if m.trunk is not None])
-        rows[:3] += base.mass**2 * white_variance(force) * sample_period
-        return rows
+        felt = white_variance(force) * sample_period
+        beside = np.append(base.mass**2 * felt, np.zeros(3))
+        self.trunk_noise = density.copy(), beside
+        rows = ContactProjection(base).variance_at(Sample(first.t, *state, np.zeros(base.robot.n)), density, beside)
+        return np.append(rows, np.max(felt) + _GRAVITY_DENSITY) if self._bias else rows
 
     def make_estimator(self, front_end: FrontEnd, floor: FloatArray) -> Estimator:
         """The estimator that the settings name, for rows of at least the variance ``floor``, shape (n,)."""
@@ -134,3 +161,14 @@ class FreeParameters:
         jump = JumpRule(PAYLOAD, np.array(_LEAST_JUMP), front_end.memory)
         part = 1.0 if self._base is None else front_end.passed
         return VariableForgetting(self.prior_std, floor, front_end.period, s.forgetting_time, jump, part)
+
+
+def _dry_friction(robot: RobotModel, known: list[KnownEffect]) -> FloatArray:
+    """Level Fc of each joint's dry friction, of whatever kind it is, shape (n,) [N m]; 0 where nothing is known."""
+    out: FloatArray = np.zeros(robot.n)
+    for k in known:
+        names = k.effect.parameter_names
+        for j, joint in enumerate(robot.joint_names):
+            if (level := f"Fc[{joint}]") in names:
+                out[j] += abs(k.theta[names.index(level)])
+    return out

@@ -8,8 +8,10 @@ import numpy as np
 from numba import njit
 
 from sysid_ros.contact_projection import ContactProjection
+from sysid_ros.effects import AccelerometerBias
 from sysid_ros.floating_base import FREE, FloatingBase
 from sysid_ros.floating_derivative import FloatingDerivative
+from sysid_ros.gravity_row import GravityRow
 from sysid_ros.low_pass import LowPassBank
 from sysid_ros.sample import FloatArray, Measurement, Sample
 from sysid_ros.signals import CausalDerivative, default_cutoff, window_half_width
@@ -17,6 +19,8 @@ from sysid_ros.stance_log import StanceLog
 from sysid_ros.standing_columns import StandingColumns
 from sysid_ros.torque_model import TorqueModel
 
+_TRUSTED = 0.99
+"""Part of a row that is from when the feet carried the robot, from which on their velocity is that of the trunk."""
 _SLOW = 0.06
 """Speed of a joint below which dry friction is not what a model says [rad/s]."""
 
@@ -62,7 +66,7 @@ class FrontEnd:
         cutoff_hz: of the low-pass [Hz]; 0 for the default of the rate.
         use_message_velocity: velocity from the messages instead of from the positions.
         base: the robot of ``model`` where it floats. standstill: velocity below which it stands [rad/s]. stances: takes note of
-            what its feet do.
+            what its feet do. gravity: at the place [m/s^2], with which a free bias of the accelerometer is told from a load.
 
     Attributes:
         projection: of a floating base, else None. rows: of an update.
@@ -81,6 +85,7 @@ class FrontEnd:
         base: FloatingBase | None = None,
         standstill: float = 0.05,
         stances: StanceLog | None = None,
+        gravity: float = 9.81,
     ) -> None:
         self._model = model
         n, p = model.robot.n, model.p
@@ -109,6 +114,10 @@ class FrontEnd:
             self._beside = np.zeros((n + 1, 2))
             self._beside_bank = LowPassBank(self._beside.shape, cutoff, self.rate)
             self._standing = StandingColumns(self.period, standstill)
+            self._gravity = GravityRow(gravity, cutoff, self.rate, self.period)
+            biases = [w for e, w in zip(model.free, model.slices, strict=True) if isinstance(e, AccelerometerBias)]
+            self._bias = biases[0] if biases else None
+            self.rows += len(biases)
 
     @property
     def filled(self) -> int:
@@ -156,21 +165,34 @@ class FrontEnd:
             projection.apply(self._raw, self._projected)
         else:
             self._projected[:] = 0.0
+        self._gravity.push(sample, projection.points, projection.loads)
         beside[:-1, 0], beside[:-1, 1], beside[-1] = sample.v, sample.a, stance.trusted
         out, other = self._bank.push(self._projected), self._beside_bank.push(beside)
         self._tick += 1
         if self._tick < 0 or self._tick % self._every:
             return None
+        trust, speed = float(other[-1, 0]), np.abs(other[:-1, 0])
+        vertical, excess = self._gravity.row()
+        if self._stances is not None and trust > _TRUSTED:
+            self._stances.add_gravity(excess)
+        Y, y, tau = np.zeros((self.rows, p)), np.zeros(self.rows), np.zeros(self.rows)
+        Y[:FREE], y[:FREE], tau[:FREE] = out[:, :p], out[:, p], out[:, p + 3]
+        payload = self._model.slices[0]
+        Y[:FREE, payload] = self._standing.push(np.ascontiguousarray(out[:, payload]), speed, trust > _TRUSTED)
+        if self._bias is not None and trust > _TRUSTED:
+            Y[FREE, self._bias], y[FREE] = vertical, excess
+        considered = np.zeros((self.rows, self._model.error.c))
+        considered[:FREE] = out[:, p + 5 :]
         return Rows(
-            Y=self._standing.push(np.ascontiguousarray(out[:, :p]), np.abs(other[:-1, 0])),
-            y=out[:, p].copy(),
-            speed=np.abs(other[:-1, 0]),
-            slow=np.zeros(FREE),
+            Y=Y,
+            y=y,
+            speed=speed,
+            slow=np.zeros(self.rows),
             acceleration=other[:-1, 1].copy(),
-            tau=out[:, p + 3].copy(),
-            considered=np.ascontiguousarray(out[:, p + 5 :]),
+            tau=tau,
+            considered=considered,
             sample=sample,
-            trust=float(other[-1, 0]),
+            trust=trust,
         )
 
 

@@ -41,7 +41,10 @@ class GroundContact:
         """The state in a sentence."""
         if self._stood:
             return f"The robot has been set down {self.seconds:.1f} s ago; what it carries is looked for anew."
-        return f"The feet have not carried the robot for {self.seconds:.1f} s; what it carries is not known any more."
+        return (
+            f"For {self.seconds:.1f} s the feet have not carried the robot, or a leg was stretched; what it carries is not known "
+            "any more."
+        )
 
     def update(self, trust: float, period: float) -> int:
         """Take in the share of a row (0 to 1) that stands for ``period`` [s]; the state from then on."""

@@ -17,7 +17,8 @@ class Judgement:
     """Turns what estimator and model check know into one of the statuses of :mod:`sysid_ros.payload_estimate`.
 
     Args:
-        robot: for the names of its joints. settings: the limits. floor: least variance of a row, shape (n,).
+        robot: for the names of its joints. settings: the limits. floor: least variance of a row, shape (n,), of those
+            rows that are torques.
     """
 
     def __init__(self, robot: RobotModel, settings: OnlineSettings, floor: FloatArray) -> None:
@@ -29,13 +30,15 @@ class Judgement:
     def add(self, rows: Rows, payload_torque: FloatArray, estimator: Estimator) -> None:
         """Take in rows of a moving robot and the payload's part in them, shape (n,) [N m]."""
         if _noise_known(estimator):
-            self._check.add(rows.tau, rows.y - payload_torque)
+            n = self._floor.size
+            self._check.add(rows.tau[:n], (rows.y - payload_torque)[:n])
 
     def status(self, estimate: Estimate, estimator: Estimator, mass: float, mass_std: float) -> tuple[str, str]:
         """Status and reason for a mass [kg] and its standard deviation [kg]."""
         s = self._settings
         if _noise_known(estimator) and isinstance(estimator, VariableForgetting):
-            wrong = self._check.verdict(estimator.noise.variance, estimator.row_variance, self._floor)
+            n = self._floor.size
+            wrong = self._check.verdict(estimator.noise.variance[:n], estimator.row_variance[:n], self._floor)
             if wrong:
                 return "inconsistent", wrong
         limit = max(s.mass_std_limit, 0.05 * abs(mass))

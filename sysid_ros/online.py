@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from sysid_ros import ground_contact
+from sysid_ros.cadence import Cadence
 from sysid_ros.estimators import Estimate, Estimator, VariableForgetting
-from sysid_ros.floating_base import floating_base_of
+from sysid_ros.floating_base import FREE, floating_base_of
 from sysid_ros.free_parameters import PAYLOAD, FreeParameters
 from sysid_ros.front_end import FrontEnd, Rows
 from sysid_ros.ground_contact import GroundContact
@@ -26,16 +27,6 @@ from sysid_ros.sample import FloatArray, Measurement
 from sysid_ros.settings import OnlineSettings
 from sysid_ros.stance_log import StanceLog
 
-_FIRST = 25
-"""Measurements from which rate and noise of the torque are read before anything is estimated."""
-_LONGEST_STEP = 1.0
-"""Longest time between measurements while the rate is not known [s]."""
-_SHORTEST_PERIOD = 5e-5
-"""Measurements do not come faster, whatever their stamps say [s]."""
-_CHECK_EVERY = 300
-"""Measurements after which the rate is looked at again."""
-_LONGEST_FILL = 10.5
-"""Longest step that is interpolated over [periods]."""
 _STANDS = 0.15
 """Time below the standstill velocity after which the robot stands [s]."""
 _OBSERVABLE = 0.3
@@ -69,11 +60,14 @@ class OnlineEstimation:
     def __init__(self, robot: RobotModel, settings: OnlineSettings, known: ModelFile | None = None) -> None:
         self.robot, self.settings = robot, settings
         self.base = floating_base_of(robot, settings)
-        self._stances = StanceLog(self.base.contact_frames) if self.base else None
+        self._gravity = math.hypot(*settings.gravity)
+        bias_is_free = settings.accelerometer_bias_std > 0.0
+        self._stances = StanceLog(self.base.contact_frames, self._gravity, bias_is_free) if self.base else None
         self._outliers = 0
         self._free = FreeParameters(robot, settings, known, self.base)
         self._log = EventLog(settings.no_payload_mass)
-        self._warnings = {note: note for note in known.notes(robot.urdf)} if known else {}
+        notes = (*(known.notes(robot.urdf) if known else ()), *(self.base.notes if self.base else ()))
+        self._warnings = {note: note for note in notes}
         self._tare = np.zeros(10), np.zeros((10, 10))
         self._observable_std = _OBSERVABLE * self._free.prior_std[PAYLOAD]
         self._enabled = True
@@ -83,12 +77,10 @@ class OnlineEstimation:
         self._floor: FloatArray = np.zeros(0)
         self._next_publish = -math.inf
         self._front_end: FrontEnd | None = None
-        self._first: list[Measurement] = []
-        self._last_t = -math.inf
-        self._since_check, self._checked_t = 0, 0.0
-        self._longest_step = math.inf
+        self._cadence = Cadence(settings.max_gap)
         self._still = 0.0
         self._ground = GroundContact(settings.sensor_timeout)
+        self._set_down: float | None = None
 
     @property
     def events(self) -> list[PayloadEvent]:
@@ -118,18 +110,7 @@ class OnlineEstimation:
 
     def prior(self) -> PayloadEstimate:
         """What is known before any measurement: nothing but the prior."""
-        n = self.robot.n
-        return PayloadEstimate(
-            t=0.0,
-            frame=self.frame,
-            theta=np.zeros(10),
-            covariance=np.diag(self._free.prior_std[PAYLOAD] ** 2),
-            status="warming_up",
-            reason="There is no estimate yet.",
-            observable=np.zeros(10, dtype=bool),
-            residual=np.zeros(n),
-            payload_effort=np.zeros(n),
-        )
+        return PayloadEstimate.unknown(self.frame, self._free.prior_std[PAYLOAD], self.robot.n)
 
     def reset(self, reason: str) -> None:
         """Forget payload, friction and noise, and start again."""
@@ -155,60 +136,44 @@ class OnlineEstimation:
         """Take in one measurement; the estimate when one is due (``publish_rate``), else None. Never raises on a measurement."""
         if not self._enabled:
             return None
-        if not 0.0 < measurement.t - self._last_t <= self._longest_step:
+        if not self._cadence.follows(measurement.t):
             self._forget_filters()
-        self._last_t = measurement.t
-        if self._front_end is not None:
-            self._check_rate(self._front_end, measurement.t)
         if self._front_end is not None:
             return self._take(self._front_end, measurement)
-        self._longest_step = _LONGEST_STEP
-        self._first.append(measurement)
-        if len(self._first) < _FIRST:
+        first = self._cadence.first(measurement)
+        if not first:
             return None
-        first, self._first = self._first, []
         self._front_end = front_end = self._make_front_end(first)
         estimates = [self._take(front_end, m) for m in first]
         return next((e for e in reversed(estimates) if e is not None), None)
 
-    def _check_rate(self, front_end: FrontEnd, t: float) -> None:
-        """The first measurements may have come in a burst: filters made for another rate than there is are made again."""
-        self._since_check += 1
-        if self._since_check < _CHECK_EVERY:
-            return
-        faster = self._since_check / ((t - self._checked_t) * front_end.rate)
-        self._since_check, self._checked_t = 0, t
-        if not 0.6 < faster < 1.4:
-            self._forget_filters()
-
     def _forget_filters(self) -> None:
-        self._first = []
+        self._cadence.restart()
         self._front_end = None
         self._next_publish = -math.inf
-        self._longest_step = math.inf
         self._still = 0.0
 
     def _make_front_end(self, measurements: list[Measurement]) -> FrontEnd:
         s = self.settings
-        sample_period = max(float(np.median(np.diff([m.t for m in measurements]))), _SHORTEST_PERIOD)
-        self._since_check, self._checked_t = 0, measurements[-1].t
-        self._longest_step = max(min(s.max_gap, _LONGEST_FILL * sample_period), 3.5 * sample_period)
         front_end = FrontEnd(
-            self._free.model, sample_period, s.update_rate, s.cutoff_hz, s.velocity_source == "message", self.base,
-            s.standstill_velocity, self._stances,
+            self._free.model, self._cadence.period, s.update_rate, s.cutoff_hz, s.velocity_source == "message", self.base,
+            s.standstill_velocity, self._stances, self._gravity,
         )  # fmt: skip
         if front_end.rate < 20.0:
             self._warnings["rate"] = (
                 f"The joint states come at {front_end.rate:.1f} Hz; below 20 Hz the accelerations are lost. Publish them faster."
             )
         if self.estimator is None:
-            self._floor = self._free.noise_density(measurements, sample_period) / front_end.period
+            self._floor = self._free.noise_density(measurements, self._cadence.period) / front_end.period
             self.estimator = self._free.make_estimator(front_end, self._floor)
             self._make_judgement()
+        if front_end.projection is not None and self._free.trunk_noise is not None:
+            front_end.projection.weigh(*self._free.trunk_noise)
         return front_end
 
     def _make_judgement(self) -> None:
-        self._judgement = Judgement(self.base.robot if self.base else self.robot, self.settings, self._floor)
+        floor = self._floor[:FREE] if self.base else self._floor
+        self._judgement = Judgement(self.base.robot if self.base else self.robot, self.settings, floor)
 
     def _take(self, front_end: FrontEnd, measurement: Measurement) -> PayloadEstimate | None:
         published = None
@@ -228,9 +193,13 @@ class OnlineEstimation:
 
     def _on_ground(self, rows: Rows, front_end: FrontEnd) -> bool:
         """Whether a row is used; False while the feet do not carry the robot, or it has just been set down."""
+        lifted = self._ground.lifted
         state = self._ground.update(rows.trust, front_end.period)
+        if self._ground.lifted and not lifted:
+            self._log.lift(rows.sample.t - self._ground.seconds)
         if state == ground_contact.STANDS_AGAIN:
             assert self.estimator is not None
+            self._set_down = rows.sample.t - self._ground.seconds
             self.estimator.forget()
             self._make_judgement()
         return state in (ground_contact.STANDS, ground_contact.STANDS_AGAIN)
@@ -249,6 +218,7 @@ class OnlineEstimation:
         hold = self._still > _STANDS and self.base is None
         known = isinstance(estimator, VariableForgetting) and estimator.noise.known
         jumps, before = _jumps(estimator), estimator.theta
+        self._free.carry(before)
         estimate = estimator.update(rows.Y, rows.y, hold, self._free.friction_variance(rows, before), rows.considered)
         self._outliers += estimate.status == "outlier"
         if not hold and self._judgement is not None:
@@ -262,6 +232,7 @@ class OnlineEstimation:
     def _publish(self, estimate: Estimate, rows: Rows, t: float, estimator: Estimator) -> PayloadEstimate:
         theta: FloatArray = estimate.theta[PAYLOAD] - self._tare[0]
         covariance = estimate.covariance[PAYLOAD, PAYLOAD] + self._tare[1]
+        covariance[0, 0] += self._doubt(float(theta[0])) ** 2
         std = np.sqrt(covariance.diagonal())
         assert self._judgement is not None
         status, reason = self._judgement.status(estimate, estimator, float(theta[0]), float(std[0]))
@@ -275,12 +246,16 @@ class OnlineEstimation:
                 status, reason = "not_physical", "No body of positive density has these parameters, whatever the noise."
         if status != "warming_up":
             self._log.refine(t, float(theta[0]))
+        if self._set_down is not None and status in ("ok", "no_payload"):
+            self._log.set_down(self._set_down, float(theta[0]), float(std[0]))
+            self._set_down = None
         q, v = rows.sample.q, rows.sample.v
         effort = self._free.model.robot.payload_regressor(q, v, rows.acceleration, self._free.payload.frame_index) @ theta
         residual = rows.y - rows.Y @ estimate.theta
         if self._front_end is not None and self._front_end.projection is not None:
-            legs = self._front_end.projection.leg_torque
-            effort, residual = legs(effort[: residual.size]), legs(residual)
+            projection = self._front_end.projection
+            effort = projection.leg_torque(effort[:FREE])
+            residual = projection.leg_torque(projection.wrench(residual[:FREE]))
         return PayloadEstimate(
             t=t,
             frame=self.frame,
@@ -292,6 +267,13 @@ class OnlineEstimation:
             residual=residual,
             payload_effort=effort,
         )
+
+    def _doubt(self, mass: float) -> float:
+        """By how much the mass is wrong if what the accelerometer shows beyond gravity is a bias that is not estimated [kg]."""
+        if self.base is None or self._stances is None or self._stances.bias_is_free:
+            return 0.0
+        own = 0.0 if self._tare[1].any() else self.base.mass
+        return (own + max(mass, 0.0)) * self._stances.excess / self._gravity
 
 
 def _jumps(estimator: Estimator) -> int:

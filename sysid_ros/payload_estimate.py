@@ -53,6 +53,21 @@ class PayloadEstimate:
     residual: FloatArray
     payload_effort: FloatArray
 
+    @classmethod
+    def unknown(cls, frame: str, prior_std: FloatArray, n: int) -> PayloadEstimate:
+        """Nothing but a prior of the standard deviation (10,), on a robot of n joints."""
+        return cls(
+            t=0.0,
+            frame=frame,
+            theta=np.zeros(10),
+            covariance=np.diag(prior_std**2),
+            status="warming_up",
+            reason="There is no estimate yet.",
+            observable=np.zeros(10, dtype=bool),
+            residual=np.zeros(n),
+            payload_effort=np.zeros(n),
+        )
+
     @property
     def mass(self) -> float:
         """[kg]"""

@@ -48,12 +48,18 @@ class OnlineSettings:
     contact_frames: tuple[str, ...] = _setting(
         (), "feet of a floating base, in the order of the contact messages; empty: the end of each leg, in the order of the URDF"
     )
+    foot_radius: float = _setting(
+        0.0, "radius of the feet; 0: that of the sphere in the URDF's collision, a point where it has none", "m", 0.0, 0.5
+    )
     imu_frame: str = _setting("", "link that the IMU is fixed to, part of the trunk; empty: the frame_id of its messages")
     imu_xyz: tuple[float, ...] = _setting(
         (0.0, 0.0, 0.0), "where the IMU sits in the trunk, in place of imu_frame", "m", -10.0, 10.0
     )
     imu_rpy: tuple[float, ...] = _setting(
         (0.0, 0.0, 0.0), "how the IMU is turned in the trunk, in place of imu_frame", "rad", -7.0, 7.0
+    )
+    accelerometer_bias_std: float = _setting(
+        0.0, "prior standard deviation of the IMU's bias, which is then estimated; 0: it has none", "m/s^2", 0.0, 2.0
     )
     effort_scale: tuple[float, ...] = _setting(
         (), "factor a joint from effort to torque; empty: 1", "N m per unit of effort", 1e-9, 1e9

@@ -27,9 +27,10 @@ class StandingColumns:
         self._count = 0
         self._mean: FloatArray = np.zeros((0, 0))
 
-    def push(self, columns: FloatArray, speed: FloatArray) -> FloatArray:
-        """The columns (m, p) to use, given the velocities of the joints, shape (n,)."""
-        self._still = self._still + self._period if float(speed.max()) < self._velocity else 0.0
+    def push(self, columns: FloatArray, speed: FloatArray, whole: bool = True) -> FloatArray:
+        """The columns (m, p) to use, given the velocities of the joints, shape (n,); ``whole`` is False where a part of what was
+        measured is left out of them."""
+        self._still = self._still + self._period if whole and float(speed.max()) < self._velocity else 0.0
         if self._still <= _STANDS:
             self._count = 0
             return columns

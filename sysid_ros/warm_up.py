@@ -35,6 +35,8 @@ def warm_up(robot: RobotModel, settings: OnlineSettings, duration: float = 6.0) 
         estimate_friction=settings.estimate_friction,
         base=settings.base,
         contact_frames=settings.contact_frames,
+        foot_radius=settings.foot_radius,
+        accelerometer_bias_std=settings.accelerometer_bias_std,
     )
     estimation = OnlineEstimation(robot, free)
     if estimation.base is not None:

@@ -84,6 +84,28 @@ def test_json(identified: tuple[Path, dict[str, Any]]) -> None:
     assert np.all(np.array(validation[0]["residual_rms"]) < 0.15)
 
 
+def test_json_holds_the_curves_of_the_report(identified: tuple[Path, dict[str, Any]]) -> None:
+    _, document = identified
+    assert [r["joint"] for r in document["residuals"]] == document["joints"]
+    for r in document["residuals"]:
+        for axis in ("position", "velocity", "time"):
+            assert len(r[axis]["at"]) == len(r[axis]["residual"]) > 10
+            assert r[axis]["at"] == sorted(r[axis]["at"])
+        assert len(r["frequency"]["hz"]) == len(r["frequency"]["residual"]) == len(r["frequency"]["torque"]) > 10
+    assert len(document["prior"]["links"]) == len(document["prior"]["link_weights"]) == len(document["joints"])
+
+
+def test_most_messages_rejected(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Milliampere in place of N m: hardly a message is believed, and the reason is said."""
+    config = tmp_path / "config.yaml"
+    config.write_text(f"effort_scale: {[1000.0] * 7}\n")
+    arguments = ["--config", str(config), "--out", str(tmp_path / "m.yaml")]
+    assert run(["identify", str(EMPTY), *arguments]) == 2
+    message = capsys.readouterr().err
+    assert "messages were rejected" in message
+    assert "effort_scale" in message
+
+
 def test_the_replay_takes_the_model_and_finds_nothing_carried(identified: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     config, out = tmp_path / "config.yaml", tmp_path / "out.json"
     config.write_text("publish_rate: 5.0\n")

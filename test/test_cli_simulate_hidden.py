@@ -60,6 +60,20 @@ def test_what_pybullet_can_not_step_is_simulated_all_the_same(tmp_path: Path) ->
     assert simulate(tmp_path / "b", "--hide", "base_tilt", "--hide-value", "roll=0.05")["simulator"] == "pybullet"
 
 
+def test_what_stays_below_the_noise_is_said(tmp_path: Path) -> None:
+    def told(bag: str, level: str) -> tuple[str, float]:
+        hidden = ["--hide", f"coulomb_friction@{JOINT}", "--hide-value", f"Fc={level}"]
+        options = ["arm", "--bag", str(tmp_path / bag), "--duration", "8", "--rate", "100", *hidden]
+        result = CliRunner().invoke(command, options, catch_exceptions=False)
+        truth = json.loads((tmp_path / f"{bag}.truth.json").read_text())
+        return result.output.replace("\n", " "), max(truth["residual_over_noise"])
+
+    (small, of_small), (large, of_large) = told("small", "0.02"), told("large", "4")
+    assert of_small < 4.0 < of_large
+    assert "hardly anyone can find it" in small
+    assert "hardly" not in large
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

@@ -8,6 +8,7 @@ import pytest
 from robots import urdf
 
 from sysid_ros.contact_projection import ContactProjection
+from sysid_ros.effects import AccelerometerBias
 from sysid_ros.exceptions import RobotModelError
 from sysid_ros.floating_base import FREE, FloatingBase, floating_base_of, is_legged
 from sysid_ros.floating_derivative import FloatingDerivative
@@ -76,6 +77,47 @@ def test_the_basis_removes_any_force_on_the_feet_and_the_forces_are_read_from_th
     assert read == pytest.approx(forces, rel=0.05, abs=1.0)
 
 
+def test_rows_that_are_weighed_have_noise_that_is_not_correlated() -> None:
+    rng = np.random.default_rng(0)
+    q, v, a = BASE.state(**random_state(rng))
+    sample = Sample(1.0, q, v, a, np.zeros(BASE.robot.n))
+    joint, beside = rng.uniform(0.5, 2.0, LEGS.n), np.array([0.3, 0.4, 0.5, 0.0, 0.0, 0.0])
+    plain, weighed = ContactProjection(BASE), ContactProjection(BASE)
+    weighed.weigh(joint, beside)
+    plain.update(sample, np.zeros(BASE.robot.n), None)
+    weighed.update(sample, np.zeros(BASE.robot.n), None)
+    rows = rng.normal(size=(BASE.robot.n, 5))
+    one, other = np.zeros((FREE, 5)), np.zeros((FREE, 5))
+    plain.apply(rows, one)
+    weighed.apply(rows, other)
+    assert weighed.wrench(other[:, 0]) == pytest.approx(one[:, 0])
+    whitening = np.zeros((FREE, FREE))
+    weighed.apply(np.vstack([np.eye(FREE), np.zeros((LEGS.n, FREE))]), whitening)
+    noise = weighed.matrix * joint @ weighed.matrix.T + np.diag(beside)
+    covariance = whitening @ noise @ whitening.T
+    scale = np.sqrt(covariance.diagonal())
+    assert covariance / np.outer(scale, scale) == pytest.approx(np.eye(FREE), abs=1e-6)
+    assert np.diag(whitening) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("frame", [BASE.trunk, "FL_toe"])
+def test_a_bias_of_the_accelerometer_costs_what_the_inverse_dynamics_say(frame: str) -> None:
+    rng = np.random.default_rng(1)
+    q, v, a = BASE.state(**random_state(rng))
+    theta, bias, robot = rng.normal(size=10), rng.normal(size=3), BASE.robot
+    told = a.copy()
+    told[:3] += bias
+    effect = AccelerometerBias(robot, frame=frame)
+    effect.load = theta
+    index = robot.frame_id(frame)
+
+    def torque(acceleration: FloatArray) -> FloatArray:
+        return robot.rnea(q, v, acceleration) + robot.payload_regressor(q, v, acceleration, index) @ theta
+
+    expected = torque(a) - torque(told)
+    assert effect.torque(Sample(0.0, q, v, told, expected), bias) == pytest.approx(expected, abs=1e-9)
+
+
 def test_the_specific_force_is_moved_from_the_imu_to_the_trunk() -> None:
     """A trunk that turns about its origin at a growing rate: the IMU beside it feels the lever, the origin only gravity."""
     place, h = np.array([0.1, -0.05, 0.03]), 0.002
@@ -106,6 +148,14 @@ def test_noise_at_rest_adds_no_information() -> None:
         information += columns.T @ columns
     assert information[0, 0] == pytest.approx(3000 * 9.81**2, rel=0.01)
     assert information[1, 1] < 3000 * 0.1**2 * 3 / 20  # what single rows of noise would pretend is 3000 * 0.03
+
+
+def test_columns_of_a_robot_that_was_not_on_its_feet_are_not_averaged() -> None:
+    standing, still = StandingColumns(0.01, 0.05), np.zeros(3)
+    for _ in range(100):
+        assert not standing.push(np.zeros((3, 2)), still, whole=False).any()
+    for _ in range(100):
+        assert standing.push(np.ones((3, 2)), still) == pytest.approx(1.0)
 
 
 def test_a_robot_on_legs_is_told_from_an_arm() -> None:

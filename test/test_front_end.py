@@ -168,6 +168,32 @@ def test_jumps_in_quick_succession_are_one_event() -> None:
     assert log.events == []
 
 
+def test_what_pulls_at_a_robot_before_it_is_lifted_is_no_event() -> None:
+    log = EventLog(0.15, settle_time=3.0)
+    log.add(1.0, 0.0, 2.0)
+    for t in np.arange(1.1, 9.5, 0.1):
+        log.refine(t, 2.0)
+    log.add(9.6, 2.0, 1.2)
+    log.lift(10.5)
+    assert kinds(log) == ["pick"]
+    log.set_down(14.0, 2.05, 0.02)
+    assert kinds(log) == ["pick"]
+
+
+@pytest.mark.parametrize(("after", "kind"), [(0.0, "drop"), (3.0, "change")])
+def test_what_was_changed_in_the_air_is_an_event_once_it_is_known(after: float, kind: str) -> None:
+    log = EventLog(0.15, settle_time=3.0)
+    for t in np.arange(0.0, 9.5, 0.1):
+        log.refine(t, 2.0)
+    log.add(9.6, 2.0, 1.2)
+    log.lift(10.5)
+    log.set_down(14.0, after, 0.02)
+    (event,) = log.events
+    assert (event.kind, event.t, event.mass_before, event.mass_after) == (kind, 14.0, 2.0, after)
+    log.set_down(15.0, 9.0, 0.02)
+    assert len(log.events) == 1
+
+
 def test_nothing_to_refine() -> None:
     log = EventLog(0.15)
     log.refine(1.0, 2.0)

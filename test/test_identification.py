@@ -7,12 +7,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from arm_recordings import hidden_parameters, recorded
 from motions import Motion, measurements
 from robots import ROBOTS, random_sample, robot, urdf
 
 from sysid_ros.effects import CoulombFriction, Effect, LinkInertia, Payload, RotorInertia, TorqueOffset, ViscousFriction
 from sysid_ros.exceptions import DataError
-from sysid_ros.identification import BagRows, BaseParameters, Identification, collect_rows, free_model, identify
+from sysid_ros.identification import (
+    BagRows,
+    BaseParameters,
+    Choices,
+    Identification,
+    collect_rows,
+    free_model,
+    identify,
+    identify_recordings,
+)
 from sysid_ros.identification.least_squares import fit, noise_density
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -282,3 +292,28 @@ def test_free_model_has_links_friction_rotors_and_offsets() -> None:
         "torque_offset",
     ]
     assert model.p == 14 * 4
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_links_that_the_urdf_states_right_are_kept(seed: int) -> None:
+    """Ten seconds can't improve on the truth; what they seem to is chance."""
+    model = robot("small_arm")
+    right = recorded(model, hidden_parameters(model, seed, links=0.0), seed, seconds=10.0, torque_noise=0.1)
+    elsewhere = recorded(model, hidden_parameters(model, seed, links=0.0), seed + 50, seconds=10.0, torque_noise=0.1)
+    result = identify_recordings(model, [right], [elsewhere], {}, Choices(friction="coulomb"))
+    (error,) = result.validation
+    assert np.all(error.residual <= 1.02 * error.urdf_friction)
+    assert result.prior.links == model.body_names
+    assert min(result.prior.link_weights) == result.prior.weight
+    assert sum(np.isinf(result.prior.link_weights)) >= model.n - 1
+
+
+def test_links_that_the_urdf_states_wrong_are_found() -> None:
+    """On every joint that they load at all, and worse on none."""
+    model = robot("small_arm")
+    truth = hidden_parameters(model, 5, links=0.3)
+    bags = [recorded(model, truth, seed, seconds=20.0, torque_noise=0.05) for seed in (5, 6)]
+    result = identify_recordings(model, bags[:1], bags[1:], {}, Choices(friction="coulomb"))
+    (error,) = result.validation
+    assert np.all(error.residual <= 1.02 * error.urdf_friction)
+    assert np.sum(error.residual < 0.5 * error.urdf_friction) >= 2

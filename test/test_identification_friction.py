@@ -41,8 +41,9 @@ def test_the_stribeck_velocity_of_each_joint_is_found() -> None:
         assert np.all(np.delete(torque, j, axis=1) == 0.0)
         recording = replace(recording, tau=recording.tau + torque)
     result = identify_recordings(MODEL, [recording], [], {}, Choices(friction="stribeck"), cutoff_hz=8.0)
-    assert [k.joint for k in result.knobs] == list(MODEL.joint_names)
-    for knob, vs in zip(result.knobs[:3], hidden, strict=False):
+    # the slide is too fast for its own to show, and keeps Coulomb's friction
+    assert [k.joint for k in result.knobs] == list(MODEL.joint_names[:3])
+    for knob, vs in zip(result.knobs, hidden, strict=False):
         assert knob.determined
         assert knob.value == pytest.approx(vs, rel=0.35)
     plain = identify_recordings(MODEL, [recording], [], {}, cutoff_hz=8.0)
@@ -51,11 +52,26 @@ def test_the_stribeck_velocity_of_each_joint_is_found() -> None:
     assert {b.effect for b in result.model.effects} == {
         "link_inertia",
         "viscous_friction",
+        "coulomb_friction",
         "stribeck_friction",
         "rotor_inertia",
         "torque_offset",
     }
-    assert len(result.model.known_effects(MODEL)) == 4 + MODEL.n
+    assert len(result.model.known_effects(MODEL)) == 5 + len(result.knobs)
+
+
+def test_each_joint_gets_the_friction_that_predicts_what_was_not_fitted() -> None:
+    theta = np.array([1.0, 0.0, 0.8, 0.10, 0.6, 0.0, 0.5, 0.0])
+    recording = slow_recording(theta, LoadDependentFriction(MODEL))
+    result = identify_recordings(MODEL, [recording], [], {}, Choices(friction="auto"), cutoff_hz=8.0)
+    kinds = {b.effect: b.joints for b in result.model.effects}
+    assert kinds["load_dependent_friction"] == (MODEL.joint_names[1],)
+    assert kinds["coulomb_friction"] == tuple(np.delete(MODEL.joint_names, 1))
+    found = {p.name: p for p in result.parameters}
+    assert found[f"mu[{MODEL.joint_names[1]}]"].value == pytest.approx(0.10, abs=0.02)
+    coulomb = slow_recording(np.array([1.0, 0.0, 0.8, 0.0, 0.6, 0.0, 0.5, 0.0]), LoadDependentFriction(MODEL))
+    plain = identify_recordings(MODEL, [coulomb], [], {}, Choices(friction="auto"), cutoff_hz=8.0)
+    assert "load_dependent_friction" not in {b.effect for b in plain.model.effects}
 
 
 def test_friction_that_grows_with_the_load_is_found() -> None:

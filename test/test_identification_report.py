@@ -17,8 +17,8 @@ from sysid_ros import inertial_parameters
 from sysid_ros.identification import Choices, Identification, identify_recordings
 from sysid_ros.identification.payload_difference import PayloadDifference
 from sysid_ros.identification.report import report_page, write_report
-from sysid_ros.identification.report_figures import _class_means, _spectrum
 from sysid_ros.identification.report_tables import number
+from sysid_ros.identification.residual_curves import class_means, spectrum
 from sysid_ros.identification.result import Problem, ResidualSeries
 
 ARM = robot("small_arm")
@@ -175,15 +175,15 @@ def test_the_spectrum_is_that_of_the_signal() -> None:
     t = period * np.arange(count)
     t[2000:] += 5.0
     noise = rng.normal(size=count) / np.sqrt(2.0 * period)
-    frequency, density = _spectrum([noise], [t], period)
+    frequency, density = spectrum([noise], [t], period)
     assert np.mean(density) == pytest.approx(1.0, rel=0.1)
-    _, line = _spectrum([noise + 20.0 * np.sin(2.0 * np.pi * 7.0 * t)], [t], period)
+    _, line = spectrum([noise + 20.0 * np.sin(2.0 * np.pi * 7.0 * t)], [t], period)
     assert frequency[int(np.argmax(line))] == pytest.approx(7.0, abs=0.3)
-    assert _spectrum([noise[:5]], [t[:5]], period)[0].size == 0
+    assert spectrum([noise[:5]], [t[:5]], period)[0].size == 0
 
 
 def test_class_means_follow_the_curve() -> None:
     x = np.random.default_rng(0).uniform(-2.0, 2.0, 2000)
-    centre, mean = _class_means(x, x**2)
+    centre, mean = class_means(x, x**2)
     np.testing.assert_allclose(mean, centre**2, atol=0.05)
-    assert _class_means(x[:10], x[:10])[0].size == 0
+    assert class_means(x[:10], x[:10])[0].size == 0

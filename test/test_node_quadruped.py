@@ -45,7 +45,7 @@ def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 class Walk:
     """The node, and who plays the walk to it."""
 
-    def __init__(self, name: str, contacts: Any = Float32MultiArray, **parameters: Any) -> None:
+    def __init__(self, name: str, contacts: Any = Float32MultiArray, connected: bool = True, **parameters: Any) -> None:
         given = [Parameter(key, value=value) for key, value in parameters.items()]
         self.node = OnlinePayloadEstimator(namespace=name, parameter_overrides=given)
         self.player = rclpy.create_node("player", namespace=name)
@@ -64,6 +64,8 @@ class Walk:
             self.player.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10),
         )
         self.description.publish(String(data=SOURCE.robot_description))
+        if not connected:
+            return
         self.until(lambda: self.joints.get_subscription_count() and self.imu.get_subscription_count(), 60.0)
         self.until(lambda: self.contacts.get_subscription_count() > 0)
 
@@ -76,13 +78,26 @@ class Walk:
             assert time.monotonic() < end, f"waited in vain; {[(n, s.message) for n, s in self.statuses.items()]}"
             self.executor.spin_once(timeout_sec=0.05)
 
-    def play(self, count: int, shift: float, frame: str | None = None) -> None:
+    def publish_joints_until(self, condition: Callable[[], Any]) -> None:
+        """Send the first joint states over and over, to a node that may not listen."""
+        first = next(r for r in RECORDS if not isinstance(r, ImuRecord | ContactRecord))
+        end = time.monotonic() + 30.0
+        while not condition():
+            assert time.monotonic() < end, f"waited in vain; {[(n, s.message) for n, s in self.statuses.items()]}"
+            message = JointState(name=list(first.names), position=[float(x) for x in first.position])
+            message.header.stamp = stamp_of(time.time())
+            self.joints.publish(message)
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def play(self, count: int, shift: float, frame: str | None = None, imu: bool = True, imu_late: float = 0.0) -> None:
         for k, record in enumerate(RECORDS[:count]):
             if isinstance(record, ContactRecord):
                 self.contacts.publish(self.contact_type(data=[float(x) for x in record.values]))
             elif isinstance(record, ImuRecord):
+                if not imu:
+                    continue
                 message = Imu()
-                message.header.stamp = stamp_of(record.stamp + shift)
+                message.header.stamp = stamp_of(record.stamp + shift + imu_late)
                 message.header.frame_id = frame or record.frame_id
                 w, f = message.angular_velocity, message.linear_acceleration
                 w.x, w.y, w.z = map(float, record.omega)
@@ -133,9 +148,28 @@ def test_the_box_on_a_trotting_robot_is_published(walk: Callable[..., Walk], con
 
 
 @pytest.mark.slow
-def test_an_imu_in_an_unknown_frame_is_an_error_with_the_cure(walk: Callable[..., Walk]) -> None:
-    one = walk("camera")
-    one.play(900, time.time() - RECORDS[0].receive_time, frame="camera")
+@pytest.mark.parametrize(
+    ("fault", "cure"),
+    [
+        ({"imu": False}, "imu"),
+        ({"frame": "camera"}, "imu_frame"),
+        ({"imu_late": 1.0}, "Synchronise the clocks"),
+        ({"imu_late": -1.0}, "Synchronise the clocks"),
+    ],
+    ids=["no IMU", "frame", "ahead", "behind"],
+)
+def test_an_imu_that_can_not_be_used_is_an_error_with_the_cure(
+    walk: Callable[..., Walk], fault: dict[str, Any], cure: str, request: pytest.FixtureRequest
+) -> None:
+    one = walk(f"fault_{request.node.callspec.id.lower().replace(' ', '_')}")
+    one.play(900, time.time() - RECORDS[0].receive_time, **fault)
     one.until(lambda: "input" in one.statuses and one.statuses["input"].level == DiagnosticStatus.ERROR)
-    assert "imu_frame" in one.statuses["input"].message
-    assert not any(p.inertia.m for p in one.payloads)
+    one.until(lambda: cure in one.statuses["input"].message)
+    assert not one.payloads or all(p.inertia.m == 0.0 for p in one.payloads)
+
+
+@pytest.mark.slow
+def test_a_foot_that_the_urdf_lacks_is_an_error_with_the_cure(walk: Callable[..., Walk]) -> None:
+    one = walk("paw", connected=False, contact_frames=["FR_toe", "FL_toe", "RR_toe", "paw"])
+    one.publish_joints_until(lambda: any(s.level == DiagnosticStatus.ERROR and "paw" in s.message for s in one.statuses.values()))
+    assert any("contact_frames" in s.message for s in one.statuses.values())

@@ -220,6 +220,59 @@ def test_lifted_off_the_ground_and_set_down_it_finds_the_box_again() -> None:
         assert all(word == "stale" for t, word in status.items() if 7.0 < t < 7.8)
         assert result.status == "ok"
         assert result.final.mass == pytest.approx(2.0, rel=0.03)
+        assert not result.events
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("contacts", [True, False], ids=["told", "inferred"])
+def test_on_three_feet_the_box_is_found(contacts: bool) -> None:
+    pytest.importorskip("pybullet", reason="PyBullet is not installed (extra sim)")
+    from sysid_ros.simulation.quadruped_record import simulate_quadruped
+    from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
+
+    scenario = QuadrupedScenario(
+        duration=7.0, rate=250, lifted_foot="FR_toe", pick_time=5.0, payload_mass=1.5, payload_com=(0.0, 0.0, 0.1)
+    )
+    record = simulate_quadruped(scenario)
+    result = estimated(record.records(contacts=contacts), RobotModel.from_urdf(record.urdf))
+    assert result.status == "ok"
+    assert result.final.mass == pytest.approx(1.5, rel=0.03)
+    assert [event.kind for event in result.events] == ["pick"]
+    assert ("contact_inferred" in result.feet) != contacts
+
+
+@pytest.mark.slow
+def test_a_box_that_is_taken_off_in_the_air_is_a_drop() -> None:
+    pytest.importorskip("pybullet", reason="PyBullet is not installed (extra sim)")
+    from sysid_ros.simulation.quadruped_record import simulate_quadruped
+    from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
+
+    scenario = QuadrupedScenario(duration=12.5, rate=250, hoist_time=5.5, hoist_duration=3.0, payload_mass=2.0, drop_time=7.0)
+    record = simulate_quadruped(scenario)
+    result = estimated(record.records(), RobotModel.from_urdf(record.urdf))
+    assert result.status == "no_payload"
+    assert [event.kind for event in result.events] == ["drop"]
+    assert 7.0 < result.events[0].t < 9.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gait", ["stand", "sway", "trot"])
+def test_a_bias_of_the_imu_is_told_from_the_box(gait: str) -> None:
+    pytest.importorskip("pybullet", reason="PyBullet is not installed (extra sim)")
+    from sysid_ros.simulation.quadruped_record import simulate_quadruped
+    from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
+
+    bias = (0.06, -0.05, 0.09)
+    record = simulate_quadruped(
+        QuadrupedScenario(gait=gait, duration=7.0, pick_time=3.0, payload_mass=2.0, slope=5.0, accelerometer_bias=bias)
+    )
+    legs, theta = RobotModel.from_urdf(record.urdf), np.array(record.truth["payload"]["theta"])
+    believing = estimated(record.records(), legs)
+    assert any("accelerometer_bias_std" in sentence for sentence in believing.warnings)
+    assert 0.08 < abs(believing.final.mass - 2.0) < 1.96 * believing.final.mass_std
+    freed = estimated(record.records(), legs, accelerometer_bias_std=0.1)
+    assert freed.final.mass == pytest.approx(2.0, rel=0.03)
+    assert_covers(freed, theta)
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -10,7 +11,7 @@ from sysid_ros import __version__
 from sysid_ros.cli.identify_tables import as_json, show
 from sysid_ros.cli.inputs import open_bag, read_config, settings_from
 from sysid_ros.cli.output import ManyValues, command_line, note, progress_bar, warn, write_json
-from sysid_ros.exceptions import RobotModelError
+from sysid_ros.exceptions import DataError, RobotModelError, SysidError
 from sysid_ros.identification import Choices, Recording, identify_recordings
 from sysid_ros.identification.friction_search import FRICTIONS
 from sysid_ros.identification.least_squares import METHODS
@@ -23,6 +24,7 @@ from sysid_ros.sample import Measurement
 from sysid_ros.settings import OnlineSettings
 
 _PATH = click.Path(path_type=Path)
+_MOST_REJECTED = 0.5
 
 
 @click.command(cls=ManyValues)
@@ -54,7 +56,11 @@ _PATH = click.Path(path_type=Path)
     help="Least squares: plain, weighted by the noise of each joint and bag once, until it settles, or with a bounded loss.",
 )
 @click.option(
-    "--friction", type=click.Choice(FRICTIONS), default=FRICTIONS[0], show_default=True, help="Model of the dry friction."
+    "--friction",
+    type=click.Choice(FRICTIONS),
+    default=FRICTIONS[0],
+    show_default=True,
+    help="Model of the dry friction; auto lets it grow with the load on the joints where that predicts better.",
 )
 @click.option(
     "--physical/--no-physical",
@@ -114,22 +120,26 @@ def command(
     problems: list[Problem] = []
     read = [_read(path, urdf, topic, settings, robots, problems) for path in (*bags, *validate, *payload_bag)]
     provenance = {"bags": [str(b) for b in bags], "command": command_line(), "version": __version__}
-    with progress_bar("identifying", 2 * len(read) + 1) as advance:
-        result = identify_recordings(
-            robots[0],
-            read[: len(bags)],
-            read[len(bags) : len(bags) + len(validate)],
-            provenance,
-            Choices(method, form, friction, physical, prior_weight, accept_doubts, payload_frame),
-            cutoff or 0.0,
-            settings.max_gap,
-            settings.velocity_source == "message",
-            problems,
-            read[len(bags) + len(validate) :],
-            lambda what: advance(1),
-        )
-    for problem in result.problems:
-        warn(f"{Path(problem.bag).name}: {problem.text}" if problem.bag else problem.text)
+    try:
+        with progress_bar("identifying", 2 * len(read) + 1) as advance:
+            result = identify_recordings(
+                robots[0],
+                read[: len(bags)],
+                read[len(bags) : len(bags) + len(validate)],
+                provenance,
+                Choices(method, form, friction, physical, prior_weight, accept_doubts, payload_frame),
+                cutoff or 0.0,
+                settings.max_gap,
+                settings.velocity_source == "message",
+                problems,
+                read[len(bags) + len(validate) :],
+                lambda what: advance(1),
+            )
+    except SysidError:
+        # what was wrong with the messages may be the reason
+        _warn_of(problems)
+        raise
+    _warn_of(result.problems)
     for sentence in result.physical.notes if result.physical else ():
         note(sentence)
     result.model.write(out_path)
@@ -149,6 +159,11 @@ def command(
         note(f"Report written to {report_path}.")
 
 
+def _warn_of(problems: Sequence[Problem]) -> None:
+    for problem in problems:
+        warn(f"{Path(problem.bag).name}: {problem.text}" if problem.bag else problem.text)
+
+
 def _read(
     path: Path, urdf: Path | None, topic: str, settings: OnlineSettings, robots: list[RobotModel], problems: list[Problem]
 ) -> Recording:
@@ -162,8 +177,23 @@ def _read(
     gate = InputGate(robot, settings)
     with progress_bar(path.name, source.message_count) as advance:
         accepted = (m for m in map(gate.accept, source) if isinstance(m, Measurement))
-        recording = Recording.of(str(path), accepted, advance)
+        try:
+            recording = Recording.of(str(path), accepted, advance)
+        except DataError:
+            _require_accepted(path, gate)
+            raise
+    _require_accepted(path, gate)
     for key, n in gate.counts.items():
         problems.append(Problem(str(path), "", key, f"{n} of {gate.received} messages rejected: {gate.last_texts[key]}"))
     problems += [Problem(str(path), "", "gate", sentence) for sentence in gate.warnings]
     return recording
+
+
+def _require_accepted(path: Path, gate: InputGate) -> None:
+    rejected = sum(gate.counts.values())
+    if rejected > _MOST_REJECTED * gate.received:
+        worst = max(gate.counts, key=lambda key: gate.counts[key])
+        raise DataError(
+            f"{path}: {rejected} of {gate.received} messages were rejected; no more than half of them may be. "
+            f"{gate.last_texts[worst]}"
+        )

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from sysid_ros.cli.output import report
 from sysid_ros.identification import Identification
+from sysid_ros.identification.residual_curves import residual_curves
 from sysid_ros.identification.result import Parameter, TorqueError
 
 _COLUMNS = {
@@ -31,7 +32,8 @@ def show(result: Identification) -> None:
     console = report()
     console.print(
         f"Low-pass at {result.cutoff.hz:.3g} Hz on both sides: {escape(result.cutoff.reason)}.\n"
-        f"Links held to the URDF's with weight {result.prior.weight:g}: {result.prior.reason}.",
+        f"Links held to the URDF's with weight {result.prior.weight:g}: {result.prior.reason}.\n"
+        f"Dry friction: {escape(_friction(result))}.",
         highlight=False,
     )
     _show_joints(console, result)
@@ -44,6 +46,19 @@ def show(result: Identification) -> None:
         console.print("[bold]What to record next[/bold]")
         for sentence in result.record_next:
             console.print(f"- {escape(sentence)}", highlight=False)
+
+
+def _friction(result: Identification) -> str:
+    """Which friction each joint got, in words."""
+    kinds = {"load_dependent_friction": "growing with the load at", "stribeck_friction": "falling with speed at"}
+    told = []
+    for effect, words in kinds.items():
+        if joints := list(dict.fromkeys(p.joint for p in result.parameters if p.effect == effect)):
+            told.append(f"{words} {', '.join(joints)}")
+    if any(p.effect == "coulomb_friction" for p in result.parameters):
+        told.append("Coulomb's at the other joints" if told else "Coulomb's at all joints")
+    chosen = " (chosen by what was not fitted)" if result.friction in ("auto", "stribeck") else ""
+    return f"{', '.join(told)}{chosen}"
 
 
 def _table(title: str, *columns: str) -> Table:
@@ -83,6 +98,12 @@ def _show_groups(console: Console, result: Identification) -> None:
         f"{result.bags_condition_number:.0f} of the scaled columns. 'bound' is the Cramér-Rao bound, were the residuals white.",
         highlight=False,
     )
+    if result.base.rounded:
+        console.print(
+            f"{result.base.rounded} more would show by a few millionths, because the URDF rounds its numbers (such as 1.5708 for "
+            "a right angle); they are left out.",
+            highlight=False,
+        )
 
 
 def _show_errors(console: Console, result: Identification) -> None:
@@ -159,12 +180,14 @@ def as_json(result: Identification) -> dict[str, Any]:
         "knobs": [asdict(k) for k in result.knobs],
         "parameters": [asdict(p) for p in result.parameters],
         "base_parameters": result.base.rank,
+        "base_parameters_by_rounding": result.base.rounded,
         "base_groups": [asdict(g) for g in result.groups],
         "condition_number": result.bags_condition_number,
         "torque_error": {
             "held_out": [_error(e) for e in result.errors],
             "validation": [_error(e) for e in result.validation],
         },
+        "residuals": residual_curves(result.series, result.joint_names),
         "noise": {
             "torque_std": result.model.torque_std,
             "correlation_time": result.model.correlation_time,

@@ -108,7 +108,8 @@ command.add_command(quadruped)
     "--hide",
     multiple=True,
     metavar="EFFECT[@JOINT]",
-    help="Hide a cause that the URDF lacks, by its id in the reports of sysid diagnose; joint and size are drawn. Repeatable.",
+    help="Hide a cause that the URDF lacks, by its id in the reports of sysid diagnose (an unknown one lists all); joint and "
+    "size are drawn. Repeatable.",
 )
 @click.option(
     "--hide-value", multiple=True, metavar="NAME=X[,X,X]", help="A size of what is hidden that is not drawn, such as Fc=2.5."

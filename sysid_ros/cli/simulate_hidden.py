@@ -13,6 +13,7 @@ from click.core import ParameterSource
 from rich.console import Console
 from rich.table import Table
 
+from sysid_ros.cli.output import warn
 from sysid_ros.cli.simulate_output import Bar, named_option
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.sample import JointStateRecord
@@ -23,6 +24,8 @@ from sysid_ros.sources import BagRecorder
 _SHARED = {"seed", "duration", "rate", "encoder_noise", "torque_noise", "velocity_noise"}
 _OWN = {"hide", "hide_value", "hide_seed", "velocity"}
 _DURATION = 25.0
+_SEEN = 4.0
+_NOT_IN_TORQUE = {"velocity_lag", "torque_quantisation"}
 
 
 def parse_effect(text: str) -> tuple[str, str | None]:
@@ -95,6 +98,12 @@ def record_hidden(bag: Path, storage: str, json_file: Path | None, options: dict
     if json_file is not None:
         json_file.write_text(json.dumps(summary, indent=2) + "\n")
     _show(summary)
+    seen = truth["residual_over_noise"]
+    if seen is not None and max(seen) < _SEEN and not {parse_effect(e)[0] for e in options["hide"]} <= _NOT_IN_TORQUE:
+        warn(
+            f"what is hidden is at most {max(seen):.2g} times the noise floor of any joint, and hardly anyone can find it. Hide "
+            "it on another joint (EFFECT@JOINT), make it larger (--hide-value), or choose another --hide-seed."
+        )
 
 
 def _show(summary: dict[str, Any]) -> None:

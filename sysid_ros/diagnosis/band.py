@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
+from scipy import fft, sparse
 
 from sysid_ros.effects import Motion
 from sysid_ros.sample import FloatArray
@@ -23,6 +23,8 @@ _SEGMENT = 7.0
 """Usual length of a segment [s]."""
 _STANDS, _STANDS_SLIDE = 0.015, 0.004
 """Speeds below which dry friction leaves the torque undetermined [rad/s], [m/s]."""
+_ANCHOR = 0.15
+"""Longest stretch of motion whose mean a bridge ends at [s]; shorter stretches count as rest."""
 _FEWEST = 0.05
 """Part of the time that a joint must move to be judged."""
 
@@ -31,7 +33,8 @@ class Band:
     """Rows of several motions in the frequency domain, segment after segment.
 
     Where a joint stands, dry friction leaves its torque undetermined: torque and columns are bridged there by the same straight
-    line. (A weight of zero would spread slow noise over all frequencies, together with every slow column.)
+    line. (A weight of zero would spread slow noise over all frequencies, together with every slow column.) A line ends at
+    weighted means over a short while of motion on both sides: fast noise of one instant would else stand for all of a rest.
 
     Args:
         motions: recordings without gaps.
@@ -48,9 +51,12 @@ class Band:
         robot = self.motions[0].robot
         self.n = robot.n
         stands = np.where(robot.is_prismatic, _STANDS_SLIDE, _STANDS)
-        self.moving = [np.abs(m.v) > stands for m in self.motions]
+        self.moving = [_without_twitches(np.abs(m.v) > stands, m.period) for m in self.motions]
         self.active = np.mean(np.concatenate(self.moving), axis=0) > _FEWEST
-        self._bridges = [[_bridge(moving[:, j]) for j in range(self.n)] for moving in self.moving]
+        self._bridges = [
+            [_Bridge(moving[:, j], round(_ANCHOR / m.period)) for j in range(self.n)]
+            for m, moving in zip(self.motions, self.moving, strict=True)
+        ]
         self.slices: list[tuple[int, slice, int]] = []
         f, segment = [], []
         for i, motion in enumerate(self.motions):
@@ -58,7 +64,8 @@ class Band:
             edges = np.linspace(0, len(motion.t), max(1, round(length / _SEGMENT)) + 1).astype(int)
             if len(edges) == 2 and len(self.motions) == 1 and length > 3.0:
                 edges = np.array([0, len(motion.t) // 2, len(motion.t)])
-            for a, b in pairwise(edges):
+            for a, end in pairwise(edges):
+                b = a + _quick(int(end - a))
                 seconds = (b - a) * motion.period
                 count = int(min(2.0 * CUTOFF, 0.8 / motion.period) * seconds)
                 f.append(np.arange(count) / (2.0 * seconds))
@@ -83,9 +90,8 @@ class Band:
 
     def _bridged(self, i: int, values: FloatArray) -> FloatArray:
         out = np.array(values)
-        for j, (gap, left, right, part) in enumerate(self._bridges[i]):
-            share = part.reshape((-1,) + (1,) * (values.ndim - 2))
-            out[gap, j] = (1.0 - share) * values[left, j] + share * values[right, j]
+        for j, bridge in enumerate(self._bridges[i]):
+            out[bridge.gap, j] = bridge.over(values[:, j])
         return out
 
     def curves(self, values: Sequence[FloatArray]) -> FloatArray:
@@ -97,27 +103,71 @@ class Band:
         out = []
         bridged = []
         for i, x in enumerate(values):
-            gap, left, right, part = self._bridges[i][joint]
+            bridge = self._bridges[i][joint]
             y = np.array(x)
-            y[:, gap] = (1.0 - part) * x[:, left] + part * x[:, right]
+            y[:, bridge.gap] = bridge.over(x.T).T
             bridged.append(y)
         for i, where, count in self.slices:
             out.append(fft.dct(bridged[i][:, where], axis=1, norm="ortho")[:, :count].T)
         return np.concatenate(out)
 
 
-_Bridge = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], FloatArray]
+class _Bridge:
+    """Straight lines over the rests of one joint.
+
+    Args:
+        moving: shape (N,). reach: most samples that an end of a line is the mean of.
+
+    Attributes:
+        gap: indices where the joint stands, shape (G,).
+    """
+
+    def __init__(self, moving: NDArray[np.bool_], reach: int) -> None:
+        runs = _runs(moving)
+        self.gap = np.flatnonzero(~moving)
+        rows: list[FloatArray] = []
+        before, after, part = (np.zeros(len(moving), dtype=x) for x in (np.intp, np.intp, float))
+        for k, (a, b) in enumerate(runs):
+            if moving[a]:
+                continue
+            ends = [(max(runs[k - 1][0], a - reach), a)] if k > 0 else []
+            ends += [(b, min(runs[k + 1][1], b + reach))] if k + 1 < len(runs) else []
+            before[a:b], after[a:b] = len(rows), len(rows) + len(ends) - 1
+            part[a:b] = np.arange(1, b - a + 1) / (b - a + 1.0)
+            for first, last in ends or [(a, b)]:
+                weight = np.zeros(len(moving))
+                bell = np.sin(np.pi * np.arange(1, last - first + 1) / (last - first + 1.0)) ** 2
+                weight[first:last] = bell / bell.sum()
+                rows.append(weight)
+        self._means = sparse.csr_array(np.array(rows).reshape(-1, len(moving)))
+        self._before, self._after, self._part = before[self.gap], after[self.gap], part[self.gap]
+
+    def over(self, values: FloatArray) -> FloatArray:
+        """What stands in the gap for values of shape (N, ...), shape (G, ...)."""
+        ends = (self._means @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:])
+        part = self._part.reshape((-1,) + (1,) * (values.ndim - 1))
+        bridged: FloatArray = (1.0 - part) * ends[self._before] + part * ends[self._after]
+        return bridged
 
 
-def _bridge(moving: NDArray[np.bool_]) -> _Bridge:
-    """Indices where a joint stands, the last and the next index at which it moves, and how far between the two."""
-    there = np.flatnonzero(moving)
-    gap = np.flatnonzero(~moving)
-    if not there.size:
-        return gap, gap, gap, np.zeros(gap.size)
-    after = np.searchsorted(there, gap)
-    left = there[np.maximum(after - 1, 0)]
-    right = there[np.minimum(after, there.size - 1)]
-    left = np.where(after == 0, right, left)
-    width = np.maximum(right - left, 1)
-    return gap, left, right, np.clip((gap - left) / width, 0.0, 1.0)
+def _quick(length: int) -> int:
+    """The next shorter length whose transform is quick: a few samples less, and several times the speed."""
+    while fft.next_fast_len(length, real=True) != length:
+        length -= 1
+    return length
+
+
+def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last-but-one index of each stretch of equal flags."""
+    cuts = np.flatnonzero(np.diff(flags)) + 1
+    return list(pairwise([0, *(int(c) for c in cuts), len(flags)]))
+
+
+def _without_twitches(moving: NDArray[np.bool_], period: float) -> NDArray[np.bool_]:
+    """The same without stretches of motion that are too short to be judged, shape (N, n)."""
+    out = moving.copy()
+    for j in range(moving.shape[1]):
+        for a, b in _runs(moving[:, j]):
+            if moving[a, j] and (b - a) * period < _ANCHOR:
+                out[a:b, j] = False
+    return out

@@ -26,12 +26,13 @@ UNITS = {
 }
 """Factors of units that efforts are published in by mistake."""
 _EVERY = 5
-_POOR = 0.25
-"""Part of the squared torque of half of the joints that another robot's URDF leaves."""
 _CLOSE = 0.04
 _FAR = 0.15
 _LOADED = 0.05
-_GAIN, _LEFT = 3.0, 0.1
+_CURRENT, _CURRENT_FITS = 3.3, 0.9
+"""Factor from which efforts with a factor of their own on each joint are currents, and part of their power that must follow."""
+_GAIN = {"torque_sign": 1.0, "joint_sign": 1.0, "joint_order": 2.0}
+_LEFT = 0.1
 """A fault of signs or order must lower the sum of the logarithms of the joints' squared errors by so much, and leave no more than
 this part of the squared torque on half of the joints."""
 
@@ -63,27 +64,6 @@ def find_faults(robot: RobotModel, recordings: Sequence[Recording]) -> list[Faul
     return found
 
 
-def wrong_robot(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
-    """Why the URDF can't be that of the robot: no payload, force, gravity or friction brings it near the torques; else None.
-
-    Args:
-        recordings: after the faults of units, signs and order were undone.
-    """
-    screen = _Screen(robot, recordings)
-    size = np.maximum(np.mean(screen.tau**2, axis=0), 1e-12)
-    if np.median(screen.left(screen.q, screen.v, screen.a, screen.tau, screen.nominal) / size) < _POOR:
-        return None
-    left = screen.left_with_whole_arm() / size
-    if np.median(left) < _POOR:
-        return None
-    worst = ", ".join(f"{robot.joint_names[j]} {100 * np.sqrt(left[j]):.0f} %" for j in np.argsort(-left)[:3])
-    return (
-        f"The URDF '{robot.name}' does not explain these torques: with any payload, force and friction it leaves {worst} of "
-        "them (rms). It is another robot's URDF, or the efforts are no joint torques; give the URDF of the robot that "
-        "was recorded (--urdf)."
-    )
-
-
 def undo(recording: Recording, effect: ChannelEffect) -> Recording:
     """The recording without the fault."""
     channels = effect.undo(Channels(recording.q, recording.v, recording.tau))
@@ -110,27 +90,6 @@ class _Screen:
             theta = np.linalg.lstsq(X, rest[:, j], rcond=None)[0]
             out[j] = np.mean((rest[:, j] - X @ theta) ** 2)
         return out
-
-    def left_with_whole_arm(self) -> FloatArray:
-        """Mean square that is left with a payload, a force, missing or double gravity, and friction and offset of each joint,
-        shape (n,)."""
-        every = slice(None, None, max(1, len(self.q) // 400))
-        q, v, a, tau = self.q[every], self.v[every], self.a[every], self.tau[every]
-        robot, n = self.robot, self.robot.n
-        frame, still = robot.frame_id(robot.default_frame), np.zeros_like(q)
-        columns = np.zeros((len(q), n, 14 + 3 * n))
-        columns[:, :, :10] = [robot.payload_regressor(*state, frame) for state in zip(q, v, a, strict=True)]
-        columns[:, :, 10:13] = robot.frame_jacobian_along(q, frame).swapaxes(1, 2)
-        columns[:, :, 13] = robot.rnea_along(q, still, still)
-        for j in range(n):
-            own = np.stack([np.tanh(v[:, j] / 0.02), v[:, j], np.ones(len(v))], axis=1)
-            columns[:, j, 14 + 3 * j : 17 + 3 * j] = own
-        scale = 1.0 / np.sqrt(np.maximum(np.mean(tau**2, axis=0), 1e-12))
-        rest = (tau - self.nominal[every]) * scale
-        X = (columns * scale[:, None]).reshape(-1, columns.shape[2])
-        theta = np.linalg.lstsq(X, rest.ravel(), rcond=1e-7)[0]
-        left: FloatArray = np.mean((rest.ravel() - X @ theta).reshape(-1, n) ** 2, axis=0) / scale**2
-        return left
 
 
 def _order_and_signs(screen: _Screen) -> Fault | None:
@@ -160,13 +119,13 @@ def _order_and_signs(screen: _Screen) -> Fault | None:
         moved = [x[:, source] for x in (screen.q, screen.v, screen.a, screen.tau)]
         add(screen.left(*moved), Fault(JointOrder(source.tolist(), False), (i, j), values, 0.0))
     gain, best, left = max(trials, key=lambda t: t[0])
-    if gain < _GAIN or float(np.median(left / size)) > _LEFT:
+    if gain < _GAIN[best.effect.id] or float(np.median(left / size)) > _LEFT:
         return None
     return replace(best, share=1.0 - float(np.exp(-gain / n)))
 
 
 def _gains(screen: _Screen) -> Fault | None:
-    """One factor on all efforts: another unit."""
+    """One factor on all efforts, another unit; or one on each, far from 1: currents."""
     n = screen.robot.n
     gains, stds, fits = np.ones(n), np.full(n, np.inf), np.zeros(n)
     for j in range(n):
@@ -189,6 +148,11 @@ def _gains(screen: _Screen) -> Fault | None:
         factor = known
         std = float(np.min(stds[loaded]))
         return Fault(TorqueUnit([factor] * n), tuple(range(n)), (("factor", None, factor, "1", std),), _share(middle))
+    far = np.abs(np.log(gains[loaded])) > np.log(_CURRENT)
+    if np.mean(far) > 0.7 and not 1.0 / _CURRENT < middle < _CURRENT and np.median(fits[loaded]) > _CURRENT_FITS:
+        factors = np.where((fits > 0.5) & (gains > 0.1 * middle), gains, middle)
+        values = tuple(("factor", j, float(factors[j]), "1", float(stds[j])) for j in range(n))
+        return Fault(TorqueUnit(factors.tolist()), tuple(range(n)), values, _share(middle))
     return None
 
 

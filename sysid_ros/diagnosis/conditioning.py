@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from scipy import interpolate, signal
+from scipy import fft, interpolate, signal
 
 from sysid_ros.diagnosis.recording import Recording
 from sysid_ros.effects import Motion
@@ -20,6 +20,10 @@ MAX_GAP = 0.1
 """A longer gap between stamps splits a recording [s]."""
 SHORTEST = 2.0
 """Shorter stretches are left out [s]."""
+_CLEARLY = 10.0
+"""Power over that of the noise at which a motion is seen well."""
+_NOISE_ONLY = 0.4
+"""Part of the band, from which on a position has nothing but noise."""
 _EDGE = 0.25
 """Ends of a stretch, where the filters have not settled, are cut off [s]."""
 
@@ -56,4 +60,28 @@ def _smooth(robot: RobotModel, t: FloatArray, q: FloatArray, tau: FloatArray) ->
     spline = interpolate.make_interp_spline(grid, smooth_q, k=5)
     inside = slice(*np.searchsorted(grid, [grid[0] + _EDGE, grid[-1] - _EDGE]))
     v, a = (spline(grid, nu=order)[inside] for order in (1, 2))
-    return Motion(robot, grid[inside], smooth_q[inside], v, a, smooth_tau[inside])
+    motion = Motion(robot, grid[inside], smooth_q[inside], v, a, smooth_tau[inside])
+    motion.clear = clear_band(even_q, rate)
+    return motion
+
+
+def clear_band(q: FloatArray, rate: float) -> FloatArray:
+    """Frequency up to which each position on an even grid stands clearly above the noise of its sensor, shape (n,) [Hz].
+
+    Accelerations beyond it are noise that two differences have made large.
+
+    Args:
+        q: raw positions, shape (N, n). rate: of the grid [Hz].
+    """
+    # a record that does not begin and end at rest would spread over all frequencies
+    rest = signal.detrend(q, axis=0) * signal.windows.hann(len(q))[:, None]
+    power = np.abs(fft.rfft(rest, axis=0)) ** 2
+    f = fft.rfftfreq(len(q), 1.0 / rate)
+    noise = np.mean(power[f > _NOISE_ONLY * 0.5 * rate], axis=0)
+    width = max(1, int(np.searchsorted(f, 1.0)))
+    mean = np.apply_along_axis(np.convolve, 0, power, np.ones(width) / width, "same")
+    out = np.full(q.shape[1], 0.5 * rate)
+    for j in range(q.shape[1]):
+        above = np.flatnonzero(mean[:, j] > _CLEARLY * noise[j])
+        out[j] = f[above[-1]] if above.size else 0.0
+    return out

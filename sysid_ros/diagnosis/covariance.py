@@ -2,21 +2,45 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from sysid_ros.diagnosis.block_scatter import BlockScatter
+from sysid_ros.diagnosis.compliant import COMPLIANT
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.refine import remake
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
 
+_SKETCH = {"joint_elasticity": 0.01, "backlash": 0.04}
+"""What a linear spring, and flanks that spring and rebound alike everywhere, are of a gear, as a part of stiffness or gap."""
+_PROBE = 0.003
+"""Relative step of a difference."""
 
-def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, tuple[FloatArray, FloatArray]]:
+
+class Estimates(NamedTuple):
+    """What a fit says of one term.
+
+    Attributes:
+        values: theta of its columns, then its knobs, shape (p + k,). covariance: of them.
+        scatter: how much more they scatter over time than the noise explains, variance over variance, at least 1.
+    """
+
+    values: FloatArray
+    covariance: FloatArray
+    scatter: float
+
+
+def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estimates]:
     """Values and covariance of each term: theta of its columns, then its knobs (Gauss-Newton about the fit).
 
-    The weights are those of the coloured noise, so slow errors count for the few independent values that they are.
+    The value of a compliant joint is the one that its columns were made for. The weights are those of the coloured noise, so slow
+    errors count for the few independent values that they are; what scatters more than they say is given that scatter.
     """
     extra, owners = [], []
+    slopes = {t: _slope(library, t) for t in fit.terms if t.id in COMPLIANT}
     for term in fit.terms:
         for knob in term.effect.knobs:
             if knob.name not in term.effect.settings:
@@ -24,7 +48,8 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, tuple
             value = float(term.effect.settings[knob.name])
             step = 0.02 * value if knob.logarithmic else {"t0": 0.05, "limit": 0.01 * value}.get(knob.name, 0.02)
             sides = [remake(library, term, {**term.effect.settings, knob.name: value + s}) for s in (step, -step)]
-            slope = (sides[0].columns - sides[1].columns) @ fit.theta_of(term) / (2.0 * step)
+            theta = fit.theta_of(term) if term not in slopes else np.array([float(term.effect.settings["around"])])
+            slope = (sides[0].columns - sides[1].columns) @ theta / (2.0 * step)
             column = np.zeros(problem.y.shape)
             if term.row is None:
                 column[:] = slope
@@ -35,10 +60,15 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, tuple
     count = len(fit.theta)
     information = np.zeros((count + len(extra), count + len(extra)))
     own = np.arange(count, count + len(extra))
+    blocks = BlockScatter(problem.band, len(information))
     for j, (index, X) in fit.blocks.items():
+        X = X.copy()
+        for term, column in slopes.items():
+            X[:, index == fit.slices[fit.terms.index(term)].start] = column[:, j, None]
         every = np.concatenate([index, own])
         columns = np.concatenate([X / np.sqrt(fit.variance[:, j, None]), *(c[:, j, None] for c in extra)], axis=1)
         information[np.ix_(every, every)] += columns.T @ columns
+        blocks.add(columns, fit.residual[:, j] / np.sqrt(fit.variance[:, j]), every)
     for term, where in zip(fit.terms, fit.slices, strict=True):
         at = np.arange(where.start, where.stop)
         information[at, at] += term.prior
@@ -49,10 +79,24 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, tuple
     scaled = information * scale[:, None] * scale
     scaled[np.diag_indices(len(scaled))] += 1e-9
     inverse = np.linalg.inv(scaled) * scale[:, None] * scale
+    ratios = blocks.ratios(inverse)
     out = {}
     for term, where in zip(fit.terms, fit.slices, strict=True):
         knobs = [i for i, (owner, _, _) in enumerate(owners) if owner is term]
         both = [*range(where.start, where.stop), *(count + i for i in knobs)]
-        values = np.concatenate([fit.theta[where], [owners[i][2] for i in knobs]])
-        out[term] = values, inverse[np.ix_(both, both)]
+        theta = fit.theta[where] if term not in slopes else np.array([float(term.effect.settings["around"])])
+        values = np.concatenate([theta, [owners[i][2] for i in knobs]])
+        wider = np.sqrt(ratios[both])
+        spread = inverse[np.ix_(both, both)] * wider[:, None] * wider
+        if term in slopes:
+            spread[0, 0] += (_SKETCH[term.id] * float(theta[0])) ** 2
+        out[term] = Estimates(values, spread, float(np.mean(ratios[both])))
     return out
+
+
+def _slope(library: Library, term: Term) -> FloatArray:
+    """Derivative of a compliant joint's torque by its compliance or gap, shape (K, n): far from the torque over either."""
+    value = float(term.effect.settings["around"])
+    sides = [value * (1.0 + s) for s in (_PROBE, -_PROBE)]
+    torque = [remake(library, term, {**term.effect.settings, "around": x}).columns[..., 0] * x for x in sides]
+    return np.asarray((torque[0] - torque[1]) / (2.0 * _PROBE * value))

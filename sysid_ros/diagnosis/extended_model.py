@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.diagnosis.covariance import Estimates
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.term import Term
@@ -19,7 +20,7 @@ def extended_model(
     robot: RobotModel,
     known: ModelFile | None,
     fit: Fit,
-    covariance: dict[Term, tuple[FloatArray, FloatArray]],
+    covariance: dict[Term, Estimates],
     train: Prepared,
     first_stamp: float,
     provenance: dict[str, Any],
@@ -34,7 +35,7 @@ def extended_model(
     links = [t for t in fit.terms if t.id == "link_inertia"]
     if links or fit.inexact:
         if not any(b.effect == "link_inertia" for b in blocks):
-            blocks += _urdf_dynamics(robot)
+            blocks += urdf_dynamics(robot)
         blocks.append(_links(robot, fit, links, covariance))
     blocks += [_block(t, fit, covariance[t][1], first_stamp) for t in fit.terms if t.id != "link_inertia"]
     samples = sum(len(m.t) for m in train.motions)
@@ -64,7 +65,7 @@ def _block(term: Term, fit: Fit, covariance: FloatArray, first_stamp: float) -> 
     return EffectBlock(effect.id, effect.joint_names, settings, theta, effect.parameter_names, effect.units, spread)
 
 
-def _links(robot: RobotModel, fit: Fit, links: list[Term], covariance: dict[Term, tuple[FloatArray, FloatArray]]) -> EffectBlock:
+def _links(robot: RobotModel, fit: Fit, links: list[Term], covariance: dict[Term, Estimates]) -> EffectBlock:
     effect = LinkInertia(robot)
     theta = effect.nominal.copy()
     spread = np.zeros((effect.p, effect.p))
@@ -78,7 +79,7 @@ def _links(robot: RobotModel, fit: Fit, links: list[Term], covariance: dict[Term
     return EffectBlock(effect.id, effect.joint_names, {}, theta, effect.parameter_names, effect.units, spread)
 
 
-def _urdf_dynamics(robot: RobotModel) -> list[EffectBlock]:
+def urdf_dynamics(robot: RobotModel) -> list[EffectBlock]:
     """The URDF's ``<dynamics>``, which a model with links of its own replaces."""
     out = []
     for effect, values in ((ViscousFriction(robot), robot.damping), (CoulombFriction(robot), robot.friction)):

@@ -8,11 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from sysid_ros.diagnosis.channel_faults import Fault
+from sysid_ros.diagnosis.fit import Fit
+from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.message_faults import MessageFaults
+from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.recording import Recording
-from sysid_ros.diagnosis.result import Finding, Parameter
+from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter, TorqueRmse
 from sysid_ros.diagnosis.signal_faults import quantisation, velocity_lag
 from sysid_ros.effects import ChannelEffect, TorqueQuantisation, TorqueUnit, VelocityLag
 
+MESSAGE_FAULTS = "message_faults"
 _95 = 1.959964
 _FAR, _MOST = 1.15, 0.7
 """Gains further from 1 than by this factor on this part of the joints are another unit."""
@@ -67,6 +72,23 @@ def as_unit(findings: Sequence[Finding], joints: Sequence[str]) -> list[Finding]
     return out
 
 
+def with_scales(faults: Sequence[Fault], findings: Sequence[Finding], joints: Sequence[str]) -> tuple[list[Fault], list[Finding]]:
+    """Wrong gains that are left after currents were turned into torques belong to the factors of the currents."""
+    per_joint = [f for f in faults if isinstance(f.effect, TorqueUnit) and all(v[1] is not None for v in f.values)]
+    if not per_joint:
+        return list(faults), list(findings)
+    unit = per_joint[0]
+    gains = {p.joint: p for f in findings if f.id == "torque_scale" for p in f.parameters}
+    values = []
+    for name, j, factor, what, std in unit.values:
+        assert j is not None
+        if (p := gains.get(joints[j])) is not None and not isinstance(factor, str):
+            factor, std = factor * p.value, factor * p.std
+        values.append((name, j, factor, what, std))
+    better = replace(unit, values=tuple(values))
+    return [better if f is unit else f for f in faults], [f for f in findings if f.id != "torque_scale"]
+
+
 def signal_findings(fitted: Sequence[Recording], judged: Sequence[Recording], joints: Sequence[str]) -> list[Finding]:
     """Faults that need no dynamics."""
     out = []
@@ -95,6 +117,61 @@ def signal_findings(fitted: Sequence[Recording], judged: Sequence[Recording], jo
         )
         out.append(_finding(TorqueQuantisation(steps.tolist()), named, values, 0.0, 1e3, sentence))
     return out
+
+
+def with_faults(
+    found: Diagnosis,
+    first: list[Finding],
+    signals: list[Finding],
+    faults: Sequence[Fault],
+    raw: Prepared,
+    held: HeldOut,
+    fit: Fit,
+) -> Diagnosis:
+    """The diagnosis with the faults of the channels before its causes, and its torques as they are published."""
+    assert found.torque is not None
+    assert found.predictions is not None
+    rows, floor, extended = held.residual(fit), found.torque.noise_floor[None], found.predictions.extended
+    for fault in reversed(faults):
+        rows, extended = fault.effect.publish(rows), fault.effect.publish(extended)
+        floor = np.abs(fault.effect.publish(floor))
+    torque, predictions = found.torque, found.predictions
+    if faults:
+        measured = np.concatenate([m.tau for m in raw.motions])
+        torque = TorqueRmse(
+            found.joints,
+            held.rms(raw.problem.y),
+            held.rms(rows),
+            floor[0],
+            held.rms(raw.band.rows([m.tau for m in raw.motions])),
+        )
+        predictions = replace(predictions, measured=measured, nominal=np.concatenate(raw.nominal), extended=extended)
+    # the share of each later cause is that of what the faults leave
+    left = 1.0 - max((f.heldout_gain for f in first), default=0.0)
+    later = [replace(f, heldout_gain=left * f.heldout_gain) for f in found.findings]
+    findings = tuple(first) + tuple(sorted([*later, *signals], key=lambda f: -f.heldout_gain))
+    verdict = "explained" if found.verdict == "nothing_wrong" else found.verdict
+    return replace(found, verdict=verdict, findings=findings, torque=torque, predictions=predictions)
+
+
+def message_finding(found: Sequence[MessageFaults], joints: Sequence[str]) -> list[Finding]:
+    """Faults of the messages' times, where they are so many that they are a finding of their own."""
+    total = sum(f.count for f in found)
+    values = []
+    for name in ("repeated", "dropped", "late", "unordered"):
+        share = sum(f.shares()[name] * f.count for f in found) / max(total, 1)
+        if any(name in f.named() for f in found):
+            values.append(Parameter(name, None, share, "1", 0.0, share, share))
+    if not values:
+        return []
+    sizes = ", ".join(f"{100 * p.value:.1f} % {p.name}" for p in values)
+    sentence = (
+        f"The messages are not in order ({sizes}): they were put in the order of their stamps, and those that repeat another or "
+        "are late were left out before anything else. Correct the driver; two publishers on one topic look alike."
+    )
+    signature = "stairs and jumps in the raw values of all joints at once"
+    label, cure = "message faults", "stamps that the hardware sets, and one publisher"
+    return [Finding(MESSAGE_FAULTS, label, tuple(joints), tuple(values), 0.0, 0.0, 0.0, (), sentence, signature, cure)]
 
 
 def _finding(

@@ -15,11 +15,14 @@ _FROZEN_MOVES = 0.05
 _DEGREES = 7.0
 
 
-def refusal_of(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
+def refusal_of(robot: RobotModel, recordings: Sequence[Recording], validation: Sequence[Recording] = ()) -> str | None:
     """Why the recordings can't be judged, with the cure; None where they can."""
-    for check in (_too_short, _not_numbers, _at_rest, _degrees, _frozen):
+    for check in (_no_effort, _too_short, _at_rest, _frozen_position, _degrees, _frozen):
         if reason := check(robot, recordings):
             return reason
+    for check in (_no_effort, _at_rest, _frozen_position, _degrees, _frozen):
+        if validation and (reason := check(robot, validation)):
+            return f"The recordings to judge on (--validate): {reason}"
     return None
 
 
@@ -33,11 +36,19 @@ def _too_short(robot: RobotModel, recordings: Sequence[Recording]) -> str | None
     return None
 
 
-def _not_numbers(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
+def _no_effort(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
     for r in recordings:
         bad = [name for j, name in enumerate(robot.joint_names) if not np.isfinite(r.tau[:, j]).any()]
+        if len(bad) == robot.n:
+            return (
+                f"{r.name} holds no effort of any joint. Switch on the effort state interface of the robot's hardware and record "
+                "again: without torques there is nothing to judge."
+            )
         if bad:
-            return f"{r.name}: no effort of {', '.join(bad)} is a number. Record a robot whose driver publishes effort."
+            return (
+                f"{r.name} holds no effort of {', '.join(bad)}. Switch on the effort of these joints in the driver and record "
+                "again, or leave them out (joint_names)."
+            )
     return None
 
 
@@ -62,6 +73,21 @@ def _degrees(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
             f"Positions look like degrees: {robot.joint_names[worst]} reaches {most[worst]:.3g}, its limit is "
             f"{limit[worst]:.3g} rad. Publish radians, or convert the bag."
         )
+    return None
+
+
+def _frozen_position(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
+    for r in recordings:
+        if r.v is None or len(r.t) < 2:
+            continue
+        way = np.sum(np.abs(r.v[:-1]) * np.maximum(np.diff(r.t), 0.0)[:, None], axis=0)
+        frozen = (np.ptp(r.q, axis=0) == 0.0) & (way > _FROZEN_MOVES) & (np.ptp(r.v, axis=0) > 0.0)
+        if frozen.any():
+            j = int(np.argmax(frozen))
+            return (
+                f"{r.name}: the position of {robot.joint_names[j]} stays at {r.q[0, j]:.4g} while its velocity is not zero; "
+                "the channel is frozen. Check the encoder and the driver, or leave the joint out (joint_names)."
+            )
     return None
 
 

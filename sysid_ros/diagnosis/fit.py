@@ -112,7 +112,7 @@ class Problem:
         prior = np.concatenate([np.zeros(0), *(term.prior for term in terms), self.prior if inexact else np.zeros(0)])
         noise = noise or Noise.of(f, self.y**2)
         residual = self.y.copy()
-        for _ in range(iterations):
+        for turn in range(iterations + 1):
             variance = noise.variance(f)
             information, score = np.diag(prior), np.zeros(m)
             for j, (index, X) in blocks.items():
@@ -126,8 +126,9 @@ class Problem:
             theta = inverse @ score
             for j, (index, X) in blocks.items():
                 residual[:, j] = self.y[:, j] - X @ theta[index]
-            noise = Noise.of(f, residual**2)
-        variance = noise.variance(f)
+            # the last parameters are those of the noise that is kept: what a new term would gain depends on it
+            if turn < iterations:
+                noise = Noise.of(f, residual**2)
         fit_quality = (np.log(variance) + residual**2 / variance)[:, self.active]
         loglik = -0.5 * float(np.sum(fit_quality)) - 0.5 * float(theta**2 @ prior)
         if inexact:

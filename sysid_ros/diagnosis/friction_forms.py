@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +14,13 @@ from sysid_ros.diagnosis.refine import refine
 from sysid_ros.diagnosis.scoring import Scorer
 from sysid_ros.diagnosis.term import DRY, Term
 
-_SHARE = 0.01
+_SHARE = 0.002
 """A richer form must explain this part of the power of the friction torque that the simplest form leaves."""
 
+_AMONG = 3.5
+"""Likelihood that it must gain beyond its price: it is one of many forms on many joints."""
+_CLEARLY = 5.0
+"""Likelihood by which a curve must be better than a straight line."""
 _WORTH_A_LOOK = 4.0
 """Likelihood that a richer form must gain beside the present one before it is tried in its place."""
 
@@ -67,6 +72,36 @@ def simplest(found: list[Form], price: dict[str, float]) -> Form:
     power = float(np.sum(base**2))
     for form in found[1:]:
         gain = form.fit.loglik - best.fit.loglik - (price[form.term.id] - price[best.term.id])
-        if gain > 0.0 and best.left - form.left > _SHARE * power:
+        if gain > _AMONG and best.left - form.left > _SHARE * power:
             best = form
     return best
+
+
+def simplify(problem: Problem, library: Library, fit: Fit, joints: Sequence[int], price: Callable[[Term], float]) -> Fit:
+    """The fit with the simplest form of dry friction that explains each joint."""
+    for joint in joints:
+        present = next((t for t in fit.terms if t.row == joint and t.id in DRY), None)
+        if present is None:
+            continue
+        found = forms(problem, library, fit, present)
+        if found:
+            fit = simplest(found, {f.term.id: price(f.term) for f in found}).fit
+        fit = _straightened(problem, library, fit, joint, price)
+    return fit
+
+
+def _straightened(problem: Problem, library: Library, fit: Fit, joint: int, price: Callable[[Term], float]) -> Fit:
+    """The fit with a straight line against the speed, and the best form of dry friction, in place of a curve that is not
+    clearly better: Stribeck's fall at low speed and a rise with the square of the speed bend the same way."""
+    curved = next((t for t in fit.terms if t.row == joint and t.id == "quadratic_friction"), None)
+    if curved is None:
+        return fit
+    others = [t for t in fit.terms if t is not curved and not (t.row == joint and t.id == "viscous_friction")]
+    trial = problem.fit([*others, library.local("viscous_friction", joint)], fit.noise, inexact=fit.inexact)
+    present = next((t for t in trial.terms if t.row == joint and t.id in DRY), None)
+    found = forms(problem, library, trial, present) if present is not None else []
+    if not found:
+        return fit
+    best = simplest(found, {f.term.id: price(f.term) for f in found}).fit
+    paid = sum(map(price, best.terms)) - sum(map(price, fit.terms))
+    return best if best.loglik - fit.loglik > paid - _CLEARLY else fit

@@ -11,8 +11,8 @@ from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.library import ON_DRIVE, ON_LOAD, Library
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.refine import remake
-from sysid_ros.diagnosis.selection import torques
 from sysid_ros.diagnosis.term import Term
+from sysid_ros.diagnosis.torques import torques
 from sysid_ros.effects import LinkInertia
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray

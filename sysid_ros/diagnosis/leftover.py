@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.prepare import Prepared
+from sysid_ros.diagnosis.unsteady import Leftover, unsteady
 from sysid_ros.effects import Motion
 from sysid_ros.sample import FloatArray
 
@@ -17,19 +17,6 @@ _PAYS_HERE = 14.0
 """Likelihood that a feature must gain on the fitted rows: it is the best of some hundred."""
 _PAYS_THERE = 0.1
 """Part of the whitened held-out residual of a joint that the features must remove."""
-
-
-@dataclass(frozen=True)
-class Leftover:
-    """What follows the motion in the residual of one joint.
-
-    Attributes:
-        joint: index. share: part of its held-out residual's power that features of the motion remove. follows: their names.
-    """
-
-    joint: int
-    share: float
-    follows: tuple[str, ...]
 
 
 def leftovers(train: Prepared, fit: Fit, held: Prepared, residual: FloatArray) -> list[Leftover]:
@@ -62,6 +49,8 @@ def leftovers(train: Prepared, fit: Fit, held: Prepared, residual: FloatArray) -
             raw = residual[:, j] - Z[:, found] @ theta
             share = 1.0 - float(raw @ raw) / max(float(residual[:, j] @ residual[:, j]), 1e-30)
             out.append(Leftover(int(j), max(share, gain), tuple(labels[i] for i in found)))
+    known = {x.joint for x in out}
+    out += [x for x in unsteady(train, fit, held, residual) if x.joint not in known]
     return sorted(out, key=lambda x: -x.share)
 
 
@@ -82,7 +71,10 @@ def features(motion: Motion, names: Sequence[str]) -> dict[str, FloatArray]:
         for k, other in enumerate(names):
             out[f"direction of {name} with the position of {other} (sin)"] = signs[:, i] * np.sin(motion.q[:, k])
             out[f"direction of {name} with the position of {other} (cos)"] = signs[:, i] * np.cos(motion.q[:, k])
+            out[f"direction of {name} with the position of {other} (sin 2q)"] = signs[:, i] * np.sin(2.0 * motion.q[:, k])
+            out[f"direction of {name} with the position of {other} (cos 2q)"] = signs[:, i] * np.cos(2.0 * motion.q[:, k])
             out[f"speed of {name} with the position of {other} (sin)"] = motion.v[:, i] * np.sin(motion.q[:, k])
+            out[f"speed of {name} with the position of {other} (cos)"] = motion.v[:, i] * np.cos(motion.q[:, k])
             if i < k:
                 out[f"direction of {name} with that of {other}"] = signs[:, i] * signs[:, k]
                 out[f"speeds of {name} and {other}"] = motion.v[:, i] * motion.v[:, k]
@@ -109,3 +101,6 @@ def _greedy(X: FloatArray, r: FloatArray) -> list[int]:
         Q = np.column_stack([Q, direction])
         rest = rest - direction * (direction @ rest)
     return found
+
+
+__all__ = ["Leftover", "features", "leftovers"]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.diagnosis.band import Band
-from sysid_ros.diagnosis.term import Term
+from sysid_ros.diagnosis.term import COMPANIONS, Term
 from sysid_ros.effects import EFFECTS, Effect, JointCurves, JointEffect, Motion
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -32,8 +32,6 @@ LOCAL = (
     "cogging",
 )
 """Effects that load one joint at a time."""
-ONE_JOINT = ("joint_offset", "joint_elasticity", "backlash")
-"""Effects of one joint that load all of them."""
 WHOLE = ("payload", "payload_change", "base_tilt", "gravity_compensated_effort", "external_force", "time_delay")
 """Effects of the whole arm."""
 
@@ -45,6 +43,18 @@ LINK_SIDE = ("payload", "payload_change", "link_inertia", "base_tilt", "external
 """Effects whose torque goes through the gears."""
 MEASUREMENT = ("torque_scale", "torque_saturation", "time_delay", "torque_offset", "torque_offset_drift")
 """Effects of the measurement, not of the drives."""
+
+_SHARP = 0.005
+"""Width of the sign of a velocity, below the speeds at which a joint counts as standing [rad/s]."""
+
+_LIMITS = (0.5, 0.6, 0.7, 0.8, 0.87, 0.93, 0.97)
+"""Quantiles of the torque of the drives that are tried first as limits of a sensor."""
+_INSIDE = 1.0
+"""A change lies inside of a recording by so much [s]."""
+_ASKED = 0.97
+"""Limit of a motor as a part of what is asked of it at most."""
+_OFTEN, _AT_MOST = 0.85, 0.99
+"""Quantiles of the efforts asked and of the torques given: what is not at the limit, and what is hardly ever exceeded."""
 
 
 class Library:
@@ -88,7 +98,15 @@ class Library:
         joints: tuple[int, ...] = (joint,)
         if follows := settings.get("follows"):
             joints = (joint, self.robot.joint_names.index(follows))
-        return Term(self._make(effect_id, (joint,), settings), joints, joint, columns, form=str(settings.get("shape", "")))
+        effect = self._make(effect_id, (joint,), settings)
+        load = self._given(joint) if settings.get("kind") == "motor" else 0.0
+        return Term(effect, joints, joint, columns, form=str(settings.get("shape", "")), load=load)
+
+    def _given(self, joint: int) -> float:
+        """Torque that a joint's motor has been seen to give: its limit is not below [N m]."""
+        asked = np.concatenate([np.abs(m.tau[:, joint]) for m in self.motions])
+        given = np.concatenate([np.abs(m.drive_torque[:, joint]) for m in self.motions])
+        return max(float(np.quantile(asked, _OFTEN)), float(np.quantile(given, _AT_MOST)))
 
     def column(self, effect_id: str, joint: int, settings: dict[str, Any]) -> FloatArray:
         """Columns of a term that loads one joint, shape (K, p), computed for that joint alone."""
@@ -104,6 +122,8 @@ class Library:
         Args:
             joints: that it is named with; empty for all. basis: combinations of the effect's columns, shape (effect.p, p).
         """
+        if "t0" in settings:  # what has changed before or after all that was recorded has not changed
+            settings["t0"] = float(np.clip(settings["t0"], self.motions[0].t[0] + _INSIDE, self.motions[-1].t[-1] - _INSIDE))
         effect = self._make(effect_id, joints, settings)
         columns = self.band.rows([effect.columns_along(m) for m in self.motions])
         if basis is not None:
@@ -132,19 +152,34 @@ class Library:
         if effect_id == "joint_coupling":
             return [{"follows": name} for k, name in enumerate(self.robot.joint_names) if k != joint]
         if effect_id == "torque_saturation":
-            load = np.concatenate([np.abs(m.drive_torque[:, joint]) for m in self.motions])
-            return [{"limit": float(x)} for x in np.unique(np.quantile(load, [0.5, 0.6, 0.7, 0.8, 0.87, 0.93, 0.97])) if x > 0.0]
+            drive = np.concatenate([np.abs(m.drive_torque[:, joint]) for m in self.motions])
+            asked = max(float(np.abs(m.tau[:, joint]).max()) for m in self.motions)
+            out = [{"limit": float(x), "kind": "sensor"} for x in np.unique(np.quantile(drive, _LIMITS)) if x > 0.0]
+            least = self._given(joint)
+            if 0.0 < least < _ASKED * asked:
+                out += [{"limit": float(x), "kind": "motor"} for x in np.geomspace(least, _ASKED * asked, len(_LIMITS))]
+            return out
+        if effect_id == "stribeck_friction":
+            knob = effect.knobs[0]
+            return [{"vs": float(x), "width": _SHARP} for x in np.geomspace(knob.low, knob.high, 8)]
         if effect.knobs and effect.knobs[0].name != "width":
             knob = effect.knobs[0]
             grid = np.geomspace(knob.low, knob.high, 8) if knob.logarithmic else np.linspace(knob.low, knob.high, 8)
             return [{knob.name: float(x)} for x in grid]
         return [{}]
 
+    def together(self, term: Term, present: Sequence[Term]) -> list[Term]:
+        """A term with what it brings along on its joint, where that is not there yet."""
+        other = COMPANIONS.get(term.id)
+        if other is None or any(t.id == other and t.row == term.joints[0] for t in present):
+            return [term]
+        return [term, self.local(other, term.joints[0])]
+
     def whole_options(self) -> list[Term]:
         """Terms that load several joints, in every form that is tried first."""
         n = self.robot.n
         terms = [self.whole(name) for name in WHOLE if name != "payload_change"]
-        terms += [self.whole(name, (j,)) for name in ONE_JOINT for j in range(n)]
+        terms += [self.whole("joint_offset", (j,)) for j in range(n)]
         columns = self.band.rows([m.regressor for m in self.motions])
         for j in range(n):
             own = columns[:, :, 10 * j : 10 * j + 10]
@@ -162,4 +197,5 @@ class Library:
         if len(self.motions) == 1:
             for t0 in np.linspace(start, end, 16)[1:-1]:
                 terms.append(self.whole("payload_change", t0=float(t0)))
+                terms.append(self.whole("payload_change", basis=np.eye(10)[:, :4], form="first moment", t0=float(t0)))
         return terms

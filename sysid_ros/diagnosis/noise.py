@@ -1,4 +1,4 @@
-"""The noise of the torque: white, plus a part that keeps its sign for a while."""
+"""The noise of the torque: white, a part that keeps its sign for a while, and what the encoders' noise costs in acceleration."""
 
 from __future__ import annotations
 
@@ -10,14 +10,19 @@ from numba import njit
 from sysid_ros.sample import FloatArray
 
 _CORNERS = np.geomspace(0.03, 2.0, 8)
-_BINS = 28
+_BINS = 36
 _STEPS = 30
+_TOP = 8.0
+"""Frequency at which the part of the acceleration is stated [Hz]."""
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _fit(power: FloatArray, count: FloatArray, f: FloatArray, corners: FloatArray, steps: int, out: FloatArray) -> None:
-    """Rows of ``out``: white level, coloured level and corner that maximise Whittle's likelihood, by multiplicative updates."""
+    """Rows of ``out``: white level, coloured level, corner and level of the acceleration's noise that maximise Whittle's
+    likelihood, by multiplicative updates."""
     bins, joints = power.shape
+    rising = (f / _TOP) ** 4
+    falling = np.empty(bins)
     for j in range(joints):
         total = 0.0
         members = 0.0
@@ -27,41 +32,49 @@ def _fit(power: FloatArray, count: FloatArray, f: FloatArray, corners: FloatArra
         level = max(total / members, 1e-30)
         best = np.inf
         for k in range(corners.size):
-            w, c = 0.5 * level, 2.0 * level
+            for b in range(bins):
+                falling[b] = 1.0 / (1.0 + (f[b] / corners[k]) ** 2)
+            w, c, r = 0.5 * level, 2.0 * level, 0.5 * level
             for _ in range(steps):
-                wn = wd = cn = cd = 0.0
+                wn = wd = cn = cd = rn = rd = 0.0
                 for b in range(bins):
-                    g = 1.0 / (1.0 + (f[b] / corners[k]) ** 2)
-                    s = w + c * g
-                    wn += count[b] * power[b, j] / (s * s)
-                    wd += count[b] / s
-                    cn += count[b] * g * power[b, j] / (s * s)
-                    cd += count[b] * g / s
+                    s = w + c * falling[b] + r * rising[b]
+                    here, ratio = count[b] / s, power[b, j] / s
+                    wn += here * ratio
+                    wd += here
+                    cn += here * falling[b] * ratio
+                    cd += here * falling[b]
+                    rn += here * rising[b] * ratio
+                    rd += here * rising[b]
                 w = max(w * wn / wd, 1e-6 * level)
                 c = max(c * cn / cd, 1e-9 * level)
+                r = max(r * rn / rd, 1e-9 * level)
             cost = 0.0
             for b in range(bins):
-                s = w + c / (1.0 + (f[b] / corners[k]) ** 2)
+                s = w + c * falling[b] + r * rising[b]
                 cost += count[b] * (np.log(s) + power[b, j] / s)
             if cost < best:
                 best = cost
-                out[j, 0], out[j, 1], out[j, 2] = w, c, corners[k]
+                out[j, 0], out[j, 1], out[j, 2], out[j, 3] = w, c, corners[k], r
 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """``S(f) = white + coloured / (1 + (f / corner)^2)``, variance of a coefficient, each of shape (n,).
+    """``S(f) = white + coloured / (1 + (f / corner)^2) + rising (f / 8 Hz)^4``, variance of a coefficient, each of shape (n,).
 
-    The second part is a first-order process with the correlation time ``1 / (2 pi corner)``.
+    The second part is a first-order process with the correlation time ``1 / (2 pi corner)``; the third is white noise of the
+    positions, differentiated twice and carried by the links' inertia.
     """
 
     white: FloatArray
     coloured: FloatArray
     corner: FloatArray
+    rising: FloatArray
 
     def variance(self, f: FloatArray) -> FloatArray:
         """S, shape (K, n)."""
-        variance: FloatArray = self.white + self.coloured / (1.0 + (f[:, None] / self.corner) ** 2)
+        slow = self.coloured / (1.0 + (f[:, None] / self.corner) ** 2)
+        variance: FloatArray = self.white + slow + self.rising * (f[:, None] / _TOP) ** 4
         return variance
 
     @classmethod
@@ -77,6 +90,7 @@ class Noise:
         used = count > 0
         mean_f = np.bincount(where, f, minlength=_BINS)[used] / count[used]
         mean = np.stack([np.bincount(where, power[:, j], minlength=_BINS) for j in range(power.shape[1])], axis=1)
-        out = np.zeros((power.shape[1], 3))
+        out = np.zeros((power.shape[1], 4))
         _fit(np.ascontiguousarray(mean[used] / count[used, None]), count[used], mean_f, _CORNERS, _STEPS, out)
-        return cls(out[:, 0].copy(), out[:, 1].copy(), out[:, 2].copy())
+        white, coloured, corner, rising = np.ascontiguousarray(out.T)
+        return cls(white, coloured, corner, rising)

@@ -48,7 +48,7 @@ def allowed(term: Term, theta: FloatArray, std: FloatArray) -> bool:
     if term.id in ("payload", "payload_change"):
         return value > 0.0 or term.id == "payload_change"
     if term.id == "torque_saturation":
-        return _UNIT_SHARE[0] < value < _UNIT_SHARE[1]
+        return _UNIT_SHARE[0] < value < _UNIT_SHARE[1] and float(term.effect.settings["limit"]) > 0.95 * term.load
     if term.id == "gravity_compensated_effort":
         return min(abs(value - 1.0), abs(value + 1.0)) < _COMPENSATED
     if term.id == "torque_scale":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque_model import TorqueModel
 
+_TURNS = 0.004
+"""Speed at which the dry friction that a URDF declares has turned [rad/s]."""
 INEXACT = 0.02
 """What no URDF's masses are better than, as a part."""
 
@@ -27,21 +29,24 @@ class Prepared:
 
     Attributes:
         motions: without gaps. nominal: torque of the nominal model on their grids, shape (N, n) each.
-        band: their rows in the frequency domain. problem: the rows to explain.
+        band: their rows in the frequency domain. problem: the rows to explain. names: recording of each motion.
     """
 
     motions: tuple[Motion, ...]
     nominal: tuple[FloatArray, ...]
     band: Band
     problem: Problem
+    names: tuple[str, ...] = ()
 
 
 def prepare(robot: RobotModel, recordings: Sequence[Recording], known: Sequence[KnownEffect]) -> Prepared:
     """Smooth motions of recordings and what the nominal model (URDF, or the known effects) leaves of their torque."""
-    found = [motion for recording in recordings for motion in motions(robot, recording)]
+    named = [(recording.name, motion) for recording in recordings for motion in motions(robot, recording)]
+    found = [motion for _, motion in named]
     model = TorqueModel(robot, [], known)
     nominal = [_nominal(model, motion) for motion in found]
-    return assemble(robot, [m.with_torques(m.link_torque, t) for m, t in zip(found, nominal, strict=True)], nominal)
+    prepared = assemble(robot, [m.with_torques(m.link_torque, t) for m, t in zip(found, nominal, strict=True)], nominal)
+    return replace(prepared, names=tuple(name for name, _ in named))
 
 
 def assemble(robot: RobotModel, found: Sequence[Motion], nominal: Sequence[FloatArray]) -> Prepared:
@@ -55,6 +60,8 @@ def assemble(robot: RobotModel, found: Sequence[Motion], nominal: Sequence[Float
 
 
 def _nominal(model: TorqueModel, motion: Motion) -> FloatArray:
-    if not model.known and not np.any(model.robot.damping) and not np.any(model.robot.friction):
-        return motion.link_torque
-    return np.stack([model.known_torque(sample) for sample in motion.samples()])
+    robot = model.robot
+    if model.known:
+        return np.stack([model.known_torque(sample) for sample in motion.samples()])
+    # rows in which a joint hardly moves are not judged: elsewhere dry friction has turned
+    return np.asarray(motion.link_torque + robot.damping * motion.v + robot.friction * np.tanh(motion.v / _TURNS))

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.diagnosis.compliant import COMPLIANT, settle
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.term import Term
@@ -25,7 +26,8 @@ def refine(problem: Problem, library: Library, fit: Fit, terms: Sequence[Term]) 
     changed: dict[Term, Term] = {}
     for term in terms:
         if "around" in term.effect.settings:
-            fit, changed[term] = _exact(problem, library, fit, term)
+            step = settle if term.id in COMPLIANT else _exact
+            fit, changed[term] = step(problem, library, fit, term)
             continue
         if all(knob.name not in term.effect.settings for knob in term.effect.knobs):
             continue
@@ -116,7 +118,7 @@ def _around(term: Term, knob: Knob, value: float) -> tuple[float, float]:
     if knob.name == "harmonic":
         return value - 0.6, value + 0.6
     if knob.name == "limit":
-        return 0.9 * value, 1.1 * value
+        return max(0.9 * value, term.load), max(1.1 * value, 1.1 * term.load)
     ratio = 5.0 if knob.name == "width" else (knob.high / knob.low) ** (1.1 / 7.0)
     return max(value / ratio, knob.low / 2.0), min(value * ratio, knob.high * 2.0)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -118,7 +118,8 @@ class Diagnosis:
         findings: in order of gain. torque: error on held-out data. simulation: of a forward simulation, where it was run.
         unexplained_fraction: power above the noise that is left on held-out data, as a part of the nominal residual's.
         record_next: what to record next, one sentence each. notes: what the user should know, one sentence each.
-        model: the extended model. predictions: on the held-out data. curves: for the report.
+        model: the extended model. urdf_model: what a URDF can hold of it. predictions: on the held-out data.
+        driven: the same before the faults of units, signs and order are put back: torques that can drive a simulation.
     """
 
     verdict: str
@@ -132,8 +133,9 @@ class Diagnosis:
     record_next: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     model: ModelFile | None = None
+    urdf_model: ModelFile | None = None
     predictions: Predictions | None = None
-    curves: dict[str, Any] = field(default_factory=dict)
+    driven: Predictions | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """The document diagnosis.json."""

@@ -31,7 +31,7 @@ class Scorer:
 
     def __init__(self, problem: Problem, fit: Fit) -> None:
         self._fit = fit
-        self._active = problem.active
+        self._active, self._prior = problem.active, problem.prior
         self._root = 1.0 / np.sqrt(fit.variance)
         self._residual = fit.residual * self._root
         self._rss = np.maximum(np.sum(self._residual**2, axis=0), 1e-9)
@@ -58,6 +58,14 @@ class Scorer:
             out.append(Score(term, 0.5 * self._count * float(np.log(self._rss[j] / left)), theta, std))
         return out
 
+    def _given_back(self, change: FloatArray) -> float:
+        """Likelihood that the nuisance parameters gain where a term takes over what they had to explain."""
+        if not self._fit.inexact:
+            return 0.0
+        before = self._fit.theta[-len(self._prior) :]
+        after = before - change[-len(self._prior) :]
+        return 0.5 * float(np.sum(self._prior * (before**2 - after**2)))
+
     def whole(self, term: Term) -> Score:
         """Score of a term that loads several joints."""
         active, p = self._active, term.p
@@ -76,7 +84,7 @@ class Scorer:
             index, X = self._fit.blocks[j]
             left = self._residual[:, j] - C @ theta + (X @ change[index]) * self._root[:, j]
             rss[i] = max(float(left @ left), 1e-9)
-        gain = 0.5 * self._count * float(np.sum(np.log(self._rss[active] / rss)))
+        gain = 0.5 * self._count * float(np.sum(np.log(self._rss[active] / rss))) + self._given_back(change)
         return Score(term, gain, theta, std)
 
 
@@ -84,7 +92,7 @@ def _solve(information: FloatArray, score: FloatArray, own: FloatArray) -> tuple
     """Parameters, drop of the sum of squares and standard deviations; directions that the fit has already are left at zero."""
     scale = 1.0 / np.sqrt(np.maximum(own, 1e-30))
     values, vectors = np.linalg.eigh(information * scale[:, None] * scale)
-    keep = values > 1e-7
+    keep = values > 1e-9
     inverse = (vectors[:, keep] / values[keep]) @ vectors[:, keep].T * scale[:, None] * scale
     theta = inverse @ score
     return theta, float(score @ theta), np.sqrt(np.maximum(np.diag(inverse), 0.0))

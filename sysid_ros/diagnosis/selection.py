@@ -2,39 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.diagnosis.cross_validation import worth
+from sysid_ros.diagnosis.backward import EXPECTED, prune, visible, without_nuisance
+from sysid_ros.diagnosis.compliance_screen import ComplianceScreen
 from sysid_ros.diagnosis.fit import Fit, Problem
-from sysid_ros.diagnosis.friction_forms import forms, simplest
-from sysid_ros.diagnosis.library import LINK_SIDE, LOCAL, MEASUREMENT, ON_DRIVE, ON_LOAD, Library
+from sysid_ros.diagnosis.friction_forms import simplify
+from sysid_ros.diagnosis.library import LOCAL, ON_DRIVE, ON_LOAD, Library
 from sysid_ros.diagnosis.physics import allowed
 from sysid_ros.diagnosis.refine import refine, remake
 from sysid_ros.diagnosis.scoring import Score, Scorer
-from sysid_ros.diagnosis.term import DRY, Term
+from sysid_ros.diagnosis.term import Term, best_of_each, joined
+from sysid_ros.diagnosis.torques import torques
 from sysid_ros.sample import FloatArray
+
+Key = tuple[str, tuple[int, ...]]
 
 _TRIED_IN_FULL = 10
 _REFINED = 4
 _MOST_STEPS = 24
+_SURELY = 2.0
+"""Likelihood beyond both: rows are not quite as independent as they are taken for."""
 _SWAPS = 3
 _SWAPPED = 3
 """Effects on more joints than this are not swapped for others."""
 _CLEARLY = 5.0
 """Likelihood by which another effect must be better to take the place of one that was chosen."""
-_ELSEWHERE = 3.0
-"""Likelihood that a term must gain on segments that it was not fitted to."""
-ON_EVENTS = ("payload_change",)
-"""Effects that happen once: the segments before tell nothing of those after."""
-_SEEN_OF_ALL = 0.03
-"""Least part of the nominal residual of all joints (rms, each over its noise), for effects that not every arm has."""
-EXPECTED = (*DRY, "viscous_friction", "rotor_inertia", "torque_offset")
-"""Effects that every arm has on every joint, large or small."""
-_SEEN = 0.04
-"""Least part of the nominal residual (rms) that an effect must make on one of its joints."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +44,6 @@ class Proposal:
     @property
     def words(self) -> str:
         """What is proposed."""
-        if not self.terms:
-            return "links that are not exactly as the URDF says"
         names = self.terms[0].effect.robot.joint_names
         return f"{self.terms[0].effect.label} on {', '.join(names[t.joints[0]] for t in self.terms)}"
 
@@ -79,34 +73,38 @@ class Selection:
         self._joints = [int(j) for j in problem.active]
         self._excluded = set(excluded)
         self._whole = [t for t in library.whole_options() if t.id not in self._excluded]
+        self._screen = ComplianceScreen(library)
         self.tried = len(self._whole) + sum(len(library.local_options(name, j)) for name in LOCAL for j in self._joints)
-        self.fit = problem.fit([])
+        self.fit = problem.fit([], inexact=True)
 
     def price(self, term: Term) -> float:
         """Likelihood that a term must gain to be worth its parameters (BIC) and its having been picked among many."""
         rows = len(self.problem.band.f) * (1 if term.row is not None else len(self._joints))
-        return 0.5 * term.cost * float(np.log(rows)) + float(np.log(self.tried))
+        return 0.5 * term.cost * float(np.log(rows)) + float(np.log(self.tried)) + _SURELY
 
     def run(self) -> Fit:
         """The terms that earn their place."""
         swaps = _SWAPS
-        seen: set[frozenset[tuple[str, tuple[int, ...]]]] = set()
+        proposed: dict[frozenset[Key], set[Key]] = {}
         for _ in range(_MOST_STEPS):
-            state = frozenset(t.key for t in self.fit.terms) | ({("inexact", ())} if self.fit.inexact else set())
-            step = None if state in seen else self.propose()
-            seen.add(state)
+            state = frozenset(t.key for t in self.fit.terms)
+            before = proposed.setdefault(state, set())
+            step = self.propose(before)
             if step is not None:
+                before.update(t.key for t in step.terms)
                 self._progress(step.words)
-                self.fit = step.fit
-                self.prune()
+                self.fit = prune(self.problem, step.fit, self.price)
                 self.refresh()
                 continue
-            self.simplify()
-            self.prune()
+            self.fit = simplify(self.problem, self.library, self.fit, self._joints, self.price)
+            self.fit = prune(self.problem, self.fit, self.price)
             self.refresh()
-            if frozenset(t.key for t in self.fit.terms) == state - {("inexact", ())} and not (swaps and self.swap()):
+            if frozenset(t.key for t in self.fit.terms) in proposed and not (swaps and self.swap()):
                 break
             swaps -= 1
+        self.fit = without_nuisance(self.problem, self.fit)
+        self.fit = simplify(self.problem, self.library, self.fit, self._joints, self.price)
+        self.fit = prune(self.problem, self.fit, self.price)
         return self.fit
 
     def refresh(self) -> None:
@@ -119,20 +117,13 @@ class Selection:
             self.fit = self.problem.fit(terms, self.fit.noise, inexact=self.fit.inexact)
             self.fit = refine(self.problem, self.library, self.fit, [t for t in terms if t.id in ON_LOAD + ON_DRIVE])
 
-    def simplify(self) -> None:
-        """Give each joint the simplest form of dry friction that explains it."""
-        for joint in self._joints:
-            present = next((t for t in self.fit.terms if t.row == joint and t.id in DRY), None)
-            if present is None:
-                continue
-            found = forms(self.problem, self.library, self.fit, present)
-            if found:
-                self.fit = simplest(found, {f.term.id: self.price(f.term) for f in found}).fit
-            self._straighten(joint)
+    def propose(self, before: Collection[Key] = ()) -> Proposal | None:
+        """The best step forward, or None where nothing is worth its price.
 
-    def propose(self) -> Proposal | None:
-        """The best step forward, or None where nothing is worth its price."""
-        return max(self.proposals(), key=lambda p: p.score, default=None)
+        Args:
+            before: names and joints of terms that were tried from here before, and did not stay.
+        """
+        return max(self.proposals(before=before), key=lambda p: p.score, default=None)
 
     def rivals(self, terms: Sequence[Term]) -> list[Proposal]:
         """Other effects in the place of ``terms``, which are in the fit; the score is relative to the fit without them."""
@@ -142,25 +133,6 @@ class Selection:
             return self.proposals(terms[0].id)
         finally:
             self.fit = whole
-
-    def _straighten(self, joint: int) -> None:
-        """Try a straight line against the speed, with each form of dry friction, in place of a curve: Stribeck's fall at low
-        speed and a rise with the square of the speed bend the same way."""
-        curved = next((t for t in self.fit.terms if t.row == joint and t.id == "quadratic_friction"), None)
-        if curved is None:
-            return
-        others = [t for t in self.fit.terms if t is not curved and not (t.row == joint and t.id == "viscous_friction")]
-        trial = self.problem.fit(
-            [*others, self.library.local("viscous_friction", joint)], self.fit.noise, inexact=self.fit.inexact
-        )
-        present = next((t for t in trial.terms if t.row == joint and t.id in DRY), None)
-        found = forms(self.problem, self.library, trial, present) if present is not None else []
-        if not found:
-            return
-        best = simplest(found, {f.term.id: self.price(f.term) for f in found}).fit
-        paid = sum(map(self.price, best.terms)) - sum(map(self.price, self.fit.terms))
-        if best.loglik - self.fit.loglik > paid:
-            self.fit = best
 
     def swap(self) -> bool:
         """Put another effect in the place of one that explains less than it would; True where there was one."""
@@ -178,8 +150,8 @@ class Selection:
                 return True
         return False
 
-    def proposals(self, without: str = "") -> list[Proposal]:
-        """Every step forward that is worth its price, but for one effect; the likeliest are refined."""
+    def proposals(self, without: str = "", before: Collection[Key] = ()) -> list[Proposal]:
+        """Every step forward that is worth its price, but for one effect and some terms; the likeliest are refined."""
         scorer = Scorer(self.problem, self.fit)
         groups: list[tuple[float, list[Term]]] = []
         for name in LOCAL:
@@ -188,27 +160,21 @@ class Selection:
                 "friction_drift",
             ):  # holds two other frictions: tried in their place only
                 continue
-            scores = [s for j in self._joints if (s := self._best_option(scorer, name, j)) is not None]
+            joints = [j for j in self._joints if (name, (j,)) not in before]
+            scores = [s for j in joints if (s := self._best_option(scorer, name, j)) is not None and s.term.key not in before]
             if scores:
                 groups.append((sum(s.gain - self.price(s.term) for s in scores), [s.term for s in scores]))
-        for term in self._whole:
-            if term.id == without or any(term.key == t.key for t in self.fit.terms):
+        for term in [*self._whole, *self._screen.terms(self.fit)]:
+            if term.id == without or term.key in before or any(term.key == t.key for t in self.fit.terms):
                 continue
-            score = scorer.whole(term)
-            if score.gain > self.price(term) and allowed(term, score.theta, score.std):
-                groups.append((score.gain - self.price(term), [term]))
-        groups.sort(key=lambda g: -g[0])
+            group = self.library.together(term, self.fit.terms)
+            score, price = scorer.whole(joined(group)), sum(map(self.price, group))
+            if score.gain > price and allowed(term, score.theta[: term.p], score.std[: term.p]):
+                groups.append((score.gain - price, group))
+        groups = best_of_each(groups)
         proposals = [p for _, terms in groups[:_TRIED_IN_FULL] if (p := self._try(terms)) is not None]
         proposals.sort(key=lambda p: -p.score)
-        proposals = [self._refined(p) for p in proposals[:_REFINED]] + proposals[_REFINED:]
-        if not self.fit.inexact and (p := self._inexact()) is not None:
-            proposals.append(p)
-        return proposals
-
-    def _inexact(self) -> Proposal | None:
-        fit = self.problem.fit(list(self.fit.terms), self.fit.noise, inexact=True)
-        score = fit.loglik - self.fit.loglik - float(np.log(self.tried))
-        return Proposal((), score, fit) if score > 0.0 else None
+        return [self._refined(p) for p in proposals[:_REFINED]] + proposals[_REFINED:]
 
     def _best_option(self, scorer: Scorer, name: str, joint: int) -> Score | None:
         options = [t for t in self.library.local_options(name, joint) if not any(t.key == other.key for other in self.fit.terms)]
@@ -231,7 +197,7 @@ class Selection:
         while new:
             kept = [t for t in self.fit.terms if not any(t.excludes(n) for n in new)]
             fit = self.problem.fit([*kept, *new], self.fit.noise, inexact=self.fit.inexact)
-            wrong = [t for t in new if not allowed(t, fit.theta_of(t), fit.std_of(t)) or not self.visible(fit, t)]
+            wrong = [t for t in new if not allowed(t, fit.theta_of(t), fit.std_of(t)) or not visible(self.problem, fit, t)]
             if not wrong:
                 paid = sum(map(self.price, new)) - sum(self.price(t) for t in self.fit.terms if t not in kept)
                 score = fit.loglik - self.fit.loglik - paid
@@ -244,55 +210,5 @@ class Selection:
         terms = fit.terms[len(fit.terms) - len(proposal.terms) :]
         return Proposal(terms, proposal.score + fit.loglik - proposal.fit.loglik, fit)
 
-    def visible(self, fit: Fit, term: Term) -> bool:
-        """True where a term is a part of the nominal residual that one can see, over the noise of each joint."""
-        torque = term.columns @ fit.theta_of(term)
-        share = torque if term.row is None else torque[:, None]
-        rows = self._joints if term.row is None else [term.row]
-        power = np.sum(share[:, self._joints if term.row is None else [0]] ** 2, axis=0)
-        nominal = np.sum(self.problem.y**2, axis=0)
-        noise = np.sum(fit.variance, axis=0)
-        seen = np.any(power > _SEEN**2 * nominal[rows])
-        total = np.sum(nominal[self._joints] / noise[self._joints])
-        return bool(seen and (term.id in EXPECTED or np.sum(power / noise[rows]) > _SEEN_OF_ALL**2 * total))
 
-    def prune(self) -> None:
-        """Take out, one after the other, what is no longer worth its price or no longer possible."""
-        while self.fit.terms:
-            worst, margin, without = None, 0.0, self.fit
-            elsewhere = worth(self.problem, self.fit)
-            for term in self.fit.terms:
-                theta, std = self.fit.theta_of(term), self.fit.std_of(term)
-                price = self.price(term)
-                significance = 0.5 * float(np.sum((theta / np.maximum(std, 1e-30)) ** 2))
-                impossible = not allowed(term, theta, std) or not self.visible(self.fit, term)
-                impossible = impossible or (elsewhere[term] < _ELSEWHERE and term.id not in ON_EVENTS)
-                if significance > 20.0 * price and not impossible:
-                    continue
-                rest = self.problem.fit([t for t in self.fit.terms if t is not term], self.fit.noise, inexact=self.fit.inexact)
-                left = self.fit.loglik - rest.loglik - price - (1e9 if impossible else 0.0)
-                if left < margin:
-                    worst, margin, without = term, left, rest
-            if worst is None:
-                return
-            self.fit = without
-
-
-def torques(
-    library: Library, fit: Fit, links: Sequence[FloatArray], nominal: Sequence[FloatArray]
-) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Torque on the link side and on the motor side of the joints with the effects of a fit, shape (N, n) a motion."""
-    link, drive = [x.copy() for x in links], [x.copy() for x in nominal]
-    for term in fit.terms:
-        theta = term.theta_of_effect(fit.theta_of(term))
-        if term.id in MEASUREMENT:
-            continue
-        for i, motion in enumerate(library.motions):
-            torque = term.effect.torque_along(motion, theta)
-            drive[i] += torque
-            if term.id in LINK_SIDE:
-                link[i] += torque
-    return link, drive
-
-
-__all__ = ["DRY", "Proposal", "Selection"]
+__all__ = ["EXPECTED", "Proposal", "Selection"]

@@ -14,6 +14,7 @@ from sysid_ros.sample import FloatArray
 _BAND = 12.0
 _LEAST_LAG = 1.5e-3
 _PAYS = 0.3
+_MOVES = 0.05
 _LATTICE = 0.02
 _COARSE = 1.2
 
@@ -59,6 +60,9 @@ def _velocities(r: Recording) -> tuple[FloatArray, FloatArray, float] | None:
     """True and published velocity in the same band, on an even grid."""
     if r.v is None or len(r.t) < 50 or not np.isfinite(r.v).all():
         return None
+    moving = np.ptp(r.q, axis=0) > _MOVES
+    if np.any(np.ptp(r.v[:, moving], axis=0) == 0.0):
+        return None  # never filled in
     rate = r.rate
     keep = np.concatenate([[True], np.diff(r.t) > 0.0])
     t = r.t[keep] - r.t[0]

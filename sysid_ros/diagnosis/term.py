@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,7 +34,8 @@ class Term:
         columns: shape (K, p) where it loads one joint, else (K, n, p).
         basis: the effect's parameters are ``basis @ theta``, shape (effect.p, p); None for the identity.
         form: which of several forms with the same name it is, for messages.
-        load: rms torque on the joint's links, where the effect is a deflection under it [N m].
+        load: rms torque on the joint's links, where the effect is a deflection under it; where it is a motor's limit, the effort
+            that is not often exceeded [N m].
     """
 
     effect: Effect
@@ -82,8 +84,43 @@ class Term:
         if self.id == other.id:
             return self.id != "joint_coupling" or self.joints == other.joints
         pair = {self.id, other.id}
+        if pair == set(COMPANIONS):
+            return True
         if self.row is not None and self.row == other.row:
             if self.id in DRY and other.id in DRY:
                 return True
             return pair == {"friction_drift", "viscous_friction"}
         return False
+
+
+COMPANIONS = {"joint_elasticity": "rotor_inertia", "backlash": "rotor_inertia"}
+"""What an effect brings along on its joint: behind a spring or a play turns a motor, which the URDF does not know."""
+
+
+def joined(terms: Sequence[Term]) -> Term:
+    """One term with the columns of several, to score them together."""
+    first = terms[0]
+    if len(terms) == 1:
+        return first
+    blocks = [first.columns]
+    for term in terms[1:]:
+        if term.row is None:
+            blocks.append(term.columns)
+        else:
+            block = np.zeros((*first.columns.shape[:2], term.p))
+            block[:, term.row] = term.columns
+            blocks.append(block)
+    return replace(first, columns=np.concatenate(blocks, axis=2))
+
+
+def best_of_each(groups: Sequence[tuple[float, list[Term]]]) -> list[tuple[float, list[Term]]]:
+    """Groups with their gains, the largest first; of one compliance with several settings only the best."""
+    out: list[tuple[float, list[Term]]] = []
+    seen: set[tuple[str, tuple[int, ...]]] = set()
+    for gain, terms in sorted(groups, key=lambda g: -g[0]):
+        key = terms[0].key
+        if terms[0].id in COMPANIONS and key in seen:
+            continue
+        seen.add(key)
+        out.append((gain, terms))
+    return out

@@ -1,5 +1,6 @@
 """Physical causes of joint torque, one a file. A new one is a new file and a line here."""
 
+from sysid_ros.effects.accelerometer_bias import AccelerometerBias
 from sysid_ros.effects.asymmetric_coulomb_friction import AsymmetricCoulombFriction
 from sysid_ros.effects.backlash import Backlash
 from sysid_ros.effects.base_tilt import BaseTilt
@@ -63,6 +64,7 @@ _CLASSES: tuple[type[Effect], ...] = (
     Spring,
     Cogging,
     TimeDelay,
+    AccelerometerBias,
 )
 
 EFFECTS: dict[str, type[Effect]] = {effect.id: effect for effect in _CLASSES}
@@ -76,6 +78,7 @@ CHANNEL_EFFECTS: dict[str, type[ChannelEffect]] = {
 __all__ = [
     "CHANNEL_EFFECTS",
     "EFFECTS",
+    "AccelerometerBias",
     "AsymmetricCoulombFriction",
     "Backlash",
     "BaseTilt",

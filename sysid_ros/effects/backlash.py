@@ -7,36 +7,71 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import Effect, positive
+from sysid_ros.effects.compliance import deflection, torque_of
+from sysid_ros.effects.effect import Effect, Knob, positive
 from sysid_ros.effects.motion import Motion
+from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 
 
 class Backlash(Effect):
-    """``tau = -d ID(q, v, a) / dq_j sign(tau_link,j) gap_j / 2`` [rad]: the link hangs on the side of the gap that its load
-    pushes it to (Nordin, Gutman 2002).
+    """``tau = ID(q - x, v - x', a - x'') - ID(q, v, a)``: the link lags behind the motor by x, half the gap while a flank
+    bears it, and flies free in between (Nordin, Gutman 2002). The linear parameter is the gap [rad].
+
+    One sample alone has the flank that its load pushes it to, ``x = sign(tau_link,j) gap / 2``; so have columns around a gap of
+    zero.
 
     Args:
         robot: the model. joints: joints with play; empty for all. width: torque at which the side has changed [N m].
-        around: gap at which the columns are exact [rad].
+        around: gap at which the columns are those of the flying link, torque over gap [rad].
+        flank: frequency at which the link swings on a flank, its stiffness [Hz]. damping: of that over its critical value.
+        side: flank at the start of a recording: 1, -1, or 0 for the one that the load pushes to.
+        exact: False for the links' torque to first order in x.
     """
 
     id: ClassVar[str] = "backlash"
     label: ClassVar[str] = "backlash"
-    signature: ClassVar[str] = "a wrong zero that changes its sign with the load"
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("flank", 8.0, 60.0, "Hz"), Knob("damping", 0.05, 2.0, "1"))
+    signature: ClassVar[str] = "a wrong zero that changes its sign with the load, and a link that flies free in between"
     look_alikes: ClassVar[tuple[str, ...]] = ("joint_offset", "joint_elasticity")
     separated_by: ClassVar[str] = "motion in which the load on the joint changes its sign"
 
-    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = 0.2, around: float = 0.0) -> None:
+    def __init__(
+        self,
+        robot: RobotModel,
+        joints: Sequence[str] = (),
+        width: float = 0.2,
+        around: float = 0.0,
+        flank: float = 20.0,
+        damping: float = 0.4,
+        side: int = 0,
+        exact: bool = True,
+    ) -> None:
         super().__init__(robot, joints)
-        self.width, self.around = positive(width, "width", self.id), float(around)
+        self.width, self.around, self.exact = positive(width, "width", self.id), float(around), bool(exact)
+        self.flank, self.damping = positive(flank, "flank", self.id), positive(damping, "damping", self.id)
+        if side not in (-1, 0, 1):
+            raise ModelFileError(f"effect '{self.id}' has side {side!r}; it must be -1, 0 or 1.")
+        self.side = int(side)
         self.parameter_names = tuple(f"gap[{name}]" for name in self.joint_names)
         self.units = tuple("m" if robot.is_prismatic[j] else "rad" for j in self.joints)
 
     @property
     def settings(self) -> dict[str, Any]:
-        return {"width": self.width, "around": self.around}
+        return {
+            "width": self.width,
+            "around": self.around,
+            "flank": self.flank,
+            "damping": self.damping,
+            "side": self.side,
+            "exact": self.exact,
+        }
+
+    def lag(self, motion: Motion, joint: int) -> FloatArray:
+        """x of a joint with its two derivatives along a recording, shape (N, 3)."""
+        stiffness = float(np.mean(motion.sensitivity[2][:, joint, joint])) * (2.0 * np.pi * self.flank) ** 2
+        return deflection(motion, joint, stiffness, self.damping, self.around, self.side, self.exact)
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         state = sample.q[None], sample.v[None], sample.a[None]
@@ -45,10 +80,10 @@ class Backlash(Effect):
         out[:] = -0.5 * (by_q[0] * side)[:, self.joints]
 
     def columns_along(self, motion: Motion) -> FloatArray:
-        side = np.tanh(motion.link_torque / self.width)
-        if self.around:
-            here = self.robot.rnea_along(motion.q, motion.v, motion.a)
-            half = 0.5 * self.around * np.eye(self.robot.n)[self.joints]
-            moved = [self.robot.rnea_along(motion.q - side * d, motion.v, motion.a) - here for d in half]
-            return np.stack(moved, axis=-1) / self.around
-        return np.asarray(-0.5 * (motion.sensitivity[0] * side[:, None])[:, :, self.joints])
+        if not self.around:
+            side = np.tanh(motion.link_torque / self.width)
+            return np.asarray(-0.5 * (motion.sensitivity[0] * side[:, None])[:, :, self.joints])
+        out = []
+        for j in self.joints:
+            out.append(torque_of(motion, int(j), self.lag(motion, int(j)), self.exact) / self.around)
+        return np.stack(out, axis=-1)

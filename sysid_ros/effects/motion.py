@@ -22,6 +22,7 @@ class Motion:
 
     Attributes:
         period: of the grid [s].
+        clear: frequency up to which each position stands above its noise, shape (n,) [Hz]; None where that is not known.
     """
 
     def __init__(
@@ -37,6 +38,7 @@ class Motion:
     ) -> None:
         self.robot, self.t, self.q, self.v, self.a, self.tau = robot, t, q, v, a, tau
         self._link_torque, self._drive_torque = link_torque, drive_torque
+        self.clear: FloatArray | None = None
         self._payload: dict[str, FloatArray] = {}
         self._joints: dict[int, Motion] = {}
 
@@ -48,7 +50,12 @@ class Motion:
     @cached_property
     def link_torque(self) -> FloatArray:
         """Torque on the link side of the joints, shape (N, n) [N m]."""
-        return self.robot.rnea_along(self.q, self.v, self.a) if self._link_torque is None else self._link_torque
+        return self.rigid_torque if self._link_torque is None else self._link_torque
+
+    @cached_property
+    def rigid_torque(self) -> FloatArray:
+        """Torque of the URDF's links, shape (N, n) [N m]."""
+        return self.robot.rnea_along(self.q, self.v, self.a)
 
     @property
     def drive_torque(self) -> FloatArray:
@@ -79,6 +86,17 @@ class Motion:
             self._payload[frame] = np.stack(rows)
         return self._payload[frame]
 
+    def clear_load(self, joint: int) -> FloatArray:
+        """Link torque of one joint without what only the noise of the positions makes of it, shape (N,) [N m]."""
+        load = np.ascontiguousarray(self.link_torque[:, joint])
+        edge = np.inf if self.clear is None else float(np.min(self.clear[self.clear > 0.0], initial=np.inf))
+        if edge >= 0.4 / self.period or len(load) < 60:
+            return load
+        from scipy import signal  # takes longer to load than the rest of the package
+
+        sections = signal.butter(4, max(edge, 1.0) * self.period * 2.0, output="sos")
+        return np.ascontiguousarray(signal.sosfiltfilt(sections, load))
+
     def rate_of(self, values: FloatArray) -> FloatArray:
         """Derivative by time of values on the grid, along the first axis."""
         rate: FloatArray = np.gradient(values, self.period, axis=0)
@@ -87,10 +105,10 @@ class Motion:
     def with_torques(self, link_torque: FloatArray, drive_torque: FloatArray) -> Motion:
         """The same motion with more known of its torques, shape (N, n) each; what was computed from the motion alone is kept."""
         other = Motion(self.robot, self.t, self.q, self.v, self.a, self.tau, link_torque, drive_torque)
-        for name in ("regressor", "sensitivity", "gravity_torque"):
+        for name in ("regressor", "sensitivity", "gravity_torque", "rigid_torque"):
             if name in self.__dict__:
                 other.__dict__[name] = self.__dict__[name]
-        other._payload = self._payload
+        other._payload, other.clear = self._payload, self.clear
         return other
 
     def of_joint(self, joint: int) -> Motion:

@@ -19,7 +19,8 @@ class StribeckFriction(JointCurves):
 
     Args:
         robot: the model. joints: joints that rub; empty for all.
-        vs: Stribeck velocity [rad/s]. width: speed at which the sign function has turned [rad/s].
+        vs: Stribeck velocity [rad/s]. width: speed at which the sign function has turned, well below vs: a wide one and a low vs
+            look the same [rad/s].
     """
 
     id: ClassVar[str] = "stribeck_friction"
@@ -28,7 +29,7 @@ class StribeckFriction(JointCurves):
     symbols: ClassVar[tuple[str, ...]] = ("Fc", "Fs")
     symbol_units: ClassVar[tuple[str, ...]] = ("N m", "N m")
     slide_units: ClassVar[tuple[str, ...]] = ("N", "N")
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("vs", 0.02, 0.5, "rad/s"), Knob("width", 0.001, 0.1, "rad/s"))
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("vs", 0.02, 0.5, "rad/s"),)
     signature: ClassVar[str] = "two levels by direction, with a bump at speeds below three Stribeck velocities"
     look_alikes: ClassVar[tuple[str, ...]] = ("coulomb_friction", "presliding_hysteresis", "viscous_friction")
     separated_by: ClassVar[str] = "slow moves at several constant speeds between 0.02 and 0.2 rad/s, in both directions"

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.effects import (
+    CoulombFriction,
     Effect,
     LinkInertia,
     LoadDependentFriction,
@@ -18,6 +19,7 @@ from sysid_ros.effects import (
     TorqueOffset,
     ViscousFriction,
 )
+from sysid_ros.identification.friction_choice import joints_that_need
 from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.least_squares import fit
 from sysid_ros.identification.normal_equations import NormalEquations
@@ -30,7 +32,7 @@ from sysid_ros.torque_model import TorqueModel
 if TYPE_CHECKING:
     from sysid_ros.identification.identify import Choices
 
-FRICTIONS = ("coulomb", "stribeck", "load_dependent")
+FRICTIONS = ("auto", "coulomb", "stribeck", "load_dependent")
 
 _COARSE, _FINE = 6, 5
 _SWEEPS = 4
@@ -48,10 +50,14 @@ def search_friction(
 ) -> tuple[list[Effect], list[Knob]]:
     """Effects for the dry friction in place of Coulomb's, and what was searched for; both empty for plain Coulomb friction.
 
-    The Stribeck velocity of each joint minimises the weighted sum of squares that is left when all linear parameters are solved
-    for (variable projection: Golub, Pereyra 1973). A joint's velocity touches that joint's rows only, so the joints are searched
-    in turn until none changes, first on a coarse grid over the effect's range, then on a fine one around the best. Load-dependent
-    friction has no knob; its load is the URDF's torque, as in the effect.
+    With "auto" a joint's friction grows with its load where that predicts what was not fitted better than Coulomb's friction
+    does, see :func:`~sysid_ros.identification.friction_choice.joints_that_need`; with "load_dependent", on every joint. The load
+    is the URDF's torque, as in the effect.
+
+    With "stribeck" the Stribeck velocity of each joint minimises the weighted sum of squares that is left when all linear
+    parameters are solved for (variable projection: Golub, Pereyra 1973). A joint's velocity touches that joint's rows only, so
+    the joints are searched in turn until none changes, first on a coarse grid over the effect's range, then on a fine one around
+    the best. Joints on which it predicts no better keep Coulomb's friction.
 
     Args:
         rows: rows of the recordings for a model.
@@ -60,6 +66,13 @@ def search_friction(
         return [], []
     if choices.friction == "load_dependent":
         return [LoadDependentFriction(robot)], []
+    if choices.friction == "auto":
+        progress("choosing the friction of each joint")
+        model = _with_links(robot, [LoadDependentFriction(robot)])
+        needed = joints_that_need(
+            model, rows(model), [_index(model, "mu", name) for name in robot.joint_names], (), choices.method
+        )
+        return _mixed(robot, [LoadDependentFriction(robot, [robot.joint_names[j] for j in needed])] if needed else []), []
     knob = next(k for k in StribeckFriction.knobs if k.name == "vs")
     grids = [np.geomspace(knob.low, knob.high, _COARSE)] * robot.n
     progress("searching the Stribeck velocities")
@@ -67,15 +80,31 @@ def search_friction(
     ratio = (knob.high / knob.low) ** (1.0 / (_COARSE - 1))
     grids = [np.clip(np.geomspace(x / ratio, x * ratio, _FINE), knob.low, knob.high) for x in best]
     best, told = _search(robot, grids, rows)
-    effects: list[Effect] = [
-        StribeckFriction(robot, (name,), vs=float(x)) for name, x in zip(robot.joint_names, best, strict=True)
-    ]
+    curves = [StribeckFriction(robot, (name,), vs=float(x)) for name, x in zip(robot.joint_names, best, strict=True)]
+    # beside Coulomb's friction, what is above it at low speed is the second of the two curves alone
+    model = _with_links(robot, [CoulombFriction(robot), *curves])
+    starts = [where.start for effect, where in zip(model.free, model.slices, strict=True) if effect in curves]
+    needed = joints_that_need(model, rows(model), [k + 1 for k in starts], starts, choices.method)
     units = np.where(robot.is_prismatic, "m/s", "rad/s")
-    knobs = [
-        Knob("vs", name, float(x), str(unit), bool(t))
-        for name, x, unit, t in zip(robot.joint_names, best, units, told, strict=True)
-    ]
-    return effects, knobs
+    knobs = [Knob("vs", robot.joint_names[j], float(best[j]), str(units[j]), bool(told[j])) for j in needed]
+    return _mixed(robot, [curves[j] for j in needed]), knobs
+
+
+def _with_links(robot: RobotModel, dry: Sequence[Effect]) -> TorqueModel:
+    return TorqueModel(robot, [LinkInertia(robot), ViscousFriction(robot), *dry, RotorInertia(robot), TorqueOffset(robot)])
+
+
+def _index(model: TorqueModel, symbol: str, joint: str) -> int:
+    return model.parameter_names.index(f"{symbol}[{joint}]")
+
+
+def _mixed(robot: RobotModel, chosen: Sequence[Effect]) -> list[Effect]:
+    """The effects chosen for some joints, and Coulomb's friction on the others; none where none was chosen."""
+    if not chosen:
+        return []
+    taken = {name for effect in chosen for name in effect.joint_names}
+    others = [name for name in robot.joint_names if name not in taken]
+    return [*([CoulombFriction(robot, others)] if others else []), *chosen]
 
 
 def _search(

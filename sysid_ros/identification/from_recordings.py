@@ -9,7 +9,7 @@ from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.identification.channel_checks import CheckedRecording, check_channels
 from sysid_ros.identification.friction_search import FRICTIONS, search_friction
 from sysid_ros.identification.held_out import Prior
-from sysid_ros.identification.identify import Choices, free_model, identify
+from sysid_ros.identification.identify import Choices, free_model, identify, require_motion
 from sysid_ros.identification.least_squares import METHODS
 from sysid_ros.identification.plausibility import check_plausible
 from sysid_ros.identification.recording import Recording
@@ -66,6 +66,7 @@ def identify_recordings(
     fitted, judged, carrying = checked[:first], checked[first:second], checked[second:]
     model = free_model(robot)
     bags = rows(model, fitted)
+    require_motion(robot, bags)
     try:
         found += check_plausible(robot, bags, Prior.of(model).mean)
     except DataError as error:

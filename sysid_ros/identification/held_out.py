@@ -1,4 +1,4 @@
-"""Parts of the recordings that are fitted without each other, and the weight of the prior that predicts best."""
+"""Parts of the recordings that are fitted without each other, and the weights of the prior that predict best."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sysid_ros.effects import LinkInertia
 from sysid_ros.identification.least_squares import Fit
 from sysid_ros.identification.normal_equations import NormalEquations
 from sysid_ros.identification.physical_consistency import PhysicalFit, PhysicalProblem
-from sysid_ros.identification.prior_weight import WEIGHTS, choose_weight
+from sysid_ros.identification.prior_weight import WEIGHTS, choose_weights
 from sysid_ros.identification.result import PriorChoice
 from sysid_ros.identification.rows import BagRows
 from sysid_ros.sample import FloatArray
@@ -22,10 +22,11 @@ from sysid_ros.torque_model import TorqueModel
 _LOAD_SHARE = 0.3
 """Standard deviation of the friction coefficient by load before any data [1]."""
 
-_SLACK = (0.01, 0.03)
-_TOO_STRICT = 1.1
-"""A joint that no inertials can improve must not keep all the others from theirs: where holding every joint to 1 % of what the
-URDF's links reach costs more than a tenth of the error, 3 % is allowed."""
+_CHANCE = 25.2
+"""99.5 % of chi-squared with ten degrees of freedom: what the ten parameters of a link may bring by chance."""
+
+_HELD = 1e8
+"""Weight beside which the data of a link count for nothing: it stands for infinity where others are finite."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +66,11 @@ class Prior:
 
 @dataclass(frozen=True, slots=True)
 class Solvers:
-    """How parameters follow from data and the weight of the prior.
+    """How parameters follow from data and the weights of the prior, one a link or one for all.
 
-    The weight is tried out on many parts of the data, so this takes the prior's quadratic approximation about the URDF's links
-    in place of the semidefinite program: ``theta = argmin theta' A theta / 2 - b' theta + w |theta - URDF|^2_H / 2``, H the
-    curvature of the prior. Without physical consistency that is also the solution itself.
+    The weights are tried out on many parts of the data, so this takes the prior's quadratic approximation about the URDF's links
+    in place of the semidefinite program: ``theta = argmin theta' A theta / 2 - b' theta + sum_k w_k |theta_k - URDF_k|^2_H / 2``,
+    H the curvature of the prior. Without physical consistency that is also the solution itself.
 
     Attributes:
         model: whose parameters they are. prior: before any data. curvature: H, shape (p, p). links: the URDF's links, or what
@@ -89,98 +90,160 @@ class Solvers:
         links = np.where(prior.is_link, problem.solve(math.inf).theta, 0.0)
         return cls(model, prior, problem.prior_curvature, links, physical)
 
-    def approximate(self, information: FloatArray, score: FloatArray, weight: float) -> FloatArray:
-        """theta, shape (p,), by the quadratic prior; ``inf`` keeps the links."""
-        precision = np.where(self.prior.is_link, 0.0, self.prior.precision())
-        if math.isinf(weight):
-            free = ~self.prior.is_link
-            theta = self.links.copy()
-            A = information[np.ix_(free, free)] + np.diag(precision[free])
-            theta[free] = np.linalg.solve(A, score[free] - information[np.ix_(free, ~free)] @ theta[~free])
-            return theta
-        # where neither data nor prior say anything of a link, as little as this keeps the matrix regular
-        least = np.where(self.prior.is_link, 1e-9 / self.prior.std**2, precision)
-        A = information + weight * self.curvature + np.diag(least)
-        side = score + weight * self.curvature @ self.links + least * np.where(self.prior.is_link, self.links, self.prior.mean)
-        return np.asarray(np.linalg.solve(A, side), dtype=np.float64)
+    @property
+    def link_count(self) -> int:
+        """Number of links that have parameters."""
+        return int(self.prior.is_link.sum()) // 10
 
-    def solve(self, information: FloatArray, score: FloatArray, weight: float) -> tuple[FloatArray, PhysicalFit | None]:
+    def _each(self, weights: FloatArray | float) -> FloatArray:
+        """The weight of the prior of each parameter, shape (p,), 0 of those that are no link's."""
+        out = np.zeros(len(self.links))
+        out[self.prior.is_link] = np.repeat(np.broadcast_to(weights, (self.link_count,)), 10)
+        return out
+
+    def approximate(self, information: FloatArray, score: FloatArray, weights: FloatArray | float) -> FloatArray:
+        """theta, shape (p,), by the quadratic prior; ``inf`` keeps a link."""
+        each = self._each(weights)
+        kept = np.isinf(each)
+        each = np.where(kept, 0.0, each)
+        is_link = self.prior.is_link
+        # where neither data nor prior say anything of a link, as little as this keeps the matrix regular
+        least = np.where(is_link, 1e-9 / self.prior.std**2, self.prior.precision())
+        root = np.sqrt(each)
+        pull = root[:, None] * self.curvature * root
+        A = information + pull + np.diag(least)
+        side = score + pull @ self.links + least * np.where(is_link, self.links, self.prior.mean)
+        theta, free = self.links.copy(), ~kept
+        theta[free] = np.linalg.solve(A[np.ix_(free, free)], side[free] - A[np.ix_(free, kept)] @ theta[kept])
+        return theta
+
+    def solve(
+        self, information: FloatArray, score: FloatArray, weights: FloatArray | float
+    ) -> tuple[FloatArray, PhysicalFit | None]:
         """theta, shape (p,), and how it was found where it must be physical."""
         if not self.physical:
-            return self.approximate(information, score, weight), None
+            return self.approximate(information, score, weights), None
         # what is no link keeps its own prior, or a friction that these data hardly tell takes any value that is allowed
         precision = np.where(self.prior.is_link, 0.0, self.prior.precision())
-        fitted = PhysicalProblem(self.model, information + np.diag(precision), score + precision * self.prior.mean).solve(weight)
+        least = float(np.min(weights, initial=math.inf))
+        A, b = information + np.diag(precision), score + precision * self.prior.mean
+        if math.isfinite(least):
+            # links that are held more firmly than the loosest one are so by the quadratic of what is more
+            more = np.sqrt(np.where(self.prior.is_link, np.minimum(self._each(weights), max(_HELD, least)) - least, 0.0))
+            pull = more[:, None] * self.curvature * more
+            A, b = A + pull, b + pull @ self.links
+        fitted = PhysicalProblem(self.model, A, b).solve(least)
         return fitted.theta, fitted
 
 
 @dataclass(frozen=True, slots=True)
 class Folds:
-    """Sums of parts of the recordings, and which parts are held out together.
+    """Sums of parts of the recordings, each predicted by a fit to others.
 
     Attributes:
-        equations: a part each. weight: of a row of each part, shape (parts, n). held_out: parts, one entry a fold.
-        of_one_bag: the first two folds are then its halves in time.
+        equations: a part each. weight: of a row of each part, shape (parts, n). fitted: for each part, the parts that are fitted
+            where it is held out. split: for each part, which way of splitting the data it belongs to.
+        of_one_bag: the first two parts are then its halves in time.
     """
 
     equations: NormalEquations
     weight: FloatArray
-    held_out: tuple[tuple[int, ...], ...]
+    fitted: tuple[tuple[int, ...], ...]
+    split: tuple[int, ...]
     of_one_bag: bool
 
     @classmethod
     def of(cls, bags: Sequence[BagRows], found: Fit) -> Folds:
-        """One bag after the other; where there is one only, its halves in time, posture and speed.
+        """One bag after the other; where there is one only, its halves in time, posture, speed and acceleration.
 
         A periodic motion repeats in its second half what it showed in the first, so halves in time alone would not notice a fit
         that holds nowhere else.
         """
         if len(bags) > 1:
-            return cls(found.equations, found.weight, tuple((b,) for b in range(len(bags))), False)
+            every = range(len(bags))
+            others = tuple(tuple(c for c in every if c != b) for b in every)
+            return cls(found.equations, found.weight, others, tuple(every), False)
         (bag,) = bags
-        sides = [np.arange(len(bag.t)) >= len(bag.t) // 2, _upper(_posture(bag)), _upper(_speed(bag))]
-        cells = np.sum([side.astype(int) << k for k, side in enumerate(sides)], axis=0)
-        rows = [found.rows[0] * (cells == c)[:, None] for c in range(8)]
-        equations = NormalEquations.of([bag] * 8, rows)
-        folds = [tuple(c for c in range(8) if (c >> k) & 1 == side) for k in range(3) for side in (0, 1)]
-        return cls(equations, np.repeat(found.weight, 8, axis=0), tuple(folds), True)
+        sides = [np.arange(len(bag.t)) >= len(bag.t) // 2, *map(_upper, (*_postures(bag), _size(bag.v), _size(bag.a)))]
+        rows = [found.rows[0] * (side == upper)[:, None] for side in sides for upper in (False, True)]
+        parts = range(len(rows))
+        equations = NormalEquations.of([bag] * len(rows), rows)
+        weight = np.repeat(found.weight, len(rows), axis=0)
+        return cls(equations, weight, tuple((c ^ 1,) for c in parts), tuple(c // 2 for c in parts), True)
 
-    def without(self, fold: int) -> tuple[FloatArray, FloatArray]:
-        """Information and score of all the parts that are not held out, shape (p, p) and (p,)."""
-        rest = [c for c in range(len(self.weight)) if c not in self.held_out[fold]]
-        part, weight = self.equations.only(rest), self.weight[rest]
-        return part.information(weight), part.right_side(weight)
+    def without(self, part: int) -> tuple[FloatArray, FloatArray]:
+        """Information and score of what is fitted where a part is held out, shape (p, p) and (p,)."""
+        rest = self.equations.only(self.fitted[part])
+        weight = self.weight[list(self.fitted[part])]
+        return rest.information(weight), rest.right_side(weight)
 
-    def error(self, solvers: Solvers, weight: float) -> FloatArray:
-        """rms of the held-out residual of every joint over all folds, shape (n,) [N m]."""
-        squares, count = np.zeros(self.weight.shape[1]), np.zeros(self.weight.shape[1])
-        for fold, held in enumerate(self.held_out):
-            part = self.equations.only(held)
-            squares += part.squares(solvers.approximate(*self.without(fold), weight)).sum(axis=0)
-            count += part.count.sum(axis=0)
-        error: FloatArray = np.sqrt(squares / np.maximum(count, 1e-12))
-        return error
+    def errors(self, predictions: Sequence[FloatArray]) -> FloatArray:
+        """Mean squared residual of every joint in every split, shape (s, n) [(N m)^2].
+
+        Args:
+            predictions: for each part, the parameters found without it, shape (p,).
+        """
+        shape = (max(self.split) + 1, self.weight.shape[1])
+        squares, count = np.zeros(shape), np.zeros(shape)
+        for part, (split, theta) in enumerate(zip(self.split, predictions, strict=True)):
+            here = self.equations.only([part])
+            squares[split] += here.squares(theta)[0]
+            count[split] += here.count[0]
+        errors: FloatArray = squares / np.maximum(count, 1e-12)
+        return errors
 
 
-def choose_prior(folds: Folds, solvers: Solvers, given: float | None) -> PriorChoice:
-    """The weight of the prior: as given, else by the error on the parts held out."""
+def choose_prior(folds: Folds, solvers: Solvers, found: Fit, given: float | None) -> PriorChoice:
+    """The weights of the prior: as given, else by the error on the parts held out.
+
+    The parts of a short recording all hold the same noise, so a link that predicts them better by chance predicts all of them
+    better. A link is set free only where it also brings the fit to all of the data more than chance does.
+    """
+    names = tuple(solvers.model.robot.body_names[int(j)] for j in _links(solvers.model))
     if given is not None:
-        return PriorChoice(given, (given,), (math.nan,), "as given")
-    errors = {weight: folds.error(solvers, weight) for weight in WEIGHTS}
-    least = np.maximum(np.min(list(errors.values()), axis=0), 1e-300)
+        return PriorChoice(given, (given,), (math.nan,), "as given", names, (given,) * len(names))
+    parts = [folds.without(part) for part in range(len(folds.fitted))]
 
-    def score(weight: float) -> float:
-        return float(np.sqrt(np.mean((errors[weight] / least) ** 2)))
+    def held_out(weights: FloatArray) -> FloatArray:
+        return folds.errors([solvers.approximate(*data, weights) for data in parts])
 
-    choice, lenient = (choose_weight(errors.__getitem__, WEIGHTS, slack) for slack in _SLACK)
-    if score(choice.weight) > _TOO_STRICT * score(lenient.weight):
-        choice = lenient
-    what = "halves in time, posture and speed, held out in turn" if folds.of_one_bag else "bags held out in turn"
-    if math.isinf(choice.weight):
+    choice = choose_weights(held_out, len(names))
+    chosen = _beyond_chance(choice.weights, solvers, found)
+    what = "halves in time, posture, speed and acceleration, held out in turn" if folds.of_one_bag else "bags held out in turn"
+    kept = [name for name, w in zip(names, chosen, strict=True) if math.isinf(w)]
+    if len(kept) == len(names):
         reason = f"the URDF's own links predict {what}, as well as any others, so they are kept"
     else:
         reason = f"the most that predicts {what}, as well as the best, and no joint worse than the URDF's own links do"
-    return PriorChoice(choice.weight, WEIGHTS, tuple(score(w) for w in WEIGHTS), reason)
+        if kept:
+            reason += f"; the URDF's inertials of {', '.join(kept)} are kept, the data do not improve them"
+    weights = tuple(chosen.tolist())
+    return PriorChoice(min(weights, default=math.inf), WEIGHTS, tuple(choice.common.tolist()), reason, names, weights)
+
+
+def _beyond_chance(weights: FloatArray, solvers: Solvers, found: Fit) -> FloatArray:
+    """The weights, infinite where a link's freedom does not lower the weighted sum of squares by more than chance would."""
+
+    def squares(weights: FloatArray) -> float:
+        theta = solvers.approximate(found.information, found.score, weights)
+        return float(theta @ found.information @ theta - 2.0 * found.score @ theta)
+
+    weights = weights.copy()
+    while np.isfinite(weights).any():
+        free = np.flatnonzero(np.isfinite(weights))
+        without = [np.where(np.arange(len(weights)) == k, math.inf, weights) for k in free]
+        brought = np.array([squares(w) for w in without]) - squares(weights)
+        least = int(np.argmin(brought))
+        if brought[least] >= _CHANCE:
+            break
+        weights = without[least]
+    return weights
+
+
+def _links(model: TorqueModel) -> NDArray[np.intp]:
+    """Joints whose links have parameters, shape (k,)."""
+    found = [effect.joints for effect in model.free if isinstance(effect, LinkInertia)]
+    return np.concatenate(found) if found else np.zeros(0, dtype=np.intp)
 
 
 def _upper(values: FloatArray) -> NDArray[np.bool_]:
@@ -188,14 +251,14 @@ def _upper(values: FloatArray) -> NDArray[np.bool_]:
     return upper
 
 
-def _posture(bag: BagRows) -> FloatArray:
-    """Along the direction in which the posture varies most, shape (N,)."""
+def _postures(bag: BagRows) -> FloatArray:
+    """Along the directions in which the posture varies most, three at most, shape (3, N)."""
     deviation = bag.q - bag.q.mean(axis=0)
     _, vectors = np.linalg.eigh(deviation.T @ deviation)
-    return np.asarray(deviation @ vectors[:, -1])
+    return np.asarray((deviation @ vectors[:, :-4:-1]).T)
 
 
-def _speed(bag: BagRows) -> FloatArray:
-    """Speed of all joints, each in its own rms, shape (N,)."""
-    size = np.sqrt(np.mean(bag.v**2, axis=0))
-    return np.asarray(np.sum((bag.v / np.maximum(size, 1e-9)) ** 2, axis=1))
+def _size(values: FloatArray) -> FloatArray:
+    """Of all joints, each in its own rms, shape (N,)."""
+    scale = np.sqrt(np.mean(values**2, axis=0))
+    return np.asarray(np.sum((values / np.maximum(scale, 1e-9)) ** 2, axis=1))

@@ -38,7 +38,8 @@ class Choices:
 
     Attributes:
         method: one of :data:`sysid_ros.identification.least_squares.METHODS`. form: one of ``rows.FORMS``, for the record.
-        friction: "coulomb", "stribeck" or "load_dependent", for the record.
+        friction: "auto", "coulomb", "stribeck" or "load_dependent", see
+            :func:`~sysid_ros.identification.friction_search.search_friction`.
         physical: links that can exist, friction and rotors of 0 or more. prior_weight: None to choose it by held-out error.
         payload_frame: link that carries the payload of loaded runs; the robot's last by default.
         accept_doubts: go on where effort and URDF, or the bags among each other, don't fit, and only say so.
@@ -46,7 +47,7 @@ class Choices:
 
     method: str = "irls"
     form: str = "acceleration"
-    friction: str = "coulomb"
+    friction: str = "auto"
     physical: bool = True
     prior_weight: float | None = None
     accept_doubts: bool = False
@@ -88,7 +89,7 @@ def identify(
         DataError: a joint hardly moves in all of the recordings, or no physical parameters explain them.
     """
     choices = choices or Choices()
-    _require_motion(model.robot, bags)
+    require_motion(model.robot, bags)
     prior = Prior.of(model)
     found = fit(bags, prior.mean, prior.std, choices.method)
     problems = [
@@ -96,11 +97,12 @@ def identify(
         *check_contradictions(bags, found, prior, model.robot.joint_names, choices.accept_doubts),
     ]
     folds, solvers = Folds.of(bags, found), Solvers.of(model, prior, found, choices.physical)
-    chosen = choose_prior(folds, solvers, choices.prior_weight)
-    theta, physical = solvers.solve(found.information, found.score, chosen.weight)
+    chosen = choose_prior(folds, solvers, found, choices.prior_weight)
+    weights = np.array(chosen.link_weights)
+    theta, physical = solvers.solve(found.information, found.score, weights)
     parts = list(bags) if len(bags) > 1 else _halves(bags[0])
     without = [folds.without(fold) for fold in range(len(parts))]
-    thetas = [solvers.solve(*data, chosen.weight)[0] for data in without]
+    thetas = [solvers.solve(*data, weights)[0] for data in without]
     with_urdf = [solvers.solve(*data, math.inf)[0] for data in without]
     errors = tuple(torque_error(x, at, prior.mean, urdf) for x, at, urdf in zip(parts, thetas, with_urdf, strict=True))
     torque_std, correlation_time = _error_elsewhere(parts, thetas, errors, len(bags))
@@ -155,7 +157,12 @@ def _payload(model: TorqueModel, empty: Fit, loaded: Sequence[BagRows], prior: P
     return payload_difference(model, empty, with_load, choices.payload_frame)
 
 
-def _require_motion(robot: RobotModel, bags: Sequence[BagRows]) -> None:
+def require_motion(robot: RobotModel, bags: Sequence[BagRows]) -> None:
+    """Check that every joint moves.
+
+    Raises:
+        DataError: naming the joints that hardly do.
+    """
     share = np.sum([b.moving.sum(axis=0) for b in bags], axis=0) / sum(len(b.t) for b in bags)
     still = [
         f"{name} ({100 * part:.0f} % of the time)" for name, part in zip(robot.joint_names, share, strict=True) if part < 0.05

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.identification.residual_curves import class_means, spectrum
 from sysid_ros.identification.result import ResidualSeries
 from sysid_ros.sample import FloatArray
 
@@ -15,7 +16,6 @@ INK, BLUE, ORANGE, GREEN, GREY, GRID = "#222222", "#0072B2", "#D55E00", "#009E73
 _CURVE_POINTS = 40_000
 """Points of all curves of measured and predicted torque: the file stays small whatever was recorded."""
 _CLOUD_POINTS = 500
-_CLASSES = 24
 _PARTS = 4.0
 """Recordings of a joint are pieced together with a gap of this [s]."""
 
@@ -78,14 +78,14 @@ def residual_figure(
                 chosen = chosen[_thinned(len(chosen), _CLOUD_POINTS)]
                 marker = {"color": colour, "size": 3, "opacity": opacity}
                 figure.add_trace(_cloud(go, x[chosen], residual[chosen, j], marker), row=row, col=column)
-            centre, mean = _class_means(x[moving[:, j]], residual[moving[:, j], j])
+            centre, mean = class_means(x[moving[:, j]], residual[moving[:, j], j])
             figure.add_trace(_curve(go, centre, mean, {"color": INK, "width": 1.8}), row=row, col=column)
         for s, offset in zip(series, start, strict=True):
             keep = _peaks(s.residual[:, j], max(_CURVE_POINTS // (3 * n * len(series)), 200))
             x = s.t[keep] - s.t[0] + offset
             figure.add_trace(_curve(go, x, s.residual[keep, j], {"color": BLUE, "width": 1}), row=row, col=3)
         for values, colour in (("tau_measured", GREY), ("residual", BLUE)):
-            frequency, density = _spectrum([getattr(s, values)[:, j] for s in series], [s.t for s in series], series[0].period)
+            frequency, density = spectrum([getattr(s, values)[:, j] for s in series], [s.t for s in series], series[0].period)
             shown = frequency <= 1.5 * cutoff_hz
             figure.add_trace(_curve(go, frequency[shown], density[shown], {"color": colour, "width": 1.5}), row=row, col=4)
         for column in (1, 2, 3):
@@ -141,30 +141,3 @@ def _peaks(values: FloatArray, most: int) -> np.ndarray[Any, Any]:
         return np.arange(values.size)
     edges = np.linspace(0, values.size, most // 2 + 1).astype(int)
     return np.unique([a + f(values[a:b]) for a, b in pairwise(edges) for f in (np.argmin, np.argmax)])
-
-
-def _class_means(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Means of x and y over classes of equally many points along x."""
-    if len(x) < 4 * _CLASSES:
-        return np.zeros(0), np.zeros(0)
-    classes = np.array_split(np.argsort(x), _CLASSES)
-    return np.array([x[c].mean() for c in classes]), np.array([y[c].mean() for c in classes])
-
-
-def _spectrum(values: Sequence[FloatArray], times: Sequence[FloatArray], period: float) -> tuple[FloatArray, FloatArray]:
-    """Frequencies [Hz] and amplitude density [N m/sqrt(Hz)] over all stretches without a gap (Welch 1967)."""
-    from scipy.signal import welch
-
-    stretches = [
-        part
-        for y, t in zip(values, times, strict=True)
-        for part in np.split(y, np.flatnonzero(np.abs(np.diff(t) - period) > 0.5 * period) + 1)
-    ]
-    length = min(256, max((len(part) for part in stretches), default=0))
-    used = [part for part in stretches if len(part) >= length]
-    if length < 16:
-        return np.zeros(0), np.zeros(0)
-    found = [welch(part, 1.0 / period, nperseg=length, detrend="constant") for part in used]
-    weight = np.array([len(part) for part in used], dtype=float)
-    power = np.average([power for _, power in found], axis=0, weights=weight)
-    return np.asarray(found[0][0][1:]), np.sqrt(np.maximum(power[1:], 1e-30))

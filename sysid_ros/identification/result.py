@@ -210,14 +210,17 @@ class PriorChoice:
     Attributes:
         weight: of the prior; a link whose ten parameters are uncertain by a part s of themselves is told by 1 / s^2, infinite
             keeps the URDF's links.
-        weights, heldout: what was tried and the held-out error of each, rms over the joints of the ratio to that joint's least.
-        reason: in a sentence.
+        weights, heldout: what was tried for all links alike and the held-out error of each, in parts of the error with the
+            URDF's links (geometric mean over the joints).
+        reason: in a sentence. links, link_weights: names of the links and the weight of each; ``weight`` is the least of them.
     """
 
     weight: float
     weights: tuple[float, ...]
     heldout: tuple[float, ...]
     reason: str
+    links: tuple[str, ...] = ()
+    link_weights: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

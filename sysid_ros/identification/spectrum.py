@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
 
 from sysid_ros.identification.recording import Recording
 from sysid_ros.identification.result import CutOff
@@ -73,6 +72,8 @@ class _Bands:
 
 
 def _bands(recording: Recording, max_gap: float) -> _Bands:
+    from scipy import signal  # takes longer to load than the rest of the package
+
     longest = max(recording.stretches(max_gap), key=lambda part: part.stop - part.start)
     n = recording.tau.shape[1]
     torque, motion, clean = np.zeros(n), np.zeros(n), np.full(n, np.inf)

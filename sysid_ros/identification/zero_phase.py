@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from sysid_ros.sample import FloatArray
 
@@ -57,6 +56,8 @@ class KinematicFilter:
     """
 
     def __init__(self, period: float, cutoff_hz: float) -> None:
+        from scipy import signal  # takes longer to load than the rest of the package
+
         self.period = period
         rate = 1.0 / period
         stop = min(6.0 * cutoff_hz, 0.48 * rate)
@@ -111,6 +112,8 @@ class KinematicFilter:
         return np.asarray(np.where(counts[end] > counts[first], 10.0, out))
 
     def _convolve(self, channels: FloatArray, kernel: FloatArray) -> FloatArray:
+        from scipy import signal
+
         # one channel at a time: the whole of a long recording need not be copied
         lost = len(kernel) - 1
         count = -(-(len(channels) - lost) // self.step)

@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.diagnosis.result import Predictions
+from sysid_ros.diagnosis.trajectories import HORIZON, Trajectories
 from sysid_ros.sample import FloatArray
 
 _INK, _BLUE, _ORANGE, _GREY = "#222222", "#0072B2", "#D55E00", "#E6E9ED"
+_BAND = 8.0
+"""Upper end of the band that is judged [Hz]."""
 _CURVE_POINTS = 4000
 _CLOUD_POINTS = 700
 
@@ -41,19 +44,61 @@ def torque_figure(p: Predictions, units: Sequence[str]) -> str:
     return _html(figure, height, hovermode="x unified")
 
 
-def residual_figure(p: Predictions, units: Sequence[str]) -> str:
-    """HTML of the residual before and after, against position, velocity, acceleration, load, time and frequency."""
+def simulation_figure(driven: Trajectories, joints: Sequence[str]) -> str:
+    """HTML of the simulated positions beside the measured ones, windows side by side, a joint a row."""
+    import plotly.graph_objects as go
+    from plotly.subplots import make_subplots
+
+    n = len(joints)
+    height = 140 * n + 90
+    figure = make_subplots(n, 1, shared_xaxes=True, vertical_spacing=34 / height, subplot_titles=[f"{j} [rad]" for j in joints])
+    figure.update_annotations(font_size=13, x=0.0, xanchor="left")
+    ends = np.flatnonzero(np.isnan(driven.t))
+    firsts = np.concatenate([[0], ends[:-1] + 1])
+    x, ticks = driven.t.copy(), []
+    for k, (a, b) in enumerate(zip(firsts, ends, strict=True)):
+        x[a:b] = driven.t[a:b] - driven.t[a] + 1.15 * k * HORIZON
+        ticks.append((x[a], f"{driven.t[a]:.1f} s"))
+    lines = (
+        (driven.nominal, "nominal model", {"color": _ORANGE, "width": 1.2, "dash": "dot"}),
+        (driven.measured, "measured", {"color": _INK, "width": 2.2}),
+        (driven.extended, "extended model", {"color": _BLUE, "width": 1.4}),
+    )
+    for j in range(n):
+        for values, name, line in lines:
+            shown = {"name": name, "legendgroup": name, "showlegend": j == 0, "hovertemplate": "%{y:.4g}"}
+            figure.add_trace(
+                go.Scattergl(x=_small(x), y=_small(values[:, j]), mode="lines", line=line, **shown), row=j + 1, col=1
+            )
+        near = np.concatenate([driven.measured[:, j], driven.extended[:, j]])
+        low, high = np.nanmin(near), np.nanmax(near)
+        margin = 0.15 * (high - low) + 1e-3
+        figure.update_yaxes(range=[low - margin, high + margin], row=j + 1, col=1)
+    figure.update_xaxes(tickvals=[t for t, _ in ticks], ticktext=[text for _, text in ticks])
+    return _html(figure, height, hovermode="x unified")
+
+
+def residual_figure(p: Predictions, units: Sequence[str], floor: FloatArray) -> str:
+    """HTML of the residual before and after, against position, velocity, acceleration, load, time and frequency.
+
+    Args:
+        floor: noise floor of each joint below 8 Hz, shape (n,) [N m].
+    """
     import plotly.graph_objects as go
     from plotly.subplots import make_subplots
 
     n = len(p.joints)
-    height = 190 * n + 110
-    columns = ("position", "velocity", "acceleration", "load", "time", "frequency")
-    titles = [f"{name} [{unit}]" if c == 0 else "" for name, unit in zip(p.joints, units, strict=True) for c in range(6)]
+    height = 205 * n + 110
+    columns = (
+        "position [rad]", "velocity [rad/s]", "acceleration", "load [N m]", "time [s]", "frequency [Hz]", "coherence [Hz]",
+    )  # fmt: skip
+    titles = [
+        f"{name} [{unit}]" if c == 0 else "" for name, unit in zip(p.joints, units, strict=True) for c in range(len(columns))
+    ]
     figure = make_subplots(
-        n, 6, shared_yaxes=False, vertical_spacing=40 / height, horizontal_spacing=0.035, subplot_titles=titles
+        n, len(columns), shared_yaxes=False, vertical_spacing=58 / height, horizontal_spacing=0.035, subplot_titles=titles
     )
-    figure.update_annotations(font_size=13, xanchor="left")
+    figure.update_annotations(font_size=13, xanchor="left", x=0.0)
     keep = _even(len(p.t), _CLOUD_POINTS)
     before, after = p.measured - p.nominal, p.measured - p.extended
     for j in range(n):
@@ -72,9 +117,19 @@ def residual_figure(p: Predictions, units: Sequence[str]) -> str:
                 x=_small(f), y=_small(density), mode="lines", line={"color": colour, "width": 1.2}, showlegend=False, **shown
             )
             figure.add_trace(line, row=j + 1, col=6)
-            figure.update_yaxes(type="log", row=j + 1, col=6)
+            f, share = _coherence(values[:, j], p.v[:, j], p.t)
+            line = go.Scattergl(
+                x=_small(f), y=_small(share), mode="lines", line={"color": colour, "width": 1.2}, showlegend=False, **shown
+            )
+            figure.add_trace(line, row=j + 1, col=7)
+        level = float(floor[j]) / np.sqrt(_BAND)
+        figure.add_hline(y=level, line={"color": _INK, "width": 1, "dash": "dot"}, row=j + 1, col=6)
+        figure.update_yaxes(type="log", row=j + 1, col=6)
+        figure.update_yaxes(range=[0.0, 1.0], row=j + 1, col=7)
+    figure.update_xaxes(nticks=4, tickangle=0)
     for c, name in enumerate(columns, start=1):
-        figure.update_xaxes(title_text=name, row=n, col=c)
+        for row in {1, n}:
+            figure.update_xaxes(title={"text": name, "font": {"size": 12}, "standoff": 4}, row=row, col=c)
     return _html(figure, height)
 
 
@@ -86,6 +141,16 @@ def _spectrum(values: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray
     f, power = signal.welch(values, rate, nperseg=min(len(values), int(8.0 * rate)))
     below = (f > 0.0) & (f < 10.0)
     return f[below], np.sqrt(power[below])
+
+
+def _coherence(values: FloatArray, motion: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Part of the power of values that goes along with a motion, below 10 Hz."""
+    from scipy import signal
+
+    rate = 1.0 / float(np.median(np.diff(t)))
+    f, share = signal.coherence(values, motion, rate, nperseg=min(len(values) // 4, int(4.0 * rate)))
+    below = (f > 0.0) & (f < 10.0)
+    return f[below], np.nan_to_num(share[below])
 
 
 def _even(count: int, most: int) -> np.ndarray[Any, Any]:
@@ -101,7 +166,7 @@ def _html(figure: Any, height: int, **layout: Any) -> str:
         height=height,
         template="plotly_white",
         margin={"l": 55, "r": 15, "t": 60, "b": 50},
-        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 1.0, "xanchor": "right"},
+        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 1.0, "xanchor": "right", "itemsizing": "constant"},
         **layout,
     )
     figure.update_xaxes(gridcolor=_GREY, zeroline=False)

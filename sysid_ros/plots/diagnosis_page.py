@@ -10,7 +10,8 @@ from string import Template
 import numpy as np
 
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter
-from sysid_ros.plots.diagnosis_figures import residual_figure, torque_figure
+from sysid_ros.diagnosis.trajectories import HORIZON, Trajectories
+from sysid_ros.plots.diagnosis_figures import residual_figure, simulation_figure, torque_figure
 
 _VERDICTS = {
     "explained": "The causes below explain what the nominal model gets wrong.",
@@ -21,8 +22,12 @@ _VERDICTS = {
 }
 
 
-def diagnosis_page(result: Diagnosis, name: str, provenance: Mapping[str, object]) -> str:
-    """HTML of the report: a paragraph in plain words, the causes, the figures, the numbers, where they come from."""
+def diagnosis_page(result: Diagnosis, name: str, provenance: Mapping[str, object], driven: Trajectories | None = None) -> str:
+    """HTML of the report: a paragraph in plain words, the causes, the figures, the numbers, where they come from.
+
+    Args:
+        driven: the simulation under the measured torques.
+    """
     from plotly.offline import get_plotlyjs
 
     template = Template(resources.files("sysid_ros.identification").joinpath("report.html").read_text(encoding="utf-8"))
@@ -31,7 +36,7 @@ def diagnosis_page(result: Diagnosis, name: str, provenance: Mapping[str, object
         where=f"{len(result.joints)} joints; {_judged_on(provenance)}.",
         lead=_lead(result),
         tiles=_tiles(result),
-        sections="\n".join(_sections(result, provenance)),
+        sections="\n".join(_sections(result, provenance, driven)),
         plotly=get_plotlyjs() if result.predictions is not None else "",
     )
 
@@ -53,7 +58,9 @@ def _lead(result: Diagnosis) -> str:
     sentences = [_VERDICTS[result.verdict]]
     if result.findings and result.torque is not None:
         first = result.findings[0]
-        sentences.append(f"First comes <b>{escape(first.label)}</b> on {escape(_listed(first.joints))}.")
+        then = [f.label for f in result.findings[1:4]]
+        rest = f", then {escape(_listed(tuple(then)))}" if then else ""
+        sentences.append(f"First comes <b>{escape(first.label)}</b> on {escape(_where(first, result))}{rest}.")
         t = result.torque
         part = t.before / np.maximum(t.torque, 1e-12), t.after / np.maximum(t.torque, 1e-12)
         worst = int(np.argmax(t.after / np.maximum(t.noise_floor, 1e-12)))
@@ -81,22 +88,25 @@ def _tiles(result: Diagnosis) -> str:
     if (s := result.simulation) is not None:
         tiles.append(
             (
-                f"{1e3 * s.position_rmse_before:.3g} → {1e3 * s.position_rmse_after:.3g} mrad",
+                f"{_angle(s.position_rmse_before)} → {_angle(s.position_rmse_after)}",
                 f"simulated position after {s.horizon_s:g} s under the measured torques",
             )
         )
     return "".join(f"<div class='tile'><b>{escape(value)}</b><span>{escape(what)}</span></div>" for value, what in tiles)
 
 
-def _sections(result: Diagnosis, provenance: Mapping[str, object]) -> list[str]:
+def _sections(result: Diagnosis, provenance: Mapping[str, object], driven: Trajectories | None) -> list[str]:
     out = []
     if result.findings:
         rows = "".join(_row(i, f) for i, f in enumerate(result.findings, start=1))
         head = (
-            "<tr><th>cause</th><th class='left'>joints</th><th class='left'>in one sentence</th><th>gain</th><th>ΔBIC</th>"
+            "<tr><th>cause</th><th class='left'>in one sentence</th><th>gain</th><th>ΔBIC</th>"
             "<th class='left'>can't be told from</th></tr>"
         )
-        note = "Gain: part of the nominal residual's power, over the noise of each joint, that is removed on data not fitted."
+        note = (
+            "Gain: part of the nominal residual's power, over the noise of each joint, that comes back on data not fitted where "
+            "this cause alone is left out. Causes that share what they explain do not add up to all that was removed."
+        )
         out.append(_section("Causes, in order of gain", note, f"<div class='scroll'><table>{head}{rows}</table></div>"))
     if result.record_next:
         out.append(
@@ -105,8 +115,19 @@ def _sections(result: Diagnosis, provenance: Mapping[str, object]) -> list[str]:
     if (p := result.predictions) is not None:
         units = ["N m"] * len(p.joints)
         out.append(_section("Torque on held-out data", "Below 20 Hz; drag to zoom.", torque_figure(p, units)))
-        note = "What each model leaves, against what could explain it: a cause that is missing shows as a shape."
-        out.append(_section("Residual", note, residual_figure(p, units)))
+        if driven is not None:
+            note = (
+                f"{driven.simulator} from measured states under the measured torques, {HORIZON:g} s at a time; the ticks "
+                "say when each window starts. The nominal model may leave the picture."
+            )
+            out.append(_section("The simulation driven as the robot was", note, simulation_figure(driven, p.joints)))
+        note = (
+            "What each model leaves, against what could explain it: a cause that is missing shows as a shape. To the right its "
+            "amplitude density, with the noise floor dotted, and the part of its power that goes along with the "
+            "joint's own velocity at each frequency (coherence)."
+        )
+        floor = result.torque.noise_floor if result.torque is not None else np.zeros(len(p.joints))
+        out.append(_section("Residual", note, residual_figure(p, units, floor)))
     out += _numbers(result)
     facts = "".join(
         f"<tr><td>{escape(str(k))}</td><td><code>{escape(', '.join(v) if isinstance(v, list) else str(v))}</code></td></tr>"
@@ -117,13 +138,20 @@ def _sections(result: Diagnosis, provenance: Mapping[str, object]) -> list[str]:
 
 
 def _row(number: int, finding: Finding) -> str:
-    others = ", ".join(finding.cannot_be_told_from)
     return (
-        f"<tr><td>{number}. {escape(finding.label)}</td><td class='words left'>{escape(', '.join(finding.joints))}</td>"
+        f"<tr><td>{number}. {escape(finding.label)}</td>"
         f"<td class='words left'>{escape(finding.sentence)} It shows as {escape(finding.signature)}.</td>"
-        f"<td>{100 * finding.heldout_gain:.1f} %</td><td>{finding.delta_bic:.0f}</td>"
-        f"<td class='words left'>{escape(others)}</td></tr>"
+        f"<td>{_bar(finding.heldout_gain)}{100 * max(finding.heldout_gain, 0.0):.1f} %</td><td>{finding.delta_bic:.0f}</td>"
+        f"<td class='left'>{'<br>'.join(escape(o) for o in finding.cannot_be_told_from)}</td></tr>"
     )
+
+
+def _angle(value: float) -> str:
+    return f"{value:.2g} rad" if value >= 0.1 else f"{1e3 * value:.2g} mrad"
+
+
+def _bar(share: float) -> str:
+    return f"<span class='bar'><i style='width:{100 * min(max(share, 0.0), 1.0):.1f}%'></i></span> "
 
 
 def _numbers(result: Diagnosis) -> list[str]:
@@ -165,6 +193,10 @@ def _section(title: str, note: str, content: str) -> str:
 
 def _listed(names: tuple[str, ...]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _where(finding: Finding, result: Diagnosis) -> str:
+    return "all joints" if len(finding.joints) == len(result.joints) > 2 else _listed(finding.joints)
 
 
 def _percent(parts: np.ndarray[tuple[int], np.dtype[np.float64]]) -> str:

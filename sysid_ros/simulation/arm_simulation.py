@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.drive import Drive
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement
 from sysid_ros.simulation.arm import STEP, ArmWorld
 from sysid_ros.simulation.controller import ComputedTorque
 from sysid_ros.simulation.description import HOME, TIP_LINK, arm_description
-from sysid_ros.simulation.drive import Drive
 from sysid_ros.simulation.payload import Payload, urdf_with_payload
 from sysid_ros.simulation.scenario import CONTROL_RATE, ArmScenario
 from sysid_ros.simulation.trajectory import ExcitingTrajectory

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
 
+_LEAST_STEP, _LEVELS = 3.0, 6.0
 _UNITS = {"mN m": 1000.0, "N cm": 100.0, "lbf ft": 0.737562, "lbf in": 8.850746}
 
 
@@ -89,6 +92,10 @@ def velocity_lag(c: Circumstances) -> HiddenEffect:
 
 def torque_quantisation(c: Circumstances) -> HiddenEffect:
     """Efforts in steps, of one joint or of all."""
-    joints = list(range(c.robot.n)) if c.only is None and c.uniform(0.0, 1.0) < 0.5 else [c.one_joint()]
-    steps = {j: max(c.share(6.0, 20.0), 3.0) * float(c.torque_noise[j]) for j in joints}
+    span = np.ptp(c.tau, axis=0)
+    wide = span > _LEVELS * _LEAST_STEP * c.torque_noise
+    joints = (
+        np.flatnonzero(wide).tolist() if c.only is None and c.uniform(0.0, 1.0) < 0.5 and np.any(wide) else [c.one_joint(wide)]
+    )
+    steps = {j: min(max(c.share(6.0, 20.0), _LEAST_STEP) * float(c.torque_noise[j]), span[j] / _LEVELS) for j in joints}
     return c.effect("torque_quantisation", joints, {"step": (steps, "N m")})

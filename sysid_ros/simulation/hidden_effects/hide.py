@@ -18,6 +18,7 @@ from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
 from sysid_ros.simulation.hidden_effects.noise import Noise
 from sysid_ros.simulation.hidden_effects.run import HiddenRecording, move, publish, require_rate, stiffening_for, truth_of
 from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
+from sysid_ros.simulation.hidden_effects.visibility import nominal_residual, shown
 
 _REST = 0.8
 _FAST_SHARE = 0.6
@@ -70,7 +71,7 @@ class HiddenScenario:
 def hide_in_arm(
     scenario: HiddenScenario, urdf: str, start: float, progress: Callable[[int], None] = lambda n: None
 ) -> tuple[HiddenRecording, dict[str, Any]]:
-    """The recording, stamped from ``start`` [s] on, and its truth.
+    """The recording, stamped from ``start`` [s] on, and its truth, with the size of what it hides in noise floors, a joint.
 
     Raises:
         SettingsError: a joint or a value does not fit, or the arm can't bear what is hidden.
@@ -100,11 +101,13 @@ def hide_in_arm(
         simulator = "compiled"
         moved = move(true, motion, scenario.rate, stiffening)
     recording = publish("hidden", true, moved, noise, rng, start)
+    seen = shown(nominal_residual(robot, recording.exact)[2], noise.floor(scenario.rate)) if scenario.torque_noise else None
     truth = truth_of(
         true,
         noise,
         scenario.rate,
         simulator,
+        residual_over_noise=None if seen is None else seen.tolist(),
         start_time=start,
         duration=scenario.duration,
         seed=scenario.seed,

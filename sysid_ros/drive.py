@@ -38,15 +38,23 @@ class Drive:
         """Torque on the links, shape (n,) [N m], for the drive's torque tau; ``robot`` is the arm with all that it carries."""
         if self.is_ideal:
             return tau
+        a, friction = self._motion(robot, q, v, tau)
+        left: FloatArray = tau - self._rotor * a - self._viscous * (v + self._step * a) - friction
+        return left
+
+    def acceleration(self, robot: RobotModel, q: FloatArray, v: FloatArray, tau: FloatArray) -> FloatArray:
+        """Acceleration a over the step, shape (n,) [rad/s^2]: of light links on heavy rotors too."""
+        return robot.forward_dynamics(q, v, tau) if self.is_ideal else self._motion(robot, q, v, tau)[0]
+
+    def _motion(self, robot: RobotModel, q: FloatArray, v: FloatArray, tau: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """a and f, shape (n,) each."""
         zero = np.zeros(robot.n)
         gravity = robot.gravity_torque(q)
         mass = np.column_stack([robot.rnea(q, zero, unit) - gravity for unit in np.eye(robot.n)])
         response = np.linalg.inv(mass + np.diag(self._rotor + self._step * self._viscous))
         free = response @ (tau - robot.rnea(q, v, zero) - self._viscous * v)
         friction = self._dry_friction(v + self._step * free, np.asarray(self._step * response, dtype=float), v)
-        a = free - response @ friction
-        left: FloatArray = tau - self._rotor * a - self._viscous * (v + self._step * a) - friction
-        return left
+        return free - response @ friction, friction
 
     def _dry_friction(self, v_free: FloatArray, response: FloatArray, v: FloatArray) -> FloatArray:
         """f, shape (n,): ``v+ = v_free - response f`` agrees with f in every joint."""

@@ -1,0 +1,84 @@
+"""What ``sysid diagnose`` writes and shows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from rich import box
+from rich.table import Table
+
+from sysid_ros.cli.output import note, report, write_json
+from sysid_ros.diagnosis import Diagnosis, JointSide, Trajectories, simulated_trajectories
+from sysid_ros.identification.urdf_export import export_urdf
+from sysid_ros.model_file import ModelFile
+from sysid_ros.robot_model import RobotModel
+
+
+def progress_lines() -> Callable[[str], None]:
+    """Tells on stderr what is being done, with the seconds since the start."""
+    started = time.monotonic()
+    return lambda sentence: note(f"{time.monotonic() - started:5.1f} s  {sentence}")
+
+
+def write_files(
+    result: Diagnosis, robot: RobotModel | None, folder: Path, provenance: dict[str, object], known: ModelFile | None = None
+) -> None:
+    """Write the report, the document for machines, the extended model and its predictions into a folder."""
+    from sysid_ros.plots.diagnosis_page import diagnosis_page
+
+    folder.mkdir(parents=True, exist_ok=True)
+    write_json(folder / "diagnosis.json", result.as_dict())
+    driven = _driven(result, robot, known)
+    (folder / "report.html").write_text(diagnosis_page(result, robot.name if robot else "", provenance, driven))
+    if result.model is not None:
+        result.model.write(folder / "model.yaml")
+    if result.urdf_model is not None and robot is not None:
+        for sentence in export_urdf(robot, result.urdf_model, folder / "extended.urdf"):
+            note(sentence)
+    if (p := result.predictions) is not None:
+        np.savez_compressed(
+            folder / "predictions.npz",
+            t=p.t,
+            joint_names=np.array(p.joints),
+            tau_measured=p.measured,
+            tau_nominal=p.nominal,
+            tau_extended=p.extended,
+        )
+
+
+def _driven(result: Diagnosis, robot: RobotModel | None, known: ModelFile | None) -> Trajectories | None:
+    """The simulation under the measured torques, before and after."""
+    if robot is None or result.driven is None or result.model is None:
+        return None
+    before = JointSide.of(robot, known.known_effects(robot) if known else [])
+    return simulated_trajectories(robot, result.driven, (before, JointSide.of(robot, result.model.known_effects(robot))))
+
+
+def show(result: Diagnosis) -> None:
+    """Print the verdict, the causes and the torque errors."""
+    console = report()
+    console.print(f"Verdict: {result.verdict.replace('_', ' ')}", highlight=False)
+    if result.refusal:
+        console.print(result.refusal, highlight=False)
+        return
+    for number, finding in enumerate(result.findings, start=1):
+        console.print(f"{number}. {finding.sentence}", highlight=False)
+        if finding.cannot_be_told_from:
+            console.print(f"   These recordings can't tell it from {', '.join(finding.cannot_be_told_from)}.", highlight=False)
+    for sentence in (result.unexplained, *result.record_next, *result.notes):
+        if sentence:
+            console.print(sentence, highlight=False)
+    if (t := result.torque) is None:
+        return
+    table = Table(title="Torque error on held-out data below 8 Hz: rms in N m", title_justify="left", box=box.SIMPLE)
+    for column in ("joint", "torque", "nominal model", "extended model", "noise floor"):
+        table.add_column(column, justify="left" if column == "joint" else "right", no_wrap=True)
+    for j, name in enumerate(t.joints):
+        part = 100.0 * t.after[j] / max(t.torque[j], 1e-12)
+        table.add_row(
+            name, f"{t.torque[j]:.3g}", f"{t.before[j]:.3g}", f"{t.after[j]:.3g} ({part:.1f} %)", f"{t.noise_floor[j]:.2g}"
+        )
+    console.print(table)

@@ -1,0 +1,123 @@
+"""Search for the stiffness or the play of a compliant joint, whose torque is far from linear in either."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sysid_ros.diagnosis.fit import Fit, Problem
+from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.term import Term
+
+COMPLIANT = ("joint_elasticity", "backlash")
+"""Effects in which a link lags behind its motor."""
+_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+_SIDES = (-1, 0, 1)
+_FIRST = {
+    "joint_elasticity": (("damping", 0.0), ("around", 1.05), ("damping", 1.5), ("around", 1.01)),
+    "backlash": (("side", 0.0), ("flank", 0.0), ("damping", 0.0), ("around", 1.3), ("flank", 1.5), ("around", 1.05)),
+}
+"""What is searched, and within which ratio of the value at hand; 0: over its whole range."""
+_SCAN = {"joint_elasticity": 1.1, "backlash": 1.5}
+_SCANNED = 11
+_NARROWED = 7
+_SLOPES = 3
+_PROBE = 0.005
+_LONGEST = 0.3
+
+
+class _Search:
+    """Settings of one term, moved to where the rows are the most likely.
+
+    The linear parameter must be the one that the columns were made for: a fit that wants another one pays for it what forcing
+    it would cost, ``((theta - around) / std)^2 / 2``.
+    """
+
+    def __init__(self, problem: Problem, library: Library, fit: Fit, term: Term) -> None:
+        self._problem, self._library, self._fit, self._old = problem, library, fit, term
+        self.settings = dict(term.effect.settings)
+        if not self.settings["around"]:
+            self.settings["around"] = max(float(fit.theta_of(term)[0]), 1e-9)
+        self.cost, self.fit, self.term = self.at(self.settings)
+
+    def at(self, settings: dict[str, Any]) -> tuple[float, Fit, Term]:
+        """Cost, fit and term with these settings."""
+        new = self._library.whole(self._old.id, self._old.joints, **settings)
+        fit = self._problem.fit([new if t is self._old else t for t in self._fit.terms], self._fit.noise, 2, self._fit.inexact)
+        theta, std = float(fit.theta_of(new)[0]), float(fit.std_of(new)[0])
+        return 0.5 * ((theta - settings["around"]) / max(std, 1e-12)) ** 2 - fit.loglik, fit, new
+
+    def attempt(self, **changes: Any) -> float:
+        """Cost with some settings changed, which are kept where it is the least so far."""
+        settings = {**self.settings, **changes}
+        cost, fit, term = self.at(settings)
+        if cost < self.cost:
+            self.cost, self.fit, self.term, self.settings = cost, fit, term, settings
+        return cost
+
+    def scan(self, name: str, ratio: float) -> None:
+        """Try values from one ratio below to one above."""
+        value = float(self.settings[name])
+        for x in np.geomspace(value / ratio, value * ratio, _SCANNED):
+            self.attempt(**{name: float(x)})
+
+    def narrow(self, name: str, low: float, high: float) -> None:
+        """Golden sections of the logarithm."""
+        a, b = np.log(low), np.log(high)
+        x1, x2 = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
+        f1, f2 = (self.attempt(**{name: float(np.exp(x))}) for x in (x1, x2))
+        for _ in range(_NARROWED):
+            if f1 < f2:
+                b, x2, f2 = x2, x1, f1
+                x1 = b - _GOLDEN * (b - a)
+                f1 = self.attempt(**{name: float(np.exp(x1))})
+            else:
+                a, x1, f1 = x1, x2, f2
+                x2 = a + _GOLDEN * (b - a)
+                f2 = self.attempt(**{name: float(np.exp(x2))})
+
+    def slopes(self, names: tuple[str, ...]) -> None:
+        """A step of Gauss and Newton in the logarithms of some settings."""
+        whole, others = self.term.columns[..., 0] * self.settings["around"], [t for t in self.fit.terms if t is not self.term]
+        steps = []
+        for name in names:
+            moved = {**self.settings, name: self.settings[name] * (1.0 + _PROBE)}
+            other = self._library.whole(self._old.id, self._old.joints, **moved)
+            steps.append((other.columns[..., 0] * moved["around"] - whole) / np.log1p(_PROBE))
+        rest = Problem(self._problem.band, self._problem.y - whole, self._problem.nuisance, self._problem.prior**-0.5)
+        slope = replace(self.term, columns=np.stack(steps, axis=-1))
+        step = rest.fit([*others, slope], self.fit.noise, 2, self.fit.inexact).theta_of(slope)
+        step *= min(1.0, _LONGEST / float(np.max(np.abs(step))))
+        self.attempt(**{name: float(self.settings[name] * np.exp(x)) for name, x in zip(names, step, strict=True)})
+
+
+def settle(problem: Problem, library: Library, fit: Fit, term: Term) -> tuple[Fit, Term]:
+    """The fit with the compliance of ``term`` where the rows are the most likely.
+
+    A term that is tried for the first time is searched for to first order in the deflection, then made exact; one that was made
+    exact before only follows what has changed beside it.
+    """
+    search = _Search(problem, library, fit, term)
+    first = not term.effect.settings["exact"]
+    if first:
+        search.scan("around", _SCAN[term.id])
+        for name, ratio in _FIRST[term.id]:
+            if name == "side":
+                for side in _SIDES:
+                    search.attempt(side=side)
+                continue
+            value = float(search.settings[name])
+            knob = next((k for k in term.effect.knobs if k.name == name), None)
+            low, high = (value / ratio, value * ratio) if ratio or knob is None else (knob.low, knob.high)
+            search.narrow(name, low, high)
+        search.settings["exact"] = True
+        search.cost, search.fit, search.term = search.at(search.settings)
+    if term.id == "backlash":  # hardly ever smooth enough for slopes
+        value = float(search.settings["around"])
+        search.narrow("around", value / 1.02, value * 1.02)
+    else:
+        for _ in range(_SLOPES if first else 1):
+            search.slopes(("around", "damping"))
+    return search.fit, search.term

@@ -1,0 +1,204 @@
+"""Contacts: short windows in which a force pushes the arm, found in what a fit leaves, dated, and kept out of every fit.
+
+A force f on a link loads the joints below it as ``tau = -J(q)' f`` and none above it. In a short window its direction in the
+world hardly turns, so what is left has one amplitude g(t) for all joints, ``r(t) = -J(q(t))' d g(t)``: as many numbers as there
+are instants, and two for the direction. Friction that is wrong shows on one joint, a body that was picked up does not go away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from sysid_ros.diagnosis.recording import Recording
+from sysid_ros.effects import Motion
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+
+_SMOOTH = 0.05
+_PEAK, _REST = 40.0, 5.0
+"""Mean square over the joints, in units of its usual value, that a window reaches, and at which it ends."""
+_BRIDGE = 0.25
+"""Windows nearer to one another are one [s]."""
+_LONGEST = 5.0
+"""A longer one is no contact [s]."""
+_MARGIN = 0.15
+"""Left out before and after [s]."""
+_EXPLAINED = 0.8
+_JOINTS = 4
+"""A force on a link below fewer joints can look like anything."""
+_SHARE = 0.05
+"""Part of a window's energy from which a joint takes part; at least two must."""
+_BETTER = 1e-3
+_TURNS = 0.1
+"""Time before and after a joint stands in which it is not looked at [s]."""
+_AS_WELL = 0.1
+"""A force must explain a window by so much better than one joint that gives way."""
+_MOST = 0.3
+"""Part of the time: more is no event."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A force that acted for a while.
+
+    Attributes:
+        recording: its name. start, end: since the first stamp [s]. frame: link that is pushed.
+        force: its mean on the robot, in the world, over the time in which it has more than half of its peak, shape (3,) [N].
+        std: of it, shape (3,). peak: of its size [N]. explained: part of the squared residual that it explains.
+        share: of the squared residual of the whole recordings, by that of the windows. rows: independent values in the window.
+    """
+
+    recording: str
+    start: float
+    end: float
+    frame: str
+    force: FloatArray
+    std: FloatArray
+    peak: float
+    explained: float
+    share: float
+    rows: float
+
+
+def find_contacts(
+    robot: RobotModel,
+    names: Sequence[str],
+    motions: Sequence[Motion],
+    residuals: Sequence[FloatArray],
+    moving: Sequence[NDArray[np.bool_]],
+) -> list[Contact]:
+    """Contacts in what a fit leaves.
+
+    Args:
+        names: recording of each motion. residuals: torque that is left on its grid, shape (N, n) [N m].
+        moving: where each joint moves, shape (N, n): friction leaves the torque of a standing joint undetermined.
+    """
+    pooled = np.concatenate([np.where(m, r, np.nan) for r, m in zip(residuals, moving, strict=True)])
+    judged = np.sum(np.isfinite(pooled), axis=0) > 50
+    if judged.sum() < _JOINTS:
+        return []
+    scale = np.full(robot.n, np.inf)
+    scale[judged] = 1.4826 * np.nanmedian(np.abs(pooled[:, judged]), axis=0)
+    scale = np.maximum(scale, 1e-9)
+    out: list[Contact] = []
+    seconds = 0.0
+    for name, motion, residual, moves in zip(names, motions, residuals, moving, strict=True):
+        # where a joint starts or turns, its friction is what is modelled worst
+        reach = 2 * round(_TURNS / motion.period) + 1
+        moves = ndimage.binary_erosion(moves, np.ones((reach, 1), dtype=np.bool_), border_value=1)
+        z = np.where(moves, residual, 0.0) / scale
+        for window in _windows(z, moves & judged, motion.period):
+            seconds += (window.stop - window.start) * motion.period
+            contact = _explain(robot, name, motion, z, scale, window)
+            if contact is not None:
+                out.append(contact)
+    if seconds > _MOST * sum(len(m.t) * m.period for m in motions):
+        return []
+    energy = float(np.nansum((pooled / scale) ** 2)) * motions[0].period
+    return [replace(c, share=c.share / energy) for c in out]
+
+
+def without(recording: Recording, contacts: Sequence[Contact]) -> Recording:
+    """The recording without the windows of its contacts."""
+    t = recording.t - recording.t[0]
+    keep = np.ones(len(t), dtype=np.bool_)
+    for c in contacts:
+        if c.recording == recording.name:
+            keep &= (t < c.start - _MARGIN) | (t > c.end + _MARGIN)
+    keep[0] = True  # times count from the first stamp
+    v = None if recording.v is None else recording.v[keep]
+    return replace(recording, t=recording.t[keep], q=recording.q[keep], v=v, tau=recording.tau[keep])
+
+
+def _windows(z: FloatArray, used: NDArray[np.bool_], period: float) -> list[slice]:
+    """Where the energy of several joints is far above what it usually is, and back again before the end."""
+    count = np.maximum(used.sum(axis=1), 1)
+    energy = np.sum(z**2, axis=1) / count
+    energy = ndimage.uniform_filter1d(energy, max(1, round(_SMOOTH / period)))
+    # where the usual level itself goes up and down, the model is wrong there; that is no event
+    level = max(1.0, float(np.quantile(energy, 0.8)))
+    above = ndimage.binary_closing(energy > _REST * level, np.ones(max(1, round(_BRIDGE / period)), dtype=bool))
+    labels, _ = ndimage.label(above)
+    out = []
+    for (where,) in ndimage.find_objects(labels):
+        # an end at which the joints stand is none: nothing is seen there
+        after = used[where.stop : where.stop + max(1, round(_MARGIN / period))]
+        inside = where.start > 0 and where.stop < len(energy) and bool(np.all(after.sum(axis=1) >= 2))
+        if inside and (where.stop - where.start) * period < _LONGEST and energy[where].max() > _PEAK * level:
+            out.append(where)
+    return out
+
+
+def _explain(robot: RobotModel, name: str, motion: Motion, z: FloatArray, scale: FloatArray, window: slice) -> Contact | None:
+    """The force that explains a window, on the link where it does so best; None where no force does."""
+    residual = z[window]
+    power = np.sum(residual**2, axis=0)
+    if np.sum(power > _SHARE * power.sum()) < 2:
+        return None
+    best: tuple[float, str, FloatArray, FloatArray] | None = None
+    for j in range(_JOINTS - 1, robot.n):
+        frame = robot.body_names[j]
+        jacobian = robot.frame_jacobian_along(motion.q[window], robot.frame_id(frame))[:, :3]
+        columns = -jacobian.swapaxes(1, 2) / scale[:, None]
+        columns[residual == 0.0] = 0.0
+        direction, size = _one_direction(columns, residual)
+        left = residual - np.einsum("kjx,x->kj", columns, direction) * size[:, None]
+        explained = 1.0 - float(np.sum(left**2) / np.sum(residual**2))
+        # where two links share an origin the nearer one is named
+        if best is None or explained > best[0] + _BETTER:
+            best = explained, frame, direction, size
+    if best is None or best[0] < _EXPLAINED:
+        return None
+    explained, frame, direction, size = best
+    if _one_joint(motion.sensitivity[2][window] / scale[:, None], residual) > explained - _AS_WELL:
+        return None
+    if size.sum() < 0.0:
+        direction, size = -direction, -size
+    strong = size > 0.5 * size.max()
+    jacobian = robot.frame_jacobian_along(motion.q[window][strong], robot.frame_id(frame))[:, :3]
+    columns = -jacobian.swapaxes(1, 2) / scale[:, None]
+    columns[residual[strong] == 0.0] = 0.0
+    X, y = columns.reshape(-1, 3), residual[strong].ravel()
+    force = np.linalg.lstsq(X, y, rcond=1e-6)[0]
+    # the residual of one joint has some 16 independent values a second
+    independent = max(3.0, 16.0 * strong.sum() * motion.period * np.count_nonzero(np.any(columns, axis=(0, 2))))
+    variance = float(np.mean((y - X @ force) ** 2)) * len(y) / independent
+    std = np.sqrt(np.diag(np.linalg.pinv(X.T @ X)) * max(variance, len(y) / independent))
+    start, end = float(motion.t[window.start]), float(motion.t[window.stop - 1])
+    energy = explained * float(np.sum(residual**2)) * motion.period
+    return Contact(name, start, end, frame, force, std, float(size.max()), explained, energy, independent)
+
+
+def _one_joint(columns: FloatArray, residual: FloatArray) -> float:
+    """Part of a residual that the acceleration of one link against its motor explains: an elastic joint, or one with play.
+
+    Args:
+        columns: mass matrix with its rows over the scales, shape (k, n, n). residual: shape (k, n), zero where not judged.
+    """
+    columns = np.where((residual == 0.0)[:, :, None], 0.0, columns)
+    along = np.einsum("kij,ki->kj", columns, residual) ** 2 / np.maximum(np.sum(columns**2, axis=1), 1e-12)
+    return float(np.max(along.sum(axis=0)) / np.sum(residual**2))
+
+
+def _one_direction(columns: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit vector d, shape (3,), and amplitude g, shape (k,), that minimise ``sum_k |r_k - A_k d g_k|^2``.
+
+    Args:
+        columns: A, shape (k, n, 3). residual: r, shape (k, n).
+    """
+    normal = np.einsum("kjx,kjy->xy", columns, columns)
+    direction = np.linalg.lstsq(normal, np.einsum("kjx,kj->x", columns, residual), rcond=1e-9)[0]
+    size = np.zeros(len(residual))
+    for _ in range(30):
+        direction = direction / max(float(np.linalg.norm(direction)), 1e-12)
+        along = columns @ direction
+        size = np.sum(along * residual, axis=1) / np.maximum(np.sum(along**2, axis=1), 1e-12)
+        weighted = columns * size[:, None, None]
+        normal = np.einsum("kjx,kjy->xy", weighted, weighted)
+        direction = np.linalg.lstsq(normal, np.einsum("kjx,kj->x", weighted, residual), rcond=1e-9)[0]
+    return direction / max(float(np.linalg.norm(direction)), 1e-12), size

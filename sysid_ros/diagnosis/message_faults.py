@@ -1,0 +1,172 @@
+"""What is wrong with the times of messages: repeated, dropped, late, out of order. It is seen in stamps and raw values alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid_ros.diagnosis.recording import Recording
+from sysid_ros.sample import FloatArray
+
+_MISSING = 1.6
+"""A step between stamps is too long from this multiple of the usual one on."""
+_LONGEST_DROP = 1.0
+"""A longer gap is an interruption, not lost messages [s]."""
+_RESTART = 1.0
+"""Stamps that run back further belong to another recording [s]."""
+_MOVES = 0.02
+"""Speed from which two messages with the same values are one that was sent twice [rad/s]."""
+_CLEARLY_MOVES = 0.1
+"""Speed from which the time of a message shows in its positions [rad/s]."""
+_OTHERWISE = 0.2
+"""Part of a squared difference that a lateness may leave."""
+_LATE_MOST, _LATE_SIGMA = 0.5, 7.0
+"""A message is late (or early) from this part of the usual step on, and from so many robust standard deviations on."""
+_NAMED = 0.01
+"""Part of the messages from which a fault is a finding of its own; fewer are a note."""
+
+Order = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class MessageFaults:
+    """Faults of the times of N messages, in the order in which they were recorded.
+
+    Attributes:
+        count: N. period: usual step between stamps [s].
+        repeated: messages with the stamp, or all of the values, of the one before. dropped: messages that are missing.
+        late: messages whose values belong to another time than their stamp. delay: largest of these differences [s].
+        unordered: messages that came after one with a later stamp.
+        order: puts the messages in the order of their stamps, shape (N,). keep: what is used, in that order, shape (N,).
+    """
+
+    count: int
+    period: float
+    repeated: int
+    dropped: int
+    late: int
+    delay: float
+    unordered: int
+    order: Order
+    keep: Mask
+
+    def shares(self) -> dict[str, float]:
+        """Part of the messages that each fault concerns."""
+        names = ("repeated", "dropped", "late", "unordered")
+        return {name: getattr(self, name) / max(self.count, 1) for name in names}
+
+    def named(self) -> dict[str, float]:
+        """The shares that are a finding of their own."""
+        return {name: share for name, share in self.shares().items() if share >= _NAMED}
+
+    def in_words(self) -> str:
+        """What was found, empty where the messages are in order."""
+        said = {
+            "repeated": f"{self.repeated} repeat the one before and are left out",
+            "dropped": f"about {self.dropped} are missing",
+            "late": f"{self.late} hold values that are up to {1e3 * self.delay:.0f} ms off their stamp and are left out",
+            "unordered": f"{self.unordered} came out of order and were put in the order of their stamps",
+        }
+        found = [text for name, text in said.items() if getattr(self, name)]
+        return f"Of {self.count} messages {', '.join(found)}." if found else ""
+
+
+def in_order(recording: Recording) -> tuple[Recording, MessageFaults]:
+    """The recording in the order of its stamps, without the messages that repeat another or are late, and what was found."""
+    faults = find_message_faults(recording.t, recording.q, recording.tau)
+    if faults.keep.all() and not faults.unordered:
+        return recording, faults
+    used = faults.order[faults.keep]
+    v = None if recording.v is None else recording.v[used]
+    return replace(recording, t=recording.t[used], q=recording.q[used], v=v, tau=recording.tau[used]), faults
+
+
+def find_message_faults(t: FloatArray, q: FloatArray, tau: FloatArray) -> MessageFaults:
+    """Faults of messages with stamps t (N,) [s], positions and efforts of shape (N, n) each.
+
+    A message that is late by d stands off the line through its neighbours by -v d in every joint at once. The difference from
+    the cubic through two neighbours on each side, projected on the velocity, is that d; its noise comes from all messages.
+    """
+    order, unordered = _in_order(t)
+    t, q, tau = t[order], q[order], tau[order]
+    steps = np.diff(t)
+    usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+    same = np.all(np.diff(q, axis=0) == 0.0, axis=1) & np.all((np.diff(tau, axis=0) == 0.0) | np.isnan(tau[1:]), axis=1)
+    keep: Mask = np.ones(len(t), dtype=np.bool_)
+    keep[1:] = (steps != 0.0) & ~(same & _moving(t, q))
+    repeated = int(np.sum(~keep))
+    long = steps[(steps > _MISSING * usual) & (steps < _LONGEST_DROP)]
+    dropped = int(np.sum(np.round(long / usual) - 1.0)) if usual > 0.0 else 0
+    late, delay = _late(t[keep], q[keep], usual)
+    where = np.flatnonzero(keep)[late]
+    keep[where] = False
+    return MessageFaults(len(t), usual, repeated, dropped, len(where), delay, unordered, order, keep)
+
+
+def _in_order(t: FloatArray) -> tuple[Order, int]:
+    """Order of the stamps, within the parts between restarts of the clock, and how many messages were overtaken."""
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(t) < -_RESTART) + 1, [len(t)]])
+    parts, overtaken = [], 0
+    for a, b in pairwise(starts):
+        parts.append(a + np.argsort(t[a:b], kind="stable"))
+        overtaken += int(np.sum(t[a:b] < np.maximum.accumulate(t[a:b])))
+    return np.concatenate(parts).astype(np.intp), overtaken
+
+
+def _moving(t: FloatArray, q: FloatArray) -> Mask:
+    """True for each step in whose tenth of a second a joint is faster than :data:`_MOVES`, shape (N - 1,)."""
+    before, after = (np.clip(np.searchsorted(t, t[1:] + d), 0, len(t) - 1) for d in (-0.05, 0.05))
+    seconds = np.maximum(t[after] - t[before], 1e-9)
+    moving: Mask = np.max(np.abs(q[after] - q[before]), axis=1) / seconds > _MOVES
+    return moving
+
+
+def _late(t: FloatArray, q: FloatArray, period: float) -> tuple[Order, float]:
+    """Messages that are late or early, and the largest difference [s]."""
+    none = np.zeros(0, dtype=np.intp)
+    if len(t) < 50 or period <= 0.0:
+        return none, 0.0
+    late: Order = none
+    worst = 0.0
+    kept = np.arange(len(t))
+    # the worst ones pull their neighbours: they go first
+    for _ in range(4):
+        delay, way, agree = _delays(t[kept], q[kept])
+        spread = 1.4826 * float(np.median(np.abs(way[way != 0.0]))) if np.any(way) else np.inf
+        off = np.where(agree & (np.abs(way) > _LATE_SIGMA * spread), np.abs(delay), 0.0)
+        peak = (off > _LATE_MOST * period) & (off >= np.maximum(np.roll(off, 1), np.roll(off, -1)))
+        if not peak.any():
+            break
+        worst = max(worst, float(off[peak].max()))
+        late = np.concatenate([late, kept[peak]])
+        kept = kept[~peak]
+    return np.sort(late), worst
+
+
+def _delays(t: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, Mask]:
+    """How far each message's values lag its stamp [s], the way that the robot goes in that time [rad], and whether the joints
+    agree on it, shape (N,) each; 0 where the robot hardly moves or neighbours are missing."""
+    delay, way, agree = np.zeros(len(t)), np.zeros(len(t)), np.zeros(len(t), dtype=np.bool_)
+    nodes, values = [t[:-4], t[1:-3], t[3:-1], t[4:]], [q[:-4], q[1:-3], q[3:-1], q[4:]]
+    at, through = t[2:-2], np.zeros_like(q[2:-2])
+    for i in range(4):
+        weight = np.ones_like(at)
+        for k in range(4):
+            if k != i:
+                weight = weight * (at - nodes[k]) / (nodes[i] - nodes[k])
+        through += weight[:, None] * values[i]
+    off = through - q[2:-2]
+    velocity = (values[2] - values[1]) / (nodes[2] - nodes[1])[:, None]
+    speed = np.linalg.norm(velocity, axis=1)
+    width = nodes[3] - nodes[0]
+    usable = (speed > _CLEARLY_MOVES) & (width < 3.0 * float(np.median(width)))
+    along = np.sum(off * velocity, axis=1) / np.maximum(speed, 1e-9)
+    # a late message explains the difference in all joints at once; a jump of one joint does not
+    agree[2:-2] = np.sum(off**2, axis=1) - along**2 < _OTHERWISE * np.sum(off**2, axis=1)
+    way[2:-2] = np.where(usable, along, 0.0)
+    delay[2:-2] = way[2:-2] / np.maximum(speed, _CLEARLY_MOVES)
+    return delay, way, agree

@@ -1,0 +1,171 @@
+"""From a fit to what is told: findings with their evidence, the torques on held-out data, the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import stats
+
+from sysid_ros.diagnosis.covariance import Estimates
+from sysid_ros.diagnosis.fit import Fit
+from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.leftover import Leftover, leftovers
+from sysid_ros.diagnosis.parameters import coulomb_part, parameters
+from sysid_ros.diagnosis.prepare import Prepared
+from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, TorqueRmse
+from sysid_ros.diagnosis.rivals import rivals
+from sysid_ros.diagnosis.selection import EXPECTED, Selection
+from sysid_ros.diagnosis.sentences import sentence
+from sysid_ros.diagnosis.term import COMPANIONS, DRY, Term
+from sysid_ros.robot_model import RobotModel
+
+_MOST_RIVALS = 8
+_STRONG = 10.0
+"""Difference of the BIC from which evidence is very strong (Kass, Raftery 1995)."""
+_BUYS = 0.02
+"""Part of the residual's power on data that was not fitted, from which an effect is claimed however much it scatters."""
+_SAMPLING = 3e-3
+"""Shorter delays come from sampling [s]."""
+_LEFT, _LEFT_SEEN = 0.1, 0.005
+"""Part of the nominal residual's power that may be left where it counts as explained, and where it is seen to be no noise."""
+
+Values = dict[Term, Estimates]
+
+
+def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, held: HeldOut, values: Values) -> Diagnosis:
+    """The findings of a fit, in order of gain, and what they buy on the held-out recordings.
+
+    Args:
+        train: what was fitted. held: what it is judged on. values: of each term, with their covariance.
+    """
+    problem, n = train.problem, robot.n
+    active = problem.active
+    before, after = held.prepared.problem.y, held.residual(fit)
+    noise = fit.noise.variance(held.prepared.band.f)
+    floor = held.rms(np.sqrt(noise))
+    weight = np.zeros(n)
+    weight[active] = 1.0 / np.maximum(floor[active], 1e-9) ** 2
+    power_before = float(np.sum(held.rms(before) ** 2 * weight))
+    excess = float(np.sum(np.maximum(held.rms(after) ** 2 - floor**2, 0.0) * weight))
+    unexplained = min(1.0, excess / max(power_before, 1e-12))
+    findings = []
+    groups = _groups(fit.terms)
+    rich = _beside_coulomb(fit.terms, n)
+    for (name, _), terms in groups.items():
+        if name == "time_delay" and abs(float(fit.theta_of(terms[0])[0])) < _SAMPLING:
+            continue  # in the model, but no fault: the effort is held between two samples
+        others = [t for t in fit.terms if t not in terms]
+        if name == "coulomb_friction":
+            others = [t for t in others if t not in rich]
+        elif any(t in rich for t in terms):
+            others += [selection.library.local("coulomb_friction", t.joints[0]) for t in terms]
+            held.add(others)
+        rest = problem.fit(others, fit.noise, inexact=fit.inexact)
+        without = held.residual(rest)
+        gain = float(np.sum((held.rms(without) ** 2 - held.rms(after) ** 2) * weight)) / max(power_before, 1e-12)
+        cost = sum(t.cost for t in terms)
+        rise = 2.0 * (fit.loglik - rest.loglik) / max(values[t].scatter for t in terms)
+        rows = len(train.band.f) * (len(active) if terms[0].row is None else len(terms))
+        evidence = rise - cost * float(np.log(rows))
+        if evidence < _STRONG and gain < _BUYS and name not in EXPECTED:
+            continue  # in the model, but not claimed: its scatter over time leaves too little of its evidence
+        found = tuple(p for t in terms for p in parameters(t, *values[t][:2]))
+        if name == "coulomb_friction" and rich:
+            terms = sorted([*terms, *rich], key=lambda t: t.joints)
+            found = tuple(p for t in terms for p in coulomb_part(t, *values[t][:2]))
+        joints = tuple(dict.fromkeys(robot.joint_names[j] for t in terms for j in t.joints))
+        findings.append(
+            Finding(
+                id=name,
+                label=terms[0].effect.label,
+                joints=joints,
+                parameters=found,
+                heldout_gain=min(gain, 1.0),
+                delta_bic=evidence,
+                p_value=float(min(1.0, stats.chi2.sf(max(rise, 0.0), cost) * selection.tried)),
+                cannot_be_told_from=rivals(selection, [t for t in terms if t in fit.terms], len(groups) <= _MOST_RIVALS),
+                sentence=sentence(terms[0].effect.label, joints, found, gain, n),
+                signature=terms[0].effect.signature,
+                separated_by=terms[0].effect.separated_by,
+            )
+        )
+    findings = _companions_last(findings)
+    follows = leftovers(train, fit, held.prepared, after)
+    if follows:
+        rms = held.rms(after)
+        lost = sum(x.share * rms[x.joint] ** 2 * weight[x.joint] for x in follows)
+        unexplained = min(1.0, max(unexplained, float(lost) / max(power_before, 1e-12)))
+    verdict = (
+        "nothing_wrong"
+        if not findings and not follows
+        else "unexplained"
+        if not findings
+        else "explained"
+        if unexplained <= (_LEFT_SEEN if follows else _LEFT)
+        else "partly_explained"
+    )
+    torque = held.rms(held.prepared.band.rows([m.tau for m in held.prepared.motions]))
+    return Diagnosis(
+        verdict=verdict,
+        joints=robot.joint_names,
+        findings=tuple(findings),
+        torque=TorqueRmse(robot.joint_names, held.rms(before), held.rms(after), floor, torque),
+        unexplained_fraction=unexplained,
+        unexplained=_in_words(robot, follows),
+        record_next=_record_next(findings),
+        predictions=_predictions(robot, held, fit),
+    )
+
+
+def _companions_last(findings: Sequence[Finding]) -> list[Finding]:
+    """In order of gain; what an effect brings along comes after it, whichever gains more."""
+    gain = {f.id: f.heldout_gain for f in findings}
+    for f in findings:
+        other = next((x for x in findings if x.id == COMPANIONS.get(f.id) and set(x.joints) <= set(f.joints)), None)
+        if other is not None:
+            gain[f.id] = max(gain[f.id], gain[other.id] + 1e-9)
+    return sorted(findings, key=lambda f: -gain[f.id])
+
+
+def _groups(terms: Sequence[Term]) -> dict[tuple[str, tuple[int, ...]], list[Term]]:
+    """Terms of one finding: those with the same name, and each coupling of two joints by itself."""
+    groups: dict[tuple[str, tuple[int, ...]], list[Term]] = {}
+    for term in sorted(terms, key=lambda t: t.joints):
+        key = (term.id, term.joints if term.id == "joint_coupling" else ())
+        groups.setdefault(key, []).append(term)
+    return groups
+
+
+def _beside_coulomb(terms: Sequence[Term], n: int) -> list[Term]:
+    """Richer forms of dry friction where most joints have the simplest: their Coulomb part is named with the others'."""
+    plain = [t for t in terms if t.id == "coulomb_friction"]
+    rich = [t for t in terms if t.id in DRY and t.id != "coulomb_friction"]
+    return rich if len(plain) >= len(rich) and len(plain) + len(rich) > n // 2 else []
+
+
+def _in_words(robot: RobotModel, follows: Sequence[Leftover]) -> str:
+    if not follows:
+        return ""
+    parts = [f"on {robot.joint_names[x.joint]} it follows the {', the '.join(x.follows[:2])}" for x in follows[:3]]
+    return f"What is left still depends on the motion: {'; '.join(parts)}. No effect that is known here describes it."
+
+
+def _record_next(findings: Sequence[Finding]) -> tuple[str, ...]:
+    return tuple(
+        f"To tell {f.id} from {' and '.join(f.cannot_be_told_from)}: {f.separated_by}." for f in findings if f.cannot_be_told_from
+    )
+
+
+def _predictions(robot: RobotModel, held: HeldOut, fit: Fit) -> Predictions:
+    motions = held.prepared.motions
+    return Predictions(
+        t=np.concatenate([m.t for m in motions]),
+        joints=robot.joint_names,
+        measured=np.concatenate([m.tau for m in motions]),
+        nominal=np.concatenate(held.prepared.nominal),
+        extended=np.concatenate(held.predictions(fit, robot)),
+        q=np.concatenate([m.q for m in motions]),
+        v=np.concatenate([m.v for m in motions]),
+        a=np.concatenate([m.a for m in motions]),
+    )

@@ -1,0 +1,128 @@
+"""Whether the URDF can be that of the robot that was recorded, by whether it explains anything that no URDF would explain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid_ros.diagnosis.conditioning import motions
+from sysid_ros.diagnosis.recording import Recording
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+
+_ROWS = 500
+_NEAR = 0.1
+"""Part of the torque, or of what friction, rotors and offsets alone leave of it, that a right URDF leaves (median)."""
+_HELPS, _HELPS_ALL = 0.6, 0.7
+"""A right URDF lowers what is left to less than this part: in the median of the joints, or in their mean of logarithms."""
+_EXPLAINED, _LOADED = 0.2, 0.25
+_CAUSES = (slice(0, 0), slice(0, 10), slice(10, 13), slice(13, 14))
+"""Columns of none, a payload, a force and gravity among those of the whole arm."""
+_CURRENT = 3.3
+"""Factor from which efforts can be currents."""
+_FITS = 0.05
+_SIGN = 0.02
+_OWN = 4
+
+
+def wrong_robot(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
+    """Why the URDF can't be that of the robot, with the cure; None where it can.
+
+    A payload, a force on the tool, gravity that is missing or doubled, and friction, rotor and offset of each joint are fitted
+    twice: to what the URDF leaves of the torque, and to the torque itself. The right URDF, wrong as it may be, leaves much less;
+    that of another robot leaves as much as none at all. Where friction is most of the torque, both leave the same of a right one
+    too; but then a payload, a force or gravity alone bring the joints that bear a load down to their friction.
+
+    Args:
+        recordings: after the faults of units, signs and order were undone.
+    """
+    parts = [m for r in recordings for m in motions(robot, r)]
+    if not parts:
+        return None
+    count = sum(len(m.t) for m in parts)
+    every = slice(None, None, max(1, count // _ROWS))
+    q, v, a, tau = (np.concatenate([getattr(m, name)[every] for m in parts]) for name in ("q", "v", "a", "tau"))
+    nominal = robot.rnea_along(q, v, a)
+    size = np.maximum(np.mean(tau**2, axis=0), 1e-12)
+    own = _own(v, a)
+    left, alone = (np.array([_left(own[:, j], y[:, j]) for j in range(robot.n)]) / size for y in (tau - nominal, tau))
+    loaded = alone > _LOADED
+    if not loaded.any() or np.median(left) < _NEAR or np.median((left / alone)[loaded]) < _NEAR:
+        return None
+    arm = _whole_arm(robot, q, v, a, own)
+    if _one_cause(arm, tau, nominal, alone, loaded) < _EXPLAINED or _helps(arm, tau, nominal):
+        return None
+    gains = _gains_of_currents(own, tau, nominal, size)
+    if gains is not None and _helps(arm, tau / gains, nominal):
+        return None
+    worst = ", ".join(f"{robot.joint_names[j]} {100 * np.sqrt(left[j]):.0f} %" for j in np.argsort(-left)[:3])
+    return (
+        f"The URDF '{robot.name}' does not explain these torques: beside friction it leaves {worst} of them (rms), and with any "
+        "payload and force it explains no more than no model at all. It is another robot's URDF, or the efforts are no joint "
+        "torques; give the URDF of the robot that was recorded (--urdf)."
+    )
+
+
+def _one_cause(arm: FloatArray, tau: FloatArray, nominal: FloatArray, alone: FloatArray, loaded: NDArray[np.bool_]) -> float:
+    """What the URDF with one cause of the whole arm leaves of what friction, rotor and offset alone leave, over the joints for
+    which that is much: the geometric mean, for the cause for which it is least."""
+    scale = 1.0 / np.sqrt(np.maximum(np.mean(tau**2, axis=0), 1e-12))
+    joints = range(_CAUSES[-1].stop, arm.shape[2])
+    rest = ((tau - nominal) * scale).ravel()
+    found = []
+    for cause in _CAUSES:
+        columns = arm[:, :, [*range(cause.start, cause.stop), *joints]] * scale[:, None]
+        X = columns.reshape(-1, columns.shape[2])
+        left = np.mean((rest - X @ np.linalg.lstsq(X, rest, rcond=1e-7)[0]).reshape(tau.shape) ** 2, axis=0)
+        found.append(float(np.exp(np.mean(np.log(np.maximum(left / alone, 1e-6)[loaded])))))
+    return min(found)
+
+
+def _own(v: FloatArray, a: FloatArray) -> FloatArray:
+    """Friction, rotor and offset of each joint, shape (N, n, 4)."""
+    return np.stack([np.tanh(v / _SIGN), v, a, np.ones_like(v)], axis=-1)
+
+
+def _left(X: FloatArray, y: FloatArray) -> float:
+    theta = np.linalg.lstsq(X, y, rcond=None)[0]
+    return float(np.mean((y - X @ theta) ** 2))
+
+
+def _whole_arm(robot: RobotModel, q: FloatArray, v: FloatArray, a: FloatArray, own: FloatArray) -> FloatArray:
+    """Columns of a payload, of a force, of gravity and of each joint's own, shape (N, n, p)."""
+    n, frame, still = robot.n, robot.frame_id(robot.default_frame), np.zeros_like(q)
+    columns = np.zeros((len(q), n, 14 + _OWN * n))
+    columns[:, :, :10] = [robot.payload_regressor(*state, frame) for state in zip(q, v, a, strict=True)]
+    columns[:, :, 10:13] = robot.frame_jacobian_along(q, frame).swapaxes(1, 2)
+    columns[:, :, 13] = robot.rnea_along(q, still, still)
+    for j in range(n):
+        columns[:, j, 14 + _OWN * j : 14 + _OWN * (j + 1)] = own[:, j]
+    return columns
+
+
+def _helps(columns: FloatArray, tau: FloatArray, nominal: FloatArray) -> bool:
+    """True where much less is left with the URDF than without it."""
+    scale = 1.0 / np.sqrt(np.maximum(np.mean(tau**2, axis=0), 1e-12))
+    X = (columns * scale[:, None]).reshape(-1, columns.shape[2])
+    left = []
+    for y in (tau - nominal, tau):
+        rest = (y * scale).ravel()
+        theta = np.linalg.lstsq(X, rest, rcond=1e-7)[0]
+        left.append(np.mean((rest - X @ theta).reshape(tau.shape) ** 2, axis=0))
+    ratio = np.maximum(left[0], 1e-30) / np.maximum(left[1], 1e-30)
+    return bool(np.median(ratio) < _HELPS or np.exp(np.mean(np.log(ratio))) < _HELPS_ALL)
+
+
+def _gains_of_currents(own: FloatArray, tau: FloatArray, nominal: FloatArray, size: FloatArray) -> FloatArray | None:
+    """One factor a joint, shape (n,), where the efforts are the torques times such factors, far from 1; else None."""
+    gains, left = np.ones(tau.shape[1]), np.ones(tau.shape[1])
+    for j in range(tau.shape[1]):
+        X = np.column_stack([nominal[:, j], own[:, j]])
+        theta = np.linalg.lstsq(X, tau[:, j], rcond=None)[0]
+        gains[j], left[j] = theta[0], np.mean((tau[:, j] - X @ theta) ** 2) / size[j]
+    usual = float(np.median(gains))
+    if usual <= 0.0 or 1.0 / _CURRENT < usual < _CURRENT or np.median(left) > _FITS:
+        return None
+    return np.where(gains > 0.1 * usual, gains, usual)

@@ -1,0 +1,50 @@
+"""An accelerometer that shows more than there is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sysid_ros.effects.effect import Effect
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+class AccelerometerBias(Effect):
+    """``tau = -M_b(q) b``: the specific force of the base is told too large by a constant b in the axes of the base [m/s^2].
+
+    With M_b (n, 3) the torque that a unit of specific force costs. Inverse dynamics with ``s + b`` asks for ``M_b b`` more than
+    acts. On a robot on legs ``s`` is measured; on an arm, whose base rests, it is minus the model's gravity, and b what that is
+    wrong by. Standing still, the part of b along gravity is a mass like any other; across it, no body looks like it.
+
+    Args:
+        robot: the model. joints: unused, all links are concerned. frame: of a body that is carried too; empty: none.
+
+    Attributes:
+        load: ten parameters of that body about the frame's origin, shape (10,), 0 at first: it is as heavy by ``s + b`` as the
+            links are.
+    """
+
+    id: ClassVar[str] = "accelerometer_bias"
+    label: ClassVar[str] = "bias of the accelerometer"
+    signature: ClassVar[str] = "a force that keeps its direction in the base while the base turns, on all links by their mass"
+    look_alikes: ClassVar[tuple[str, ...]] = ("base_tilt", "payload", "external_force")
+    separated_by: ClassVar[str] = "rolling and pitching the base, by which gravity turns against the bias"
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), frame: str = "") -> None:
+        super().__init__(robot, joints)
+        self.frame = frame
+        self._frame_index = robot.frame_id(frame) if frame else None
+        self.load: FloatArray = np.zeros(10)
+        self.parameter_names, self.units = ("bias_x", "bias_y", "bias_z"), ("m/s^2",) * 3
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {"frame": self.frame}
+
+    def fill(self, sample: Sample, out: FloatArray) -> None:
+        out[:] = -self.robot.base_acceleration_columns(sample.q)
+        if self._frame_index is not None and self.load.any():
+            out -= self.robot.base_acceleration_columns_of(sample.q, self._frame_index, self.load)

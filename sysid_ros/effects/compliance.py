@@ -1,0 +1,107 @@
+"""Motion of a link behind a spring or a play, from the motion of its motor."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from sysid_ros.effects.motion import Motion
+from sysid_ros.sample import FloatArray
+
+_STEP = 0.02
+"""Largest step of the integration, in radians of the spring's own oscillation: errors of its phase add up."""
+_COARSE = 0.1
+"""The same in a search, and on the flanks of a play, where a bounce is short."""
+_MOST_STEPS = 100
+_START = 0.1
+"""Time over which the load, and its rate, are read that the spring bears at the start [s]."""
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _follow(
+    load: FloatArray,
+    by_q: FloatArray,
+    by_v: FloatArray,
+    inertia: FloatArray,
+    period: float,
+    steps: int,
+    stiffness: float,
+    damping: float,
+    gap: float,
+    start: float,
+    speed: float,
+) -> FloatArray:
+    out = np.zeros((load.size, 3))
+    half, h = 0.5 * gap, period / steps
+    x, v = start, speed
+    for i in range(load.size):
+        k = min(i, load.size - 2)
+        for s in range(steps + 1):
+            part = s / steps + (i - k)
+            torque = 0.0
+            if abs(x) > half or gap == 0.0:
+                torque = stiffness * (x - np.sign(x) * half) + damping * v
+                if gap > 0.0 and torque * x < 0.0:
+                    torque = 0.0  # a flank pushes and does not pull
+            near, far = 1.0 - part, part
+            carried = near * load[k] + far * load[k + 1] - (near * by_q[k] + far * by_q[k + 1]) * x
+            carried -= (near * by_v[k] + far * by_v[k + 1]) * v
+            a = (carried - torque) / (near * inertia[k] + far * inertia[k + 1])
+            # half a step of velocity, a step of position, half a step of velocity (Verlet 1967)
+            if s > 0:
+                v += 0.5 * h * a
+            if s == 0:
+                out[i, 0], out[i, 1], out[i, 2] = x, v, a
+            if s < steps:
+                v += 0.5 * h * a
+                x += h * v
+    return out
+
+
+def deflection(
+    motion: Motion, joint: int, stiffness: float, ratio: float, gap: float = 0.0, side: int = 0, exact: bool = True
+) -> FloatArray:
+    """x = q_motor - q_link of one joint along a recording and its two derivatives, shape (N, 3) [rad, rad/s, rad/s^2].
+
+    ``M x'' = ID_j(q - x, v - x', a) - T(x, x')``, M the joint's own entry of the mass matrix, to first order in x; all other
+    joints move as recorded. ``T = k (x - sign(x) gap / 2) + d x'`` outside of the gap, where it only pushes.
+
+    Args:
+        motion: of the motors. joint: index.
+        stiffness: k [N m/rad]. ratio: damping d over its critical value ``2 sqrt(k M)``. gap: play [rad].
+        side: flank on which the link lies at the start: 1, -1, or 0 for the one that its load pushes it to.
+        exact: False for longer steps, and for a spring under a load without the noise of the positions: through a spring that
+            noise looks like a part of what it does to the torque.
+    """
+    by_q, by_v, by_a = (np.ascontiguousarray(x[:, joint, joint]) for x in motion.sensitivity)
+    load = np.ascontiguousarray(motion.link_torque[:, joint])
+    if not exact and gap == 0.0:
+        load = motion.clear_load(joint)
+    inertia = np.maximum(by_a, 1e-9)
+    usual = float(np.mean(inertia))
+    own = np.sqrt(stiffness / float(inertia.min()))
+    steps = int(np.clip(np.ceil(own * motion.period / (_STEP if exact and gap == 0.0 else _COARSE)), 1, _MOST_STEPS))
+    # the link follows its load at the start; what it swings about that nobody knows
+    count = max(2, round(_START / motion.period))
+    rise, at_start = np.polyfit(motion.period * np.arange(count), load[:count], 1)
+    start, speed = at_start / stiffness + 0.5 * gap * (side or np.sign(at_start)), rise / stiffness
+    damping = 2.0 * ratio * np.sqrt(stiffness * usual)
+    return np.asarray(
+        _follow(load, by_q, by_v, inertia, motion.period, steps, stiffness, damping, gap, float(start), float(speed))
+    )
+
+
+def torque_of(motion: Motion, joint: int, x: FloatArray, exact: bool) -> FloatArray:
+    """What the links' torque changes by when one link lags by x, shape (N, n) [N m].
+
+    ``ID(q - x, v - x', a - x'') - ID(q, v, a)``
+
+    Args:
+        x: with its two derivatives, shape (N, 3). exact: else to first order.
+    """
+    if not exact:
+        by_q, by_v, by_a = (s[:, :, joint] for s in motion.sensitivity)
+        return np.asarray(-(by_q * x[:, :1] + by_v * x[:, 1:2] + by_a * x[:, 2:]))
+    one = np.eye(motion.robot.n)[joint]
+    state = motion.q - x[:, :1] * one, motion.v - x[:, 1:2] * one, motion.a - x[:, 2:] * one
+    return np.asarray(motion.robot.rnea_along(*state) - motion.rigid_torque)

@@ -1,0 +1,174 @@
+"""Elastic joints and joints with play: the equation of the link behind them, and that they are found with their size."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from motions import Motion as Path_
+from robots import robot
+
+from sysid_ros.diagnosis import Diagnosis, Recording, diagnose
+from sysid_ros.diagnosis.conditioning import clear_band
+from sysid_ros.diagnosis.term import COMPANIONS
+from sysid_ros.effects import Backlash, JointElasticity, Motion
+from sysid_ros.effects.compliance import deflection, torque_of
+from sysid_ros.sample import FloatArray
+
+ARM, JOINT = "small_arm", 1
+RATE = 250.0
+SPRING = 300.0
+HIDDEN_IN = {"joint_elasticity": 1, "backlash": 0}
+"""A joint that carries weight, and one whose load changes its sign."""
+
+
+def moved(seed: int = 3, seconds: float = 6.0, rate: float = 200.0) -> Motion:
+    model = robot(ARM)
+    t = np.arange(round(seconds * rate)) / rate
+    return Motion(model, t, *Path_(model, seed, speed=1.2)(t), np.zeros((len(t), model.n)))
+
+
+def test_the_link_moves_by_its_equation() -> None:
+    motion = moved()
+    by_q, by_v, inertia = (x[:, JOINT, JOINT] for x in motion.sensitivity)
+    for f, ratio in ((3.0, 0.02), (8.0, 0.3)):
+        k = float(inertia.mean()) * (2.0 * np.pi * f) ** 2
+        x = deflection(motion, JOINT, k, ratio)
+        d = 2.0 * ratio * np.sqrt(k * float(inertia.mean()))
+        load = motion.link_torque[:, JOINT]
+        left = inertia * x[:, 2] + d * x[:, 1] + k * x[:, 0] + by_q * x[:, 0] + by_v * x[:, 1] - load
+        assert np.abs(left).max() < 0.01 * np.abs(load).max()
+        for order in (0, 1):
+            slope = np.gradient(x[:, order], motion.period)
+            assert np.abs(slope - x[:, order + 1])[2:-2].max() < 0.03 * np.abs(x[:, order + 1]).max()
+
+
+def test_a_stiff_joint_follows_its_load_at_once() -> None:
+    motion = moved()
+    name = (motion.robot.joint_names[JOINT],)
+    soft = JointElasticity(motion.robot, name).columns_along(motion)
+    k = float(motion.sensitivity[2][:, JOINT, JOINT].mean()) * (2.0 * np.pi * 30.0) ** 2
+    stiff = JointElasticity(motion.robot, name, around=1.0 / k, damping=0.5).columns_along(motion)
+    inside = slice(100, -100)
+    assert np.abs(stiff - soft)[inside].max() < 0.1 * np.abs(soft[inside]).max()
+
+
+def test_to_first_order_and_exactly_differ_by_the_square_of_the_lag() -> None:
+    motion = moved()
+    x = deflection(motion, JOINT, 400.0, 0.2)
+    errors = []
+    for share in (1.0, 0.5):
+        exact, linear = (torque_of(motion, JOINT, share * x, e) for e in (True, False))
+        errors.append(float(np.abs(exact - linear).max()))
+    assert errors[0] < 0.05 * float(np.abs(torque_of(motion, JOINT, x, True)).max())
+    assert errors[1] / errors[0] == pytest.approx(0.25, abs=0.1)
+
+
+def test_a_link_with_play_lies_on_a_flank_or_flies() -> None:
+    motion, gap = moved(), 0.02
+    inertia = motion.sensitivity[2][:, JOINT, JOINT]
+    k = float(inertia.mean()) * (2.0 * np.pi * 20.0) ** 2
+    x = deflection(motion, JOINT, k, 0.5, gap)
+    load = motion.link_torque[:, JOINT]
+    assert np.abs(x[:, 0]).max() < 0.5 * gap + 6.0 * np.abs(load).max() / k
+    flies = np.abs(x[:, 0]) < 0.49 * gap
+    by_q, by_v = (s[:, JOINT, JOINT] for s in motion.sensitivity[:2])
+    carried = load - by_q * x[:, 0] - by_v * x[:, 1] - inertia * x[:, 2]
+    assert np.abs(carried[flies]).max(initial=0.0) < 1e-9 * np.abs(load).max()
+    held = np.abs(x[:, 0]) > 0.5 * gap
+    assert np.all(carried[held] * x[held, 0] > -1e-9)
+    # at the start a side that is told overrides the load's
+    other = deflection(motion, JOINT, k, 0.5, gap, side=int(-np.sign(x[0, 0])))
+    assert other[0, 0] * x[0, 0] < 0.0
+
+
+def test_settings_out_of_range_are_refused() -> None:
+    with pytest.raises(Exception, match=r"side 2.*-1, 0 or 1"):
+        Backlash(robot(ARM), side=2)
+    with pytest.raises(Exception, match=r"damping -0.1"):
+        JointElasticity(robot(ARM), damping=-0.1)
+
+
+def test_a_position_is_clear_up_to_where_its_motion_ends_whatever_its_unit() -> None:
+    rng = np.random.default_rng(0)
+    t = np.arange(4000) / 500.0
+    q = sum(np.sin(2.0 * np.pi * f * t + p) / f**3 for f, p in ((0.4, 0.3), (1.1, 1.0), (3.0, 2.0)))
+    noisy = np.stack([q, q], axis=1) + 1e-3 * rng.normal(size=(4000, 2))
+    clear = clear_band(noisy, 500.0)
+    assert np.all((clear > 3.0) & (clear < 8.0))
+    np.testing.assert_allclose(clear_band(1000.0 * noisy, 500.0), clear)
+    still = clear_band(1e-4 * rng.normal(size=(4000, 1)), 500.0)
+    assert still[0] < 1.0
+
+
+# what follows is hidden by equations of its own: Runge and Kutta's method on the robot's inverse dynamics
+
+
+def behind(kind: str, seed: int, seconds: float) -> Recording:
+    """A recording with the link of a joint behind a spring or a play, and a motor of 0.2 kg m^2 there."""
+    model = robot(ARM)
+    rng = np.random.default_rng(seed)
+    path = Path_(model, seed, speed=1.2)
+    t = np.arange(round(seconds * RATE)) / RATE
+    joint = HIDDEN_IN[kind]
+    one = np.eye(model.n)[joint]
+    gap = 0.03 if kind == "backlash" else 0.0
+    k, d = (SPRING, 0.4) if kind == "joint_elasticity" else (4000.0, 20.0)
+
+    def carried(x: float, u: float) -> float:
+        if gap and abs(x) <= 0.5 * gap:
+            return 0.0
+        torque = k * (x - np.sign(x) * 0.5 * gap) + d * u
+        return 0.0 if gap and torque * x < 0.0 else float(torque)
+
+    def rate(at: tuple[FloatArray, ...], x: float, u: float) -> tuple[float, float]:
+        q, v, a = at
+        torque = model.rnea(q - x * one, v - u * one, a)[joint]
+        inertia = model.rnea(q - x * one, v - u * one, a + one)[joint] - torque
+        return u, float((torque - carried(x, u)) / inertia)
+
+    steps = 1 if kind == "joint_elasticity" else 4
+    h = 1.0 / (RATE * steps)
+    fine = np.arange(2 * steps * len(t) + 2) * 0.5 * h
+    states = [np.asarray(x) for x in path(fine)]
+    load = float(model.rnea(*(s[0] for s in states))[joint])
+    later = float(model.rnea(*(s[2] for s in states))[joint])
+    x, u = load / k + 0.5 * gap * np.sign(load), (later - load) / h / k
+    lag = np.zeros((len(t), 3))
+    for i in range(len(t) * steps):
+        first, mid, last = (tuple(s[2 * i + n] for s in states) for n in (0, 1, 2))
+        k1 = rate(first, x, u)
+        if i % steps == 0:
+            lag[i // steps] = x, u, k1[1]
+        k2 = rate(mid, x + 0.5 * h * k1[0], u + 0.5 * h * k1[1])
+        k3 = rate(mid, x + 0.5 * h * k2[0], u + 0.5 * h * k2[1])
+        k4 = rate(last, x + h * k3[0], u + h * k3[1])
+        x += h / 6.0 * (k1[0] + 2.0 * k2[0] + 2.0 * k3[0] + k4[0])
+        u += h / 6.0 * (k1[1] + 2.0 * k2[1] + 2.0 * k3[1] + k4[1])
+    q, v, a = path(t)
+    tau = model.rnea_along(q - lag[:, :1] * one, v - lag[:, 1:2] * one, a - lag[:, 2:] * one)
+    tau[:, joint] += 0.2 * a[:, joint]
+    tau += 0.03 * rng.normal(size=tau.shape)
+    return Recording(f"seed {seed}", t, np.round(q / 2e-5) * 2e-5, v + 1e-3 * rng.normal(size=v.shape), tau)
+
+
+@cache
+def diagnosed(kind: str) -> Diagnosis:
+    return diagnose(robot(ARM), [behind(kind, 1, 14.0)], [behind(kind, 2, 8.0)])
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "value", "share"), [("joint_elasticity", "stiffness", SPRING, 0.04), ("backlash", "gap", 0.03, 0.12)]
+)
+def test_what_a_joint_gives_way_by_is_found_with_its_motor(kind: str, name: str, value: float, share: float) -> None:
+    effects = {e["name"]: e for e in diagnosed(kind).as_dict()["effects"]}
+    assert next(iter(effects)) == kind
+    assert set(effects) <= {kind, COMPANIONS[kind]}
+    assert effects[kind]["joints"] == [robot(ARM).joint_names[HIDDEN_IN[kind]]]
+    (size,) = (p for p in effects[kind]["parameters"] if p["name"] == name)
+    assert size["value"] == pytest.approx(value, rel=share)
+    assert size["ci95"][0] < size["value"] < size["ci95"][1]
+    (motor,) = effects[COMPANIONS[kind]]["parameters"]
+    assert motor["value"] == pytest.approx(0.2, rel=0.15)
+    assert motor["joint"] == robot(ARM).joint_names[HIDDEN_IN[kind]]

@@ -1,0 +1,84 @@
+"""How sure a diagnosis is: scatter from block to block, rivals that nothing tells apart, limits of a motor."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from motions import Motion as Path_
+from robots import robot
+from test_diagnosis import ARM, RATE, record
+
+from sysid_ros.diagnosis import diagnose
+from sysid_ros.diagnosis.band import Band
+from sysid_ros.diagnosis.block_scatter import BlockScatter
+from sysid_ros.diagnosis.conditioning import motions
+from sysid_ros.effects import EFFECTS, Motion
+from sysid_ros.exceptions import ModelFileError
+from sysid_ros.sample import FloatArray
+
+
+@pytest.fixture(scope="module")
+def band() -> Band:
+    return Band(motions(robot(ARM), record(None, 7, 21.0)))
+
+
+def ratios(band: Band, noise: FloatArray, columns: FloatArray) -> FloatArray:
+    """Of a least squares fit to noise, shape (K,), by columns, shape (K, p)."""
+    theta = np.linalg.lstsq(columns, noise, rcond=None)[0]
+    scatter = BlockScatter(band, columns.shape[1])
+    residual = noise - columns @ theta
+    scatter.add(columns, residual / residual.std(), np.arange(columns.shape[1]))
+    return scatter.ratios(np.linalg.inv(columns.T @ columns))
+
+
+def test_white_noise_scatters_as_its_weights_say(band: Band) -> None:
+    rng = np.random.default_rng(0)
+    found = np.concatenate([ratios(band, *(rng.normal(size=(len(band.f), *p)) for p in ((), (4,)))) for _ in range(50)])
+    assert np.all(found >= 1.0)
+    assert np.mean(found > 1.0) < 0.1
+
+
+def test_a_model_that_is_wrong_for_a_while_scatters_more(band: Band) -> None:
+    rng = np.random.default_rng(1)
+    t = np.arange(len(band.motions[0].t)) * band.motions[0].period
+    n = robot(ARM).n
+    column = np.sin(2.0 * np.pi * 3.0 * t)
+    # the column's own size comes and goes: no noise that is the same all the time
+    wrong = column * np.where(t % 6.0 < 3.0, 1.0, -1.0)
+    rows = [band.rows([np.repeat(x[:, None], n, axis=1)])[:, 0] for x in (column, wrong)]
+    noise = 0.1 * rng.normal(size=len(band.f)) + rows[1]
+    assert ratios(band, noise, rows[0][:, None])[0] > 5.0
+
+
+def asymmetric(model, t, q, v, a, tau):
+    out = tau.copy()
+    out[:, 1] += np.where(v[:, 1] > 0.0, 2.0, -1.0)
+    return out
+
+
+def test_two_levels_of_friction_are_not_told_from_their_mean_and_a_constant() -> None:
+    result = diagnose(robot(ARM), [record(asymmetric, 1, 14.0)], [record(asymmetric, 2, 7.0)])
+    by_name = {f.id: f for f in result.findings}
+    if "asymmetric_coulomb_friction" in by_name:
+        assert set(by_name) == {"asymmetric_coulomb_friction"}
+        rivals = by_name["asymmetric_coulomb_friction"].cannot_be_told_from
+        assert {"coulomb_friction", "torque_offset"} <= set(rivals)
+        assert any("asymmetric_coulomb_friction" in sentence for sentence in result.record_next)
+    else:
+        assert set(by_name) == {"coulomb_friction", "torque_offset"}
+        assert all("asymmetric_coulomb_friction" in f.cannot_be_told_from for f in result.findings)
+    assert all(0.0 <= f.p_value < 1e-6 for f in result.findings)
+
+
+def test_a_motor_that_can_do_no_more_is_told_by_what_was_asked_of_it() -> None:
+    model = robot(ARM)
+    q, v, a = Path_(model, 1, speed=1.2)(np.arange(round(14.0 * RATE)) / RATE)
+    limit = float(np.quantile(np.abs(model.rnea_along(q, v, a)[:, 0]), 0.96))
+    motor = EFFECTS["torque_saturation"](model, (model.joint_names[0],), limit=limit, kind="motor")
+    asked = np.zeros((3, model.n))
+    asked[:, 0] = 0.5 * limit, 1.5 * limit, -2.0 * limit
+    still = np.zeros((3, model.n))
+    motion = Motion(model, np.arange(3.0), still, still, still, asked)
+    np.testing.assert_allclose(motor.torque_along(motion, np.ones(1))[:, 0], [0.0, 0.5 * limit, -limit])
+    with pytest.raises(ModelFileError, match=r"'brake'.*'sensor' or 'motor'"):
+        EFFECTS["torque_saturation"](model, kind="brake")

@@ -1,0 +1,88 @@
+"""The diagnosis on logs of real arms, which are not part of the repository."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sysid_ros.cli.main import run
+
+DATA = Path(__file__).parents[2] / "shared" / "data"
+UR10E, STAUBLI = DATA / "ur10e", DATA / "staubli_tx40"
+FRICTION = {
+    "coulomb_friction",
+    "viscous_friction",
+    "stribeck_friction",
+    "asymmetric_coulomb_friction",
+    "load_dependent_friction",
+    "quadratic_friction",
+    "presliding_hysteresis",
+    "friction_drift",
+}
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not (UR10E / "ur10e.urdf").is_file(), reason=f"the logs of real arms are not at {DATA}"),
+]
+
+
+def diagnosis(out: Path, *arguments: Path | str) -> dict[str, Any]:
+    assert run(["diagnose", *map(str, arguments), "--out", str(out)]) == 0
+    document: dict[str, Any] = json.loads((out / "diagnosis.json").read_text())
+    return document
+
+
+def test_ur10e_friction_on_all_joints_comes_first(tmp_path: Path) -> None:
+    bags = UR10E / "fourier14_noload", "--validate", UR10E / "fast20_noload"
+    document = diagnosis(tmp_path, *bags, "--urdf", UR10E / "ur10e.urdf")
+    assert {e["name"] for e in document["effects"][:2]} == {"coulomb_friction", "viscous_friction"}
+    for effect in document["effects"][:2]:
+        assert len(effect["joints"]) == 6
+    torque = document["torque_rmse"]
+    left = np.array(torque["after"]) / torque["torque"]
+    assert np.all(left < np.array([0.10, 0.08, 0.08, 0.16, 0.16, 0.10]))
+    s = document["simulation"]
+    assert s["position_rmse_after"] < 0.2 * s["position_rmse_before"]
+    # no message of these recordings is lost, late or out of order, and nobody touched the robot
+    assert not {"message_faults", "external_force"} & {e["name"] for e in document["effects"]}
+
+
+def test_ur10e_payload_is_found_beside_the_model_of_the_empty_arm(tmp_path: Path) -> None:
+    model = tmp_path / "model.yaml"
+    urdf = UR10E / "ur10e.urdf"
+    assert run(["identify", str(UR10E / "fourier14_noload"), "--urdf", str(urdf), "--out", str(model)]) == 0
+    document = diagnosis(tmp_path / "out", UR10E / "fourier14_load", "--urdf", urdf, "--model", model)
+    first = document["effects"][0]
+    assert first["name"] == "payload"
+    mass = next(p for p in first["parameters"] if p["name"] == "mass")
+    assert mass["value"] == pytest.approx(2.805, rel=0.06)
+
+
+def test_staubli_has_friction_on_all_joints(tmp_path: Path) -> None:
+    document = diagnosis(tmp_path, STAUBLI / "excitation", "--urdf", STAUBLI / "tx40.urdf")
+    assert document["verdict"] in ("explained", "partly_explained")
+    joints = {j for e in document["effects"] if e["name"] in FRICTION for j in e["joints"]}
+    assert len(joints) == 6
+    assert document["effects"][0]["name"] in FRICTION
+
+
+def test_the_urdf_of_another_arm_is_refused(tmp_path: Path) -> None:
+    text = (STAUBLI / "tx40.urdf").read_text()
+    import re
+    import xml.etree.ElementTree as ElementTree
+
+    def movable(path: Path) -> list[str]:
+        kinds = ("revolute", "continuous", "prismatic")
+        return [str(j.get("name")) for j in ElementTree.parse(path).getroot().findall("joint") if j.get("type") in kinds]
+
+    # the same names, so that only the torques tell
+    for own, other in zip(movable(STAUBLI / "tx40.urdf"), movable(UR10E / "ur10e.urdf"), strict=True):
+        text = re.sub(rf'"{re.escape(own)}"', f'"{other}"', text)
+    (tmp_path / "other.urdf").write_text(text)
+    arguments = ["--urdf", str(tmp_path / "other.urdf"), "--out", str(tmp_path / "out")]
+    assert run(["diagnose", str(UR10E / "fourier14_noload"), *arguments]) == 2
+    assert "does not explain these torques" in json.loads((tmp_path / "out" / "diagnosis.json").read_text())["refusal"]

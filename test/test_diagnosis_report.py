@@ -1,0 +1,198 @@
+"""What ``sysid diagnose`` writes and tells: contacts, message faults, a URDF of bodies that can exist, the report, the drive."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnosis_bags import ARM, bag, messages
+from motions import Motion as Path_
+from robots import DATA, robot
+
+from sysid_ros import inertial_parameters
+from sysid_ros.cli.main import run
+from sysid_ros.diagnosis import Diagnosis, JointSide, Recording, diagnose, missing_joints, read_messages
+from sysid_ros.diagnosis.message_faults import find_message_faults
+from sysid_ros.diagnosis.trajectories import simulated_trajectories
+from sysid_ros.model_file import ModelFile
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+from sysid_ros.settings import OnlineSettings
+
+FORCE, START, END = np.array([12.0, 5.0, -20.0]), 7.0, 7.6
+
+
+def push(t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+    """A hand that pushes the last link."""
+    model = robot(ARM)
+    jacobian = model.frame_jacobian_along(q, model.frame_id("hand"))
+    during = (t >= START) & (t < END)
+    return -np.einsum("kxj,x->kj", jacobian, FORCE) * during[:, None]
+
+
+def recording(name: str, seed: int, seconds: float, pushed: bool) -> Recording:
+    records = messages(seed, seconds, push if pushed else None)
+    return read_messages(name, records, robot(ARM), OnlineSettings())[0]
+
+
+@cache
+def pushed() -> Diagnosis:
+    return diagnose(robot(ARM), [recording("fit", 0, 14.0, True)], [recording("judge", 1, 10.0, True)])
+
+
+def test_a_contact_is_dated_with_its_force_and_keeps_out_of_the_other_fits() -> None:
+    found = {f.id: f for f in pushed().findings}
+    assert set(found) == {"external_force", "coulomb_friction"}
+    values = {p.name: p.value for p in found["external_force"].parameters}
+    np.testing.assert_allclose(values["force"], FORCE, atol=1.5)
+    assert (values["t0"], values["t1"]) == (pytest.approx(START, abs=0.08), pytest.approx(END, abs=0.08))
+    assert values["frame"] == "hand"
+    levels = [p.value for p in found["coulomb_friction"].parameters]
+    np.testing.assert_allclose(levels, 0.6, rtol=0.06)
+    # the same push in the recording to judge on is left out of it
+    assert any("judge: from" in note and "left out" in note for note in pushed().notes)
+    torque = pushed().torque
+    assert torque is not None
+    assert np.all(torque.after < 2.0 * torque.noise_floor)
+
+
+def test_the_extended_simulation_stays_near_the_robot_and_joints_stick() -> None:
+    result = pushed()
+    assert result.simulation is not None
+    assert result.simulation.position_rmse_after < 0.2 * result.simulation.position_rmse_before
+    assert result.driven is not None
+    assert result.model is not None
+    model = robot(ARM)
+    sides = JointSide.of(model, []), JointSide.of(model, result.model.known_effects(model))
+    driven = simulated_trajectories(model, result.driven, sides)
+    assert driven is not None
+    before, after = (np.nanmean(np.abs(x - driven.measured)) for x in (driven.nominal, driven.extended))
+    assert after < 0.2 * before
+
+
+def test_without_pybullet_the_forward_dynamics_drive_the_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pybullet", reason="what it is compared with")
+    result = pushed()
+    assert result.driven is not None
+    assert result.model is not None
+    model = robot(ARM)
+    sides = JointSide.of(model, []), JointSide.of(model, result.model.known_effects(model))
+    there = simulated_trajectories(model, result.driven, sides)
+    monkeypatch.setitem(sys.modules, "sysid_ros.simulation.arm", None)
+    without = simulated_trajectories(model, result.driven, sides)
+    assert there is not None
+    assert without is not None
+    assert there.simulator == "PyBullet"
+    assert "not installed" in without.simulator
+    np.testing.assert_allclose(without.extended, there.extended, atol=2e-3, equal_nan=True)
+
+
+def test_stamps_in_order_are_not_complained_of() -> None:
+    rng = np.random.default_rng(0)
+    for rate, resolution, jitter in ((100.0, 1e-3, 0.0), (250.0, 1e-4, 0.3), (1000.0, 2.5e-5, 0.1)):
+        t = np.arange(round(8 * rate)) / rate
+        q = Path_(robot(ARM), 3)(t)[0] + 0.2 * resolution * rng.normal(size=(len(t), 4))
+        stamps = 1.0 + t + jitter / rate * rng.uniform(-1.0, 1.0, len(t))
+        faults = find_message_faults(stamps, np.round(q / resolution) * resolution, rng.normal(size=q.shape))
+        assert faults.in_words() == ""
+        assert faults.keep.all()
+
+
+def test_message_faults_are_counted_and_the_rest_is_kept_in_order() -> None:
+    rng = np.random.default_rng(0)
+    t = np.arange(2000) / 200.0
+    q = Path_(robot(ARM), 3)(t)[0]
+    tau = rng.normal(size=q.shape)
+    kept = np.delete(np.arange(2000), [300, 301, 700])
+    q[1000], tau[1000] = q[999], tau[999]
+    q[1200] = q[1194]
+    order = kept.copy()
+    order[[50, 51]] = order[[51, 50]]
+    faults = find_message_faults(1.0 + t[order], q[order], tau[order])
+    assert (faults.dropped, faults.repeated, faults.late, faults.unordered) == (3, 1, 1, 1)
+    assert faults.delay == pytest.approx(0.03, rel=0.1)
+    used = t[order][faults.order][faults.keep]
+    assert np.all(np.diff(used) > 0.0)
+    assert len(used) == len(kept) - 2
+
+
+def test_a_joint_that_carries_the_others_must_not_be_missing() -> None:
+    text = robot(ARM).urdf
+    assert missing_joints(RobotModel.from_urdf(text)) is None
+    assert "lift" in str(missing_joints(RobotModel.from_urdf(text, ["turn", "elbow", "slide"])))
+    # a turntable under an upright arm changes no torque of the others
+    assert missing_joints(RobotModel.from_urdf(text, ["lift", "elbow", "slide"])) is None
+
+
+def test_links_that_are_no_bodies_become_the_nearest_ones_in_the_urdf(tmp_path: Path) -> None:
+    from sysid_ros.diagnosis.prepare import prepare
+    from sysid_ros.diagnosis.urdf_part import urdf_part
+    from sysid_ros.effects import LinkInertia, Payload
+    from sysid_ros.identification.urdf_export import export_urdf
+    from sysid_ros.model_file import EffectBlock, urdf_digest
+
+    model = robot(ARM)
+    train = prepare(model, [recording("fit", 0, 8.0, False)], [])
+    links = LinkInertia(model)
+    theta = links.nominal.copy()
+    # a moment of inertia below zero, about an axis that a motion does not show
+    theta[34] -= 0.05
+    body = Payload(model)
+    carried = inertial_parameters.from_com(0.7, np.array([0.02, 0.0, 0.1]), 1e-3 * np.eye(3))
+    blocks = tuple(
+        EffectBlock(e.id, e.joint_names, e.settings, value, e.parameter_names, e.units, None)
+        for e, value in ((links, theta), (body, carried))
+    )
+    found = ModelFile(model.name, model.joint_names, urdf_digest(model.urdf), blocks, np.full(4, 0.03), np.full(4, 0.01))
+    assert not inertial_parameters.is_physical(theta[30:] + carried)
+    part, notes = urdf_part(model, found, train)
+    assert any("hand" in note and "nearest" in note for note in notes)
+    export_urdf(model, part, tmp_path / "extended.urdf")
+    extended = RobotModel.from_urdf((tmp_path / "extended.urdf").read_text())
+    for body_ in extended.pi.reshape(-1, 10):
+        assert inertial_parameters.is_physical(body_)
+    motion = train.motions[0]
+    wanted = motion.regressor @ theta + motion.payload_regressor(model.default_frame) @ carried
+    reached = extended.rnea_along(motion.q, motion.v, motion.a)
+    assert np.sqrt(np.mean((reached - wanted) ** 2)) < 0.03
+    assert np.sqrt(np.mean((motion.link_torque - wanted) ** 2)) > 0.3
+
+
+def test_the_files_are_written_and_the_report_opens_without_a_network(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path, out = bag(tmp_path / "run", messages(5, 14.0)), tmp_path / "out"
+    assert run(["diagnose", str(path), "--urdf", str(DATA / "small_arm.urdf"), "--out", str(out)]) == 0
+    assert {p.name for p in out.iterdir()} == {"report.html", "diagnosis.json", "model.yaml", "extended.urdf", "predictions.npz"}
+    document = json.loads((out / "diagnosis.json").read_text())
+    assert [e["name"] for e in document["effects"]] == ["coulomb_friction"]
+    page = (out / "report.html").read_text()
+    body = page[page.index("<body>") :]
+    assert "src=" not in body
+    assert "<link" not in page
+    for word in ("Coulomb friction", "The simulation driven as the robot was", "coherence", "noise floor", str(path)):
+        assert word in body
+    again = ModelFile.read(out / "model.yaml")
+    np.testing.assert_allclose(again.effects[0].theta, 0.6, rtol=0.06)
+    urdf = RobotModel.from_urdf((out / "extended.urdf").read_text())
+    np.testing.assert_allclose(urdf.friction, 0.6, rtol=0.06)
+    predictions = np.load(out / "predictions.npz")
+    assert predictions["tau_extended"].shape == predictions["tau_measured"].shape == (len(predictions["t"]), 4)
+    told = capfd.readouterr()
+    assert "judging on held-out data" in told.err
+    assert "Verdict: explained" in told.out
+    # the diagnosis of a robot whose model is known finds nothing more
+    known = ["--model", str(out / "model.yaml"), "--urdf", str(DATA / "small_arm.urdf"), "--out", str(tmp_path / "again")]
+    assert run(["diagnose", str(path), *known]) == 0
+    assert json.loads((tmp_path / "again" / "diagnosis.json").read_text())["verdict"] == "nothing_wrong"
+
+
+def test_efforts_in_another_unit_are_not_simulated_as_they_are() -> None:
+    good = recording("fit", 2, 12.0, False)
+    result = diagnose(robot(ARM), [replace(good, tau=1e3 * good.tau)])
+    assert result.driven is not None
+    assert result.predictions is not None
+    assert np.abs(result.predictions.measured).max() > 500.0 * np.abs(result.driven.measured).max()
