@@ -62,14 +62,19 @@ def _lead(result: Diagnosis) -> str:
         rest = f", then {escape(_listed(tuple(then)))}" if then else ""
         sentences.append(f"First comes <b>{escape(first.label)}</b> on {escape(_where(first, result))}{rest}.")
         t = result.torque
-        part = t.before / np.maximum(t.torque, 1e-12), t.after / np.maximum(t.torque, 1e-12)
-        worst = int(np.argmax(t.after / np.maximum(t.noise_floor, 1e-12)))
+        floor = np.maximum(t.noise_floor, 1e-12)
+        most, worst = int(np.argmax(t.before / floor)), int(np.argmax(t.after / floor))
+        torque = max(float(t.torque[most]), 1e-12)
         sentences.append(
-            f"On data that were not fitted the error falls from {_percent(part[0])} of the joints' torque to "
-            f"{_percent(part[1])}; "
-            f"{100 * result.unexplained_fraction:.1f} % of its power above the noise is left, most on "
-            f"{escape(result.joints[worst])}."
+            f"On data that were not fitted the error of {escape(result.joints[most])}, the furthest above its noise, falls from "
+            f"{_times(t.before[most] / floor[most])} to {_times(t.after[most] / floor[most])} the noise, "
+            f"{100 * t.before[most] / torque:.2g} to {100 * t.after[most] / torque:.2g} % of its torque."
         )
+        if result.unexplained_fraction >= 0.01:
+            sentences.append(
+                f"{100 * result.unexplained_fraction:.0f} % of the error's power above the noise is left, most on "
+                f"{escape(result.joints[worst])}."
+            )
     if result.unexplained:
         sentences.append(escape(result.unexplained))
     return " ".join(sentences)
@@ -199,5 +204,5 @@ def _where(finding: Finding, result: Diagnosis) -> str:
     return "all joints" if len(finding.joints) == len(result.joints) > 2 else _listed(finding.joints)
 
 
-def _percent(parts: np.ndarray[tuple[int], np.dtype[np.float64]]) -> str:
-    return f"{100 * parts.min():.0f} to {100 * parts.max():.0f} %"
+def _times(ratio: float) -> str:
+    return f"{ratio:.1f} times" if ratio < 10.0 else f"{ratio:.0f} times"
