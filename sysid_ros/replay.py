@@ -10,12 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from sysid_ros import inertial_parameters
 from sysid_ros.input_gate import Gate
 from sysid_ros.online import OnlineEstimation
 from sysid_ros.payload_estimate import PayloadEstimate, PayloadEvent
+from sysid_ros.plain_json import plain
 from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
 
 
@@ -126,8 +125,8 @@ def as_json(result: Replay) -> dict[str, Any]:
     }
     if result.feet:
         document["feet"] = result.feet
-    plain: dict[str, Any] = _plain(document)
-    return plain
+    cleaned: dict[str, Any] = plain(document)
+    return cleaned
 
 
 def write_series(path: Path, series: list[PayloadEstimate]) -> None:
@@ -140,15 +139,3 @@ def write_series(path: Path, series: list[PayloadEstimate]) -> None:
             writer.writerow(
                 [repr(e.t), *map(repr, e.theta.tolist()), *map(repr, e.std.tolist()), *map(repr, e.com.tolist()), e.status]
             )
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(v) for key, v in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

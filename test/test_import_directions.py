@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "sysid_ros"
 # Each unit (a module of the root, or a sub-package) imports only units of earlier rows, and itself.
 LEVELS = (
     {"exceptions"},
-    {"ground_contact", "mesh_files", "sample", "settings", "urdf"},
+    {"ground_contact", "mesh_files", "plain_json", "sample", "settings", "urdf"},
     {"cadence", "contact_kernels", "inertial_parameters", "joint_choice", "equivalent_box", "rotation"},
     {"payload_estimate", "physical_projection", "robot_model"},
     {"effects", "collision_model", "commit_gate", "contact_kinematics", "drive"},

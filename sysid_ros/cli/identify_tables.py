@@ -17,6 +17,7 @@ from sysid_ros.cli.output import report
 from sysid_ros.identification import Identification
 from sysid_ros.identification.residual_curves import residual_curves
 from sysid_ros.identification.result import Parameter, TorqueError
+from sysid_ros.plain_json import plain
 
 _COLUMNS = {
     "b": "viscous\nN m s/rad",
@@ -199,8 +200,8 @@ def as_json(result: Identification) -> dict[str, Any]:
         "problems": [asdict(p) for p in result.problems],
         "record_next": result.record_next,
     }
-    plain: dict[str, Any] = _plain(document)
-    return plain
+    cleaned: dict[str, Any] = plain(document)
+    return cleaned
 
 
 def _error(e: TorqueError) -> dict[str, Any]:
@@ -213,15 +214,3 @@ def _error(e: TorqueError) -> dict[str, Any]:
         "nominal_residual_rms": e.nominal,
         "urdf_friction_residual_rms": e.urdf_friction,
     }
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(v) for key, v in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import json
-import math
 import time
 from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
-from rich.table import Table
 
-from sysid_ros.exceptions import SettingsError, SysidError
+from sysid_ros.exceptions import SysidError
 from sysid_ros.sources import BagRecorder
 
 try:
     from sysid_ros.cli.simulate_hidden import record_hidden
-    from sysid_ros.cli.simulate_output import Bar, named_option, prepare
+    from sysid_ros.cli.simulate_output import conclude, prepare, simulated
     from sysid_ros.cli.simulate_quadruped import quadruped
-    from sysid_ros.simulation import ArmRecord, ArmScenario, simulate_arm
-    from sysid_ros.simulation.recording import START_TIME, truth_path, write_recording, write_truth
+    from sysid_ros.simulation import ArmScenario, simulate_arm
+    from sysid_ros.simulation.recording import write_recording
 except ModuleNotFoundError as missing:
     if not (missing.name or "").startswith("pybullet"):
         raise
@@ -141,58 +137,13 @@ def arm(bag: Path, storage: str, json_file: Path | None, **options: Any) -> None
         return
     for name in ("hide", "hide_value", "hide_seed"):
         del options[name]
-    truth_file = truth_path(bag)
     recorder = BagRecorder(bag, storage)
     began = time.perf_counter()
-    record = _simulate(options)
+    record = simulated(ArmScenario, simulate_arm, options)
     with recorder:
         write_recording(record, recorder)
-    write_truth(record.truth, truth_file)
-    elapsed = time.perf_counter() - began
-    summary = {
-        "bag": str(bag),
-        "truth_file": str(truth_file),
-        "messages": len(record.t),
-        "realtime_factor": record.truth["duration"] / elapsed,
-        "truth": record.truth,
-    }
-    if json_file is not None:
-        json_file.write_text(json.dumps(summary, indent=2) + "\n")
-    _show(summary)
-
-
-def _simulate(options: dict[str, Any]) -> ArmRecord:
-    """The recording that the options ask for; messages about a setting name its option."""
-    try:
-        scenario = ArmScenario(**options)
-        if math.isinf(scenario.duration):
-            raise SettingsError("duration is inf; a bag must end. Give a number of seconds.")
-        with Bar(round(scenario.duration * scenario.rate)) as advance:
-            return simulate_arm(scenario, advance, START_TIME)
-    except SettingsError as error:
-        raise named_option(error, options) from None
-
-
-def _show(summary: dict[str, Any]) -> None:
-    truth = summary["truth"]
-    table = Table(title=f"Simulated {truth['robot']}", show_header=False)
-    table.add_column(style="bold")
-    table.add_column()
-    table.add_row("bag", summary["bag"])
-    table.add_row("truth", summary["truth_file"])
-    table.add_row("messages", f"{summary['messages']} at {truth['rate']} Hz, {truth['duration']:g} s")
-    table.add_row("speed", f"{summary['realtime_factor']:.1f} times real time")
-    payload = truth["payload"]
-    if payload is None:
-        table.add_row("payload", "none")
-    else:
-        com = ", ".join(f"{x:g}" for x in payload["com"])
-        table.add_row("payload", f"{payload['mass']:g} kg at [{com}] m in {truth['frame']}")
-        for event in truth["events"]:
-            table.add_row(event["kind"], f"at {event['t'] - truth['start_time']:.3f} s (stamp {event['t']:.3f})")
+    truth = record.truth
     noise = truth["noise"]
-    table.add_row("noise", f"effort {noise['torque']:g} N m, position {noise['encoder']:g} rad")
-    for name, values in truth["effects"].items():
-        if any(values):
-            table.add_row(name.replace("_", " "), ", ".join(f"{x:g}" for x in values))
-    Console().print(table)
+    more = [("noise", f"effort {noise['torque']:g} N m, position {noise['encoder']:g} rad")]
+    more += [(name.replace("_", " "), ", ".join(f"{x:g}" for x in v)) for name, v in truth["effects"].items() if any(v)]
+    conclude(bag, json_file, len(record.t), time.perf_counter() - began, truth, more)

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import math
 import time
 from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
-from rich.table import Table
 
-from sysid_ros.cli.simulate_output import Bar, named_option, prepare
-from sysid_ros.exceptions import SettingsError
-from sysid_ros.simulation.quadruped_record import QuadrupedRecord, simulate_quadruped, write_quadruped
+from sysid_ros.cli.simulate_output import conclude, prepare, simulated
+from sysid_ros.simulation.quadruped_record import simulate_quadruped, write_quadruped
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
-from sysid_ros.simulation.recording import START_TIME, truth_path, write_truth
 from sysid_ros.sources import BagRecorder
 
 
@@ -88,53 +82,14 @@ def quadruped(bag: Path, storage: str, json_file: Path | None, imu: bool, contac
     prepare(bag, json_file)
     recorder = BagRecorder(bag, storage)
     began = time.perf_counter()
-    record = _simulate(options)
+    record = simulated(QuadrupedScenario, simulate_quadruped, options)
     with recorder:
         write_quadruped(record, recorder, imu, contacts)
-    truth_file = truth_path(bag)
-    write_truth(record.truth, truth_file)
-    summary = {
-        "bag": str(bag),
-        "truth_file": str(truth_file),
-        "messages": len(record.told),
-        "realtime_factor": record.truth["duration"] / (time.perf_counter() - began),
-        "truth": record.truth,
-    }
-    if json_file is not None:
-        json_file.write_text(json.dumps(summary, indent=2) + "\n")
-    _show(summary)
-
-
-def _simulate(options: dict[str, Any]) -> QuadrupedRecord:
-    try:
-        scenario = QuadrupedScenario(**options)
-        if math.isinf(scenario.duration):
-            raise SettingsError("duration is inf; a bag must end. Give a number of seconds.")
-        with Bar(round(scenario.duration * scenario.rate)) as advance:
-            return simulate_quadruped(scenario, advance, START_TIME)
-    except SettingsError as error:
-        raise named_option(error, options) from None
-
-
-def _show(summary: dict[str, Any]) -> None:
-    truth = summary["truth"]
-    table = Table(title=f"Simulated {truth['robot']}", show_header=False)
-    table.add_column(style="bold")
-    table.add_column()
-    table.add_row("bag", summary["bag"])
-    table.add_row("truth", summary["truth_file"])
-    table.add_row("messages", f"{summary['messages']} at {truth['rate']} Hz, {truth['duration']:g} s")
-    table.add_row("speed", f"{summary['realtime_factor']:.1f} times real time")
+    truth = record.truth
     ground = f"a slope of {truth['slope']:g} deg" if truth["slope"] else "the flat"
-    table.add_row("motion", f"{truth['gait']} on {ground}")
-    payload = truth["payload"]
-    if payload is None:
-        table.add_row("payload", "none")
-    else:
-        com = ", ".join(f"{x:g}" for x in payload["com"])
-        table.add_row("payload", f"{payload['mass']:g} kg at [{com}] m in {truth['frame']}")
-        for event in truth["events"]:
-            table.add_row(event["kind"], f"at {event['t'] - truth['start_time']:.3f} s (stamp {event['t']:.3f})")
     noise = truth["noise"]
-    table.add_row("noise", f"effort {noise['torque']:g} N m, position {noise['encoder']:g} rad, gyro {noise['gyro']:g} rad/s")
-    Console().print(table)
+    more = [
+        ("motion", f"{truth['gait']} on {ground}"),
+        ("noise", f"effort {noise['torque']:g} N m, position {noise['encoder']:g} rad, gyro {noise['gyro']:g} rad/s"),
+    ]
+    conclude(bag, json_file, len(record.told), time.perf_counter() - began, truth, more)
