@@ -97,7 +97,7 @@ class TorqueModel:
         theta = np.zeros(self.robot.n)
         for k in self.known:
             if k.effect.id == effect:
-                theta[k.effect.joints] = k.theta
+                theta[k.effect.joints] += k.theta
         return theta
 
     def known_torque(self, sample: Sample) -> FloatArray:

@@ -109,9 +109,31 @@ def test_of_other_dry_friction_the_level_is_held() -> None:
     out, notes = identified_urdf(robot, model_file(robot, [(effect, theta)]))
     level = {name: value for name, value in zip(effect.parameter_names, theta, strict=True) if name.startswith("Fc[")}
     friction = loaded(out, robot).friction
-    np.testing.assert_array_equal(friction[:2], [level[f"Fc[{name}]"] for name in robot.joint_names[:2]])
+    np.testing.assert_allclose(friction[:2] - robot.friction[:2], [level[f"Fc[{name}]"] for name in robot.joint_names[:2]])
     np.testing.assert_array_equal(friction[2:], robot.friction[2:])
     assert any("alone" in note and "stribeck_friction" in note for note in notes)
+
+
+def test_effects_of_one_kind_add_up_and_friction_below_zero_is_said() -> None:
+    """As a diagnosis adds to what was known."""
+    robot = RobotModel.from_urdf(urdf("small_arm"))
+    n = robot.n
+    links, viscous, coulomb = LinkInertia(robot), EFFECTS["viscous_friction"](robot), EFFECTS["coulomb_friction"](robot)
+    change = np.zeros(n)
+    change[0] = -5.0
+    model = model_file(
+        robot,
+        [
+            (links, 1.1 * robot.pi), (viscous, np.full(n, 2.0)), (coulomb, np.full(n, 3.0)),
+            (links, 0.9 * robot.pi), (viscous, np.full(n, 0.5)), (coulomb, change),
+        ],
+    )  # fmt: skip
+    out, notes = identified_urdf(robot, model)
+    again = loaded(out, robot)
+    np.testing.assert_allclose(again.pi, robot.pi, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(again.damping, 2.5)
+    np.testing.assert_allclose(again.friction, [0.0, *[3.0] * (n - 1)])
+    assert any("below zero" in note and robot.joint_names[0] in note for note in notes)
 
 
 def test_what_the_model_does_not_say_stays_the_urdfs() -> None:

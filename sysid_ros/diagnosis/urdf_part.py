@@ -65,8 +65,7 @@ def _links(robot: RobotModel, model: ModelFile) -> tuple[FloatArray, bool]:
     for known in model.known_effects(robot):
         if isinstance(known.effect, LinkInertia):
             changed = True
-            for j, theta in zip(known.effect.joints, known.theta.reshape(-1, 10), strict=True):
-                links[10 * j : 10 * j + 10] = theta
+            links.reshape(-1, 10)[known.effect.joints] += (known.theta - known.effect.nominal).reshape(-1, 10)
     for known in model.known_effects(robot):
         if type(known.effect) is Payload:
             changed = True

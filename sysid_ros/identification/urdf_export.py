@@ -81,8 +81,11 @@ def identified_urdf(robot: RobotModel, model: ModelFile) -> tuple[str, list[str]
         dynamics = joint.find("dynamics")
         if dynamics is None:
             dynamics = ElementTree.SubElement(joint, "dynamics")
-        dynamics.set("damping", repr(float(damping[j])))
-        dynamics.set("friction", repr(float(friction[j])))
+        dynamics.set("damping", repr(float(max(damping[j], 0.0))))
+        dynamics.set("friction", repr(float(max(friction[j], 0.0))))
+    for word, values in (("Damping", damping), ("Friction", friction)):
+        if below := [f"{name} ({values[j]:.3g})" for j, name in enumerate(robot.joint_names) if values[j] < 0.0]:
+            notes.append(f"{word} below zero is no friction; the URDF has 0 for {', '.join(below)}.")
     held = {"link_inertia", "viscous_friction", "coulomb_friction"}
     lost = dict.fromkeys(block.effect for block in model.effects if block.effect not in held and np.any(block.theta))
     if lost:
@@ -107,7 +110,7 @@ def check_urdf(robot: RobotModel, model: ModelFile, text: str) -> None:
     worst = 0.0
     for _ in range(20):
         q, v, a = rng.uniform(low, high), rng.normal(size=robot.n), 3.0 * rng.normal(size=robot.n)
-        expected = robot.regressor(q, v, a) @ links + damping * v + friction * np.tanh(v)
+        expected = robot.regressor(q, v, a) @ links + np.maximum(damping, 0.0) * v + np.maximum(friction, 0.0) * np.tanh(v)
         found = again.rnea(q, v, a) + again.damping * v + again.friction * np.tanh(v)
         worst = max(worst, float(np.max(np.abs(found - expected)) / np.max(np.abs(expected))))
     if again.joint_names != robot.joint_names or not worst < _ROUNDING:
@@ -130,18 +133,23 @@ def check_model_file(robot: RobotModel, model: ModelFile, path: Path) -> None:
 
 
 def _known(robot: RobotModel, model: ModelFile) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Link inertials (10 n,), damping (n,) and level of the dry friction (n,) of a model; the URDF's where it says nothing."""
-    links, damping, friction = robot.pi.copy(), robot.damping.copy(), robot.friction.copy()
-    for known in model.known_effects(robot):
-        if isinstance(known.effect, LinkInertia):
-            for j, theta in zip(known.effect.joints, known.theta.reshape(-1, 10), strict=True):
-                links[10 * j : 10 * j + 10] = theta
-        elif known.effect.id == "viscous_friction":
-            damping[known.effect.joints] = known.theta
+    """Link inertials (10 n,), damping (n,) and level of the dry friction (n,) of a model; the URDF's where it says nothing.
+
+    Effects of one kind add up, as in a :class:`TorqueModel`, and the URDF's ``<dynamics>`` hold unless the model has links.
+    """
+    known = model.known_effects(robot)
+    replaced = any(isinstance(k.effect, LinkInertia) for k in known)
+    damping, friction = (np.zeros(robot.n) if replaced else x.copy() for x in (robot.damping, robot.friction))
+    links = robot.pi.copy().reshape(-1, 10)
+    for k in known:
+        if isinstance(k.effect, LinkInertia):
+            links[k.effect.joints] += (k.theta - k.effect.nominal).reshape(-1, 10)
+        elif k.effect.id == "viscous_friction":
+            damping[k.effect.joints] += k.theta
         for j, joint in enumerate(robot.joint_names):
-            if (level := f"Fc[{joint}]") in known.effect.parameter_names:
-                friction[j] = known.theta[known.effect.parameter_names.index(level)]
-    return links, damping, friction
+            if (level := f"Fc[{joint}]") in k.effect.parameter_names:
+                friction[j] += k.theta[k.effect.parameter_names.index(level)]
+    return links.ravel(), damping, friction
 
 
 def _attached(robot: RobotModel, root: ElementTree.Element, joint: int) -> list[_Attached]:
