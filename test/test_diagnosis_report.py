@@ -19,6 +19,7 @@ from sysid_ros.cli.main import run
 from sysid_ros.diagnosis import Diagnosis, JointSide, Recording, diagnose, missing_joints, read_messages
 from sysid_ros.diagnosis.message_faults import find_message_faults
 from sysid_ros.diagnosis.trajectories import simulated_trajectories
+from sysid_ros.exceptions import ModelFileError
 from sysid_ros.model_file import ModelFile
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -188,6 +189,20 @@ def test_the_files_are_written_and_the_report_opens_without_a_network(tmp_path: 
     known = ["--model", str(out / "model.yaml"), "--urdf", str(DATA / "small_arm.urdf"), "--out", str(tmp_path / "again")]
     assert run(["diagnose", str(path), *known]) == 0
     assert json.loads((tmp_path / "again" / "diagnosis.json").read_text())["verdict"] == "nothing_wrong"
+
+
+def test_all_else_is_written_where_no_urdf_can_hold_the_model(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> list[str]:
+        raise ModelFileError("a link of it is no body.")
+
+    monkeypatch.setattr("sysid_ros.cli.diagnose_output.export_urdf", refuse)
+    path, out = bag(tmp_path / "run", messages(5, 14.0)), tmp_path / "out"
+    assert run(["diagnose", str(path), "--urdf", str(DATA / "small_arm.urdf"), "--out", str(out)]) == 0
+    assert {p.name for p in out.iterdir()} == {"report.html", "diagnosis.json", "model.yaml", "extended.urdf", "predictions.npz"}
+    assert (out / "extended.urdf").read_text() == (DATA / "small_arm.urdf").read_text()
+    assert "as it was given: a link of it is no body." in " ".join(capfd.readouterr().err.split())
 
 
 def test_efforts_in_another_unit_are_not_simulated_as_they_are() -> None:

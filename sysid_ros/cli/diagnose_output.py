@@ -12,6 +12,7 @@ from rich.table import Table
 
 from sysid_ros.cli.output import note, report, write_json
 from sysid_ros.diagnosis import Diagnosis, JointSide, Trajectories, simulated_trajectories
+from sysid_ros.exceptions import ModelFileError, RobotModelError
 from sysid_ros.identification.urdf_export import export_urdf
 from sysid_ros.model_file import ModelFile
 from sysid_ros.robot_model import RobotModel
@@ -35,9 +36,6 @@ def write_files(
     (folder / "report.html").write_text(diagnosis_page(result, robot.name if robot else "", provenance, driven))
     if result.model is not None:
         result.model.write(folder / "model.yaml")
-    if result.urdf_model is not None and robot is not None:
-        for sentence in export_urdf(robot, result.urdf_model, folder / "extended.urdf"):
-            note(sentence)
     if (p := result.predictions) is not None:
         np.savez_compressed(
             folder / "predictions.npz",
@@ -47,6 +45,14 @@ def write_files(
             tau_nominal=p.nominal,
             tau_extended=p.extended,
         )
+    if result.urdf_model is not None and robot is not None:
+        try:
+            notes = export_urdf(robot, result.urdf_model, folder / "extended.urdf")
+        except (ModelFileError, RobotModelError) as error:
+            (folder / "extended.urdf").write_text(robot.urdf)
+            notes = [f"extended.urdf is the URDF as it was given: {error} model.yaml has what was found."]
+        for sentence in notes:
+            note(sentence)
 
 
 def _driven(result: Diagnosis, robot: RobotModel | None, known: ModelFile | None) -> Trajectories | None:
