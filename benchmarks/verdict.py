@@ -14,6 +14,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from sysid_ros.plain_json import plain
+
 
 @dataclass(frozen=True, slots=True)
 class Target:
@@ -65,17 +67,5 @@ def conclude(name: str, targets: list[Target], results: dict[str, Any], json_pat
             "targets": [{**asdict(t), "held": t.held} for t in targets],
             "results": results,
         }
-        json_path.write_text(json.dumps(_plain(document), indent=2, allow_nan=False) + "\n")
+        json_path.write_text(json.dumps(plain(document), indent=2, allow_nan=False) + "\n")
     return 0 if all(t.held for t in targets) else 1
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
