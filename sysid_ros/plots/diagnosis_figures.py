@@ -150,6 +150,7 @@ def _coherence(values: FloatArray, motion: FloatArray, t: FloatArray) -> tuple[F
     rate = 1.0 / float(np.median(np.diff(t)))
     f, share = signal.coherence(values, motion, rate, nperseg=min(len(values) // 4, int(4.0 * rate)))
     below = (f > 0.0) & (f < 10.0)
+    # 0/0 where one of the two has no power: nothing goes along with it there
     return f[below], np.nan_to_num(share[below])
 
 
