@@ -103,9 +103,18 @@ class ModelFile:
 
     def notes(self, urdf: str) -> list[str]:
         """What a user should know before using the model with this URDF, one sentence each."""
+        notes = []
         if self.urdf_sha256 and urdf_digest(urdf) != self.urdf_sha256:
-            return ["The URDF is not the one that the model was identified with; its link inertials are replaced by the model's."]
-        return []
+            notes.append(
+                "The URDF is not the one that the model was identified with; its link inertials are replaced by the model's."
+            )
+        for block in self.effects:
+            if block.settings.get("over") == "temperature":
+                notes.append(
+                    f"The model's friction of {', '.join(block.joints)} follows the temperature; where none is recorded it is "
+                    f"that at {block.settings.get('reference', 25.0):g} degrees Celsius."
+                )
+        return notes
 
     def write(self, path: Path) -> None:
         """Write the file, replacing one that is there."""

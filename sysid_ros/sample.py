@@ -64,6 +64,21 @@ class ContactRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class TemperatureSeries:
+    """The readings of one temperature sensor, as they were recorded.
+
+    Attributes:
+        topic: where they came. frame: of the message's header, or the joint's name; "" where it has none.
+        t: stamps, shape (K,) [s]. values: shape (K,) [degrees Celsius].
+    """
+
+    topic: str
+    frame: str
+    t: FloatArray
+    values: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
 class TrunkReading:
     """What the IMU of a floating base measured, in the axes of the trunk, and which feet stand.
 
@@ -114,6 +129,7 @@ class Sample:
         v: joint velocities, shape (n,) [rad/s or m/s].
         a: joint accelerations, shape (n,) [rad/s^2 or m/s^2].
         tau: joint torques, shape (n,) [N m or N].
+        temperature: of the joints, shape (n,) [degrees Celsius], NaN where it is not known; None where none is.
     """
 
     t: float
@@ -121,9 +137,12 @@ class Sample:
     v: FloatArray
     a: FloatArray
     tau: FloatArray
+    temperature: FloatArray | None = None
 
     def __post_init__(self) -> None:
         self.q.setflags(write=False)
         self.v.setflags(write=False)
         self.a.setflags(write=False)
         self.tau.setflags(write=False)
+        if self.temperature is not None:
+            self.temperature.setflags(write=False)

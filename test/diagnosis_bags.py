@@ -12,6 +12,8 @@ from robots import robot
 
 from sysid_ros.sample import FloatArray, JointStateRecord
 from sysid_ros.sources import BagRecorder
+from sysid_ros.sources.joint_state_cdr import typestore
+from sysid_ros.sources.temperatures import TEMPERATURE
 
 ARM = "small_arm"
 RATE = 200.0
@@ -55,3 +57,14 @@ def bag(path: Path, records: Sequence[JointStateRecord]) -> Path:
     with BagRecorder(path) as recorder:
         recorder.write_joint_states(replace(r, receive_time=100.0 + i / RATE) for i, r in enumerate(records))
     return path
+
+
+def write_temperatures(recorder: BagRecorder, topic: str, frame: str, t: FloatArray, values: FloatArray) -> None:
+    """Readings of one sensor, a ``sensor_msgs/Temperature`` each, recorded at their stamps t (K,) [s]."""
+    kinds = typestore().types
+    for x, value in zip(t.tolist(), values.tolist(), strict=True):
+        sec, nanosec = divmod(round(x * 1e9), 10**9)
+        header = kinds["std_msgs/msg/Header"](
+            stamp=kinds["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec), frame_id=frame
+        )
+        recorder.write(topic, TEMPERATURE, kinds[TEMPERATURE](header=header, temperature=value, variance=0.0), x)

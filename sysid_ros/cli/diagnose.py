@@ -6,16 +6,18 @@ import time
 from pathlib import Path
 
 import click
+import numpy as np
 
 from sysid_ros import __version__
 from sysid_ros.cli.diagnose_output import progress_lines, show, write_files
 from sysid_ros.cli.inputs import open_bag, read_config, settings_from
 from sysid_ros.cli.output import ManyValues, command_line, note, progress_bar, warn, write_json
-from sysid_ros.diagnosis import Diagnosis, Recording, diagnose, missing_joints, read_messages
+from sysid_ros.diagnosis import Diagnosis, Recording, diagnose, missing_joints, read_messages, with_temperatures
 from sysid_ros.exceptions import DataError, RobotModelError
 from sysid_ros.model_file import ModelFile
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.settings import OnlineSettings
+from sysid_ros.sources import temperatures
 
 _PATH = click.Path(path_type=Path)
 BAD_INPUT = 2
@@ -53,7 +55,8 @@ def command(
     """Find what the model of a robot gets wrong: the causes by name, with evidence, and a model extended by them.
 
     Give bags of a robot that moves all of its joints (15 to 30 s of positions and efforts, slow and fast) and its URDF. Without
-    --validate the last part of each bag is held out and judged on. It takes about as long as the recording.
+    --validate the last part of each bag is held out and judged on. It takes about as long as the recording. Temperatures of
+    joints (sensor_msgs/Temperature, or a temperature in control_msgs/DynamicJointState) are read where a bag has them.
 
     \b
     Writes to DIR:
@@ -122,8 +125,14 @@ def _read_all(
             )
         with progress_bar(path.name, source.message_count) as advance:
             recording, sentences = read_messages(str(path), source, robot, settings, advance)
-        for sentence in sentences:
+        series, unread = temperatures(source)
+        recording, unused = with_temperatures(recording, robot, series)
+        for sentence in (*sentences, *unread, *unused):
             warn(sentence)
+        if recording.temperature is not None:
+            warm = np.flatnonzero(np.isfinite(recording.temperature).any(axis=0)).tolist()
+            names = [robot.joint_names[j] for j in warm]
+            note(f"{path}: temperature of {', '.join(names)}.")
         recordings.append(recording)
     assert robot is not None
     return robot, recordings[: len(bags)], recordings[len(bags) :]

@@ -6,6 +6,7 @@ from sysid_ros.diagnosis.messages import read_messages
 from sysid_ros.diagnosis.missing_joints import missing_joints
 from sysid_ros.diagnosis.recording import Recording
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter
+from sysid_ros.diagnosis.temperature import with_temperatures
 from sysid_ros.diagnosis.trajectories import Trajectories, simulated_trajectories
 
 __all__ = [
@@ -19,4 +20,5 @@ __all__ = [
     "missing_joints",
     "read_messages",
     "simulated_trajectories",
+    "with_temperatures",
 ]

@@ -43,7 +43,9 @@ def visible(problem: Problem, fit: Fit, term: Term) -> bool:
     if term.id in EXPECTED:
         return True
     if "t0" in term.effect.settings:
-        start, end = problem.band.motions[0].t[0], problem.band.motions[-1].t[-1]
+        name = term.effect.settings.get("recording", "")
+        within = [m.t for m in problem.band.motions if not name or m.recording == name]
+        start, end = min(t[0] for t in within), max(t[-1] for t in within)
         if not _EDGE < (float(term.effect.settings["t0"]) - start) / (end - start) < 1.0 - _EDGE:
             return False
     floors = float(np.sum(power / noise[rows]))

@@ -20,6 +20,8 @@ MAX_GAP = 0.1
 """A longer gap between stamps splits a recording [s]."""
 SHORTEST = 2.0
 """Shorter stretches are left out [s]."""
+_SLOW = 0.2
+"""No joint's temperature follows faster; readings come in steps [Hz]."""
 _CLEARLY = 10.0
 """Power over that of the noise at which a motion is seen well."""
 _NOISE_ONLY = 0.4
@@ -33,18 +35,22 @@ def motions(robot: RobotModel, recording: Recording) -> list[Motion]:
 
     Stamps that repeat or run back are left out. Positions go through an even grid by cubic interpolation, torques by a straight
     line; both through the same low-pass forward and backward; velocity and acceleration are derivatives of the quintic spline
-    through the positions.
+    through the positions. A temperature that is not known all along a stretch is NaN in all of it.
     """
     t, keep = np.asarray(recording.t, dtype=float), np.ones(len(recording.t), dtype=bool)
     newest = np.maximum.accumulate(t)
     keep[1:] = t[1:] > newest[:-1]
     keep &= np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.tau).all(axis=1)
-    t, q, tau = t[keep] - t[0], recording.q[keep], recording.tau[keep]
+    t, q, tau = t[keep] - recording.start, recording.q[keep], recording.tau[keep]
+    warm = None if recording.temperature is None else recording.temperature[keep]
     cuts = [0, *(np.flatnonzero(np.diff(t) > max(MAX_GAP, 3.0 / recording.rate)) + 1), len(t)]
     out = []
     for a, b in pairwise(cuts):
         if b - a > 20 and t[b - 1] - t[a] >= SHORTEST:
             out.append(_smooth(robot, t[a:b], q[a:b], tau[a:b]))
+            out[-1].recording = recording.name
+            if warm is not None:
+                out[-1].temperature = _along(out[-1].t, t[a:b], warm[a:b])
     return out
 
 
@@ -63,6 +69,17 @@ def _smooth(robot: RobotModel, t: FloatArray, q: FloatArray, tau: FloatArray) ->
     motion = Motion(robot, grid[inside], smooth_q[inside], v, a, smooth_tau[inside])
     motion.clear = clear_band(even_q, rate)
     return motion
+
+
+def _along(grid: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
+    """Columns of slow values on a grid, without the steps of their sensors, shape (grid, n); NaN where one of a column is."""
+    rate = 1.0 / float(np.median(np.diff(grid)))
+    sections = signal.butter(2, 2.0 * _SLOW / rate, output="sos")
+    out = np.full((len(grid), values.shape[1]), np.nan)
+    for j in np.flatnonzero(np.isfinite(values).all(axis=0)):
+        even = np.interp(grid, t, values[:, j])
+        out[:, j] = signal.sosfiltfilt(sections, even, padlen=min(len(even) - 1, int(rate / _SLOW)))
+    return out
 
 
 def clear_band(q: FloatArray, rate: float) -> FloatArray:

@@ -105,14 +105,13 @@ def find_contacts(
 
 def without(recording: Recording, contacts: Sequence[Contact]) -> Recording:
     """The recording without the windows of its contacts."""
-    t = recording.t - recording.t[0]
+    t = recording.t - recording.start
     keep = np.ones(len(t), dtype=np.bool_)
     for c in contacts:
         if c.recording == recording.name:
             keep &= (t < c.start - _MARGIN) | (t > c.end + _MARGIN)
     keep[0] = True  # times count from the first stamp
-    v = None if recording.v is None else recording.v[keep]
-    return replace(recording, t=recording.t[keep], q=recording.q[keep], v=v, tau=recording.tau[keep])
+    return recording.at(keep)
 
 
 def _windows(z: FloatArray, used: NDArray[np.bool_], period: float) -> list[slice]:

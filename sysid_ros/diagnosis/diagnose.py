@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid_ros.diagnosis.backward import prune
 from sysid_ros.diagnosis.channel_faults import find_faults, undo
-from sysid_ros.diagnosis.contact_findings import contact_findings, contacts_held_out, contacts_in, in_words, strong_contacts
+from sysid_ros.diagnosis.contact_findings import contact_findings, contacts_held_out, contacts_in, in_words
 from sysid_ros.diagnosis.contacts import without
 from sysid_ros.diagnosis.covariance import with_knobs
 from sysid_ros.diagnosis.extended_model import extended_model
@@ -28,6 +28,9 @@ from sysid_ros.diagnosis.recording import Recording
 from sysid_ros.diagnosis.reporting import report
 from sysid_ros.diagnosis.result import Diagnosis, SimulationError
 from sysid_ros.diagnosis.selection import Selection
+from sysid_ros.diagnosis.strong_contacts import strong_contacts
+from sysid_ros.diagnosis.temperature import known_everywhere
+from sysid_ros.diagnosis.time_or_temperature import better_drift
 from sysid_ros.diagnosis.urdf_part import urdf_part
 from sysid_ros.diagnosis.wrong_robot import wrong_robot
 from sysid_ros.exceptions import DataError
@@ -69,6 +72,8 @@ def diagnose(
     if reason := refusal_of(robot, recordings, validation):
         return Diagnosis("refused", robot.joint_names, refusal=reason, notes=notes)
     fitted, judged = (list(recordings), list(validation)) if validation else _split(recordings)
+    fitted, partly = known_everywhere(fitted, judged, robot.joint_names)
+    notes += partly
     effects = known.known_effects(robot) if known else []
     progress("looking for faults of units, signs and order")
     faults = [] if known else find_faults(robot, fitted)
@@ -103,7 +108,7 @@ def diagnose(
         held = HeldOut.of(robot, prepare(robot, judged, effects), fit)
         raw = held.prepared
         notes += tuple(f"{c.recording}: {in_words(c)}, and is left out of what the models are judged on." for c in later)
-    fit = paying(train.problem, library, fit, held)
+    fit = better_drift(train.problem, library, paying(train.problem, library, fit, held), held)
     fit = selection.fit = prune(train.problem, fit, selection.price)
     values = with_knobs(train.problem, library, fit)
     found = report(robot, train, selection, fit, held, values)
@@ -114,7 +119,7 @@ def diagnose(
         found = replace(found, findings=tuple(rest))
         first = [finding_of(f, robot.joint_names, len(train.band.f)) for f in told]
         found = with_faults(found, first, signals, faults, raw, held, fit)
-    model = extended_model(robot, known, fit, values, train, float(recordings[0].t[0]), provenance or {})
+    model = extended_model(robot, known, fit, values, train, {r.name: r.start for r in recordings}, provenance or {})
     urdf_model, changes = urdf_part(robot, model, train)
     notes += changes
     sides = JointSide.of(robot, effects), JointSide.of(robot, model.known_effects(robot))
@@ -163,6 +168,5 @@ def _split(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Recor
     for r in recordings:
         cut = int(np.searchsorted(r.t, r.t[0] + (1.0 - _HELD_OUT) * r.seconds))
         for part, s, word in ((first, slice(None, cut), "first part"), (last, slice(cut, None), "held-out part")):
-            v = None if r.v is None else r.v[s]
-            part.append(replace(r, name=f"{r.name} ({word})", t=r.t[s], q=r.q[s], v=v, tau=r.tau[s]))
+            part.append(r.at(s, f"{r.name} ({word})"))
     return first, last

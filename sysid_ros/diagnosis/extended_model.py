@@ -22,14 +22,14 @@ def extended_model(
     fit: Fit,
     covariance: dict[Term, Estimates],
     train: Prepared,
-    first_stamp: float,
+    stamps: dict[str, float],
     provenance: dict[str, Any],
 ) -> ModelFile:
     """Known effects and the terms of a fit.
 
     Args:
         covariance: of each term, as :func:`sysid_ros.diagnosis.covariance.with_knobs` gives it.
-        first_stamp: of the recordings, which the times of drifts and events are counted from [s].
+        stamps: first one of each recording, which the times of drifts and events are counted from [s].
     """
     blocks = list(known.effects) if known else []
     links = [t for t in fit.terms if t.id == "link_inertia"]
@@ -37,7 +37,7 @@ def extended_model(
         if not any(b.effect == "link_inertia" for b in blocks):
             blocks += urdf_dynamics(robot)
         blocks.append(_links(robot, fit, links, covariance))
-    blocks += [_block(t, fit, covariance[t][1], first_stamp) for t in fit.terms if t.id != "link_inertia"]
+    blocks += [_block(t, fit, covariance[t][1], stamps) for t in fit.terms if t.id != "link_inertia"]
     samples = sum(len(m.t) for m in train.motions)
     variance = np.sum(fit.variance, axis=0) / samples
     at_zero = fit.noise.white + fit.noise.coloured
@@ -53,12 +53,12 @@ def extended_model(
     )
 
 
-def _block(term: Term, fit: Fit, covariance: FloatArray, first_stamp: float) -> EffectBlock:
+def _block(term: Term, fit: Fit, covariance: FloatArray, stamps: dict[str, float]) -> EffectBlock:
     effect = term.effect
     settings = dict(effect.settings)
     for name in ("start", "t0"):
         if name in settings:
-            settings[name] = float(settings[name]) + first_stamp
+            settings[name] = float(settings[name]) + stamps.get(settings.get("recording", ""), next(iter(stamps.values())))
     own = covariance[: term.p, : term.p]
     spread = own if term.basis is None else term.basis @ own @ term.basis.T
     theta = term.theta_of_effect(fit.theta_of(term))

@@ -12,10 +12,15 @@ from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.physics import allowed
 from sysid_ros.diagnosis.refine import refine
 from sysid_ros.diagnosis.scoring import Scorer
+from sysid_ros.diagnosis.temperature import TEMPERATURE
 from sysid_ros.diagnosis.term import DRY, Term
 
 _SHARE = 0.002
 """A richer form must explain this part of the power of the friction torque that the simplest form leaves."""
+_SHARE_OF_TEMPERATURE = 0.0002
+"""The same of a form that follows a measured temperature: nothing else in a recording bends as that does."""
+_STANDS_IN = 5.0
+"""Likelihood by which time must be better than a measured temperature, for which it only stands in."""
 
 _AMONG = 3.5
 """Likelihood that it must gain beyond its price: it is one of many forms on many joints."""
@@ -51,13 +56,17 @@ def forms(problem: Problem, library: Library, fit: Fit, present: Term) -> list[F
         options = scorer.local(library.local_options(name, joint))
         if not options:
             continue
-        term = max(options, key=lambda s: s.gain).term
-        if name == present.id and present.effect.knobs:
-            term = present
-        trial = refine(problem, library, problem.fit([*kept, term], fit.noise, inexact=fit.inexact), [term])
-        term = trial.terms[-1]
-        if allowed(term, trial.theta_of(term), trial.std_of(term)):
-            found.append(Form(term, trial, float(np.sum(trial.residual[:, joint] ** 2))))
+        best = max(options, key=lambda s: s.gain).term
+        trials = []
+        for term in [best, *(s.term for s in options if s.term.form == TEMPERATURE and s.term is not best)]:
+            if name == present.id and present.effect.knobs and term.form == present.form:
+                term = present
+            trial = refine(problem, library, problem.fit([*kept, term], fit.noise, inexact=fit.inexact), [term])
+            term = trial.terms[-1]
+            if allowed(term, trial.theta_of(term), trial.std_of(term)):
+                trials.append(Form(term, trial, float(np.sum(trial.residual[:, joint] ** 2))))
+        if trials:
+            found.append(max(trials, key=lambda f: f.fit.loglik + (_STANDS_IN if f.term.form == TEMPERATURE else 0.0)))
     return found
 
 
@@ -72,7 +81,8 @@ def simplest(found: list[Form], price: dict[str, float]) -> Form:
     power = float(np.sum(base**2))
     for form in found[1:]:
         gain = form.fit.loglik - best.fit.loglik - (price[form.term.id] - price[best.term.id])
-        if gain > _AMONG and best.left - form.left > _SHARE * power:
+        share = _SHARE_OF_TEMPERATURE if form.term.form == TEMPERATURE else _SHARE
+        if gain > _AMONG and best.left - form.left > share * power:
             best = form
     return best
 

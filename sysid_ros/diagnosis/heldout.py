@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid_ros.diagnosis.events import OUTSIDE, found_anew
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.library import ON_DRIVE, ON_LOAD, Library
 from sysid_ros.diagnosis.prepare import Prepared
@@ -33,16 +34,14 @@ class HeldOut:
     @classmethod
     def of(cls, robot: RobotModel, prepared: Prepared, fit: Fit) -> HeldOut:
         """The terms of ``fit`` on held-out recordings; only the time of an event is found anew."""
-        library = Library(robot, prepared.band)
+        library = Library(robot, prepared.band, inside=-OUTSIDE)
         links = [m.link_torque for m in prepared.motions]
         for _ in range(2 if any(t.id in ON_LOAD + ON_DRIVE for t in fit.terms) else 0):
             library.update(*torques(library, fit, links, prepared.nominal))
         terms = {}
         for term in fit.terms:
             terms[term] = remake(library, term, term.effect.settings)
-        for term in fit.terms:
-            if term.id == "payload_change":
-                terms[term] = _event(library, prepared, fit, term, terms)
+        terms |= found_anew(library, prepared, fit, terms)
         return cls(prepared, library, terms)
 
     def add(self, terms: Sequence[Term]) -> None:
@@ -85,25 +84,3 @@ def _subtract(rows: FloatArray, term: Term, theta: FloatArray) -> None:
         rows -= term.columns @ theta
     else:
         rows[:, term.row] -= term.columns @ theta
-
-
-def _event(library: Library, prepared: Prepared, fit: Fit, term: Term, terms: dict[Term, Term]) -> Term:
-    """The time of an event, where these recordings leave the least."""
-    rest = prepared.problem.y.copy()
-    for other in fit.terms:
-        if other is not term:
-            _subtract(rest, terms[other], fit.theta_of(other))
-    weight = 1.0 / np.sqrt(fit.noise.variance(prepared.band.f))
-
-    def cost(t0: float) -> tuple[float, Term]:
-        trial = remake(library, term, {**term.effect.settings, "t0": t0})
-        left = rest.copy()
-        _subtract(left, trial, fit.theta_of(term))
-        return float(np.sum((left * weight)[:, prepared.problem.active] ** 2)), trial
-
-    start, end = float(library.motions[0].t[0]), float(library.motions[-1].t[-1])
-    grid = np.linspace(start, end, 41)
-    costs = [cost(float(t))[0] for t in grid]
-    best = int(np.argmin(costs))
-    fine = np.linspace(grid[max(best - 1, 0)], grid[min(best + 1, 40)], 21)
-    return min((cost(float(t)) for t in fine), key=lambda c: c[0])[1]

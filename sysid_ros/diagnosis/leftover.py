@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.prepare import Prepared
+from sysid_ros.diagnosis.temperature import over_temperature
 from sysid_ros.diagnosis.unsteady import Leftover, unsteady
 from sysid_ros.effects import Motion
 from sysid_ros.sample import FloatArray
@@ -29,8 +30,9 @@ def leftovers(train: Prepared, fit: Fit, held: Prepared, residual: FloatArray) -
         residual: held-out rows that the fit leaves, shape (K, n).
     """
     names = train.motions[0].robot.joint_names
-    here = [features(m, names) for m in train.motions]
-    there = [features(m, names) for m in held.motions]
+    warm = _temperatures(train, held)
+    here = [features(m, names, warm) for m in train.motions]
+    there = [features(m, names, warm) for m in held.motions]
     labels = list(here[0])
     out = []
     for j in train.problem.active:
@@ -54,8 +56,22 @@ def leftovers(train: Prepared, fit: Fit, held: Prepared, residual: FloatArray) -
     return sorted(out, key=lambda x: -x.share)
 
 
-def features(motion: Motion, names: Sequence[str]) -> dict[str, FloatArray]:
-    """Curves of a motion by their names, shape (N,) each."""
+def _temperatures(train: Prepared, held: Prepared) -> dict[int, float]:
+    """Joints whose temperature is known everywhere and changes, with its mean on the fitted rows [degrees Celsius]."""
+    out = {}
+    for j in range(train.motions[0].robot.n):
+        settings = over_temperature(train.motions, j)
+        if settings and all(m.temperature is not None and np.isfinite(m.temperature[:, j]).all() for m in held.motions):
+            out[j] = float(settings[0]["reference"])
+    return out
+
+
+def features(motion: Motion, names: Sequence[str], warm: Mapping[int, float] | None = None) -> dict[str, FloatArray]:
+    """Curves of a motion by their names, shape (N,) each.
+
+    Args:
+        warm: joints whose temperature is known, with the one that it is counted from [degrees Celsius].
+    """
     out: dict[str, FloatArray] = {}
     signs = np.tanh(motion.v / 0.02)
     for i, name in enumerate(names):
@@ -67,6 +83,12 @@ def features(motion: Motion, names: Sequence[str]) -> dict[str, FloatArray]:
         for order in (1, 2):
             out[f"position of {name} (sin {order}q)"] = np.sin(order * q)
             out[f"position of {name} (cos {order}q)"] = np.cos(order * q)
+    for i, usual in (warm or {}).items():
+        assert motion.temperature is not None
+        warmer = motion.temperature[:, i] - usual
+        out[f"temperature of {names[i]}"] = warmer
+        out[f"direction of {names[i]} with its temperature"] = signs[:, i] * warmer
+        out[f"speed of {names[i]} with its temperature"] = motion.v[:, i] * warmer
     for i, name in enumerate(names):
         for k, other in enumerate(names):
             out[f"direction of {name} with the position of {other} (sin)"] = signs[:, i] * np.sin(motion.q[:, k])

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.diagnosis.band import Band
+from sysid_ros.diagnosis.temperature import over_temperature
 from sysid_ros.diagnosis.term import COMPANIONS, Term
 from sysid_ros.effects import EFFECTS, Effect, JointCurves, JointEffect, Motion
 from sysid_ros.robot_model import RobotModel
@@ -50,7 +51,7 @@ _SHARP = 0.005
 _LIMITS = (0.5, 0.6, 0.7, 0.8, 0.87, 0.93, 0.97)
 """Quantiles of the torque of the drives that are tried first as limits of a sensor."""
 _INSIDE = 1.0
-"""A change lies inside of a recording by so much [s]."""
+"""A change that is looked for lies inside of a recording by so much [s]."""
 _ASKED = 0.97
 """Limit of a motor as a part of what is asked of it at most."""
 _OFTEN, _AT_MOST = 0.85, 0.99
@@ -62,10 +63,11 @@ class Library:
 
     Args:
         band: the frequency domain, with its motions.
+        inside: a change lies inside of a recording by so much [s]; below 0 it may have been before it, or never.
     """
 
-    def __init__(self, robot: RobotModel, band: Band) -> None:
-        self.robot, self.band = robot, band
+    def __init__(self, robot: RobotModel, band: Band, inside: float = _INSIDE) -> None:
+        self.robot, self.band, self.inside = robot, band, inside
         self._curves: dict[tuple[str, str], FloatArray] = {}
         self._options: dict[tuple[str, int], list[Term]] = {}
 
@@ -84,6 +86,16 @@ class Library:
         """The recordings."""
         return self.band.motions
 
+    @property
+    def recordings(self) -> tuple[str, ...]:
+        """Names of the recordings, of which each has one motion or several."""
+        return tuple(dict.fromkeys(m.recording for m in self.motions))
+
+    def times(self, recording: str = "") -> tuple[float, float]:
+        """First and last time of a recording, of all without a name [s]."""
+        motions = [m for m in self.motions if not recording or m.recording == recording] or self.motions
+        return float(min(m.t[0] for m in motions)), float(max(m.t[-1] for m in motions))
+
     def _curves_of(self, effect: JointEffect | JointCurves) -> FloatArray:
         key = effect.id, repr(effect.settings)
         if key not in self._curves:
@@ -100,7 +112,7 @@ class Library:
             joints = (joint, self.robot.joint_names.index(follows))
         effect = self._make(effect_id, (joint,), settings)
         load = self._given(joint) if settings.get("kind") == "motor" else 0.0
-        return Term(effect, joints, joint, columns, form=str(settings.get("shape", "")), load=load)
+        return Term(effect, joints, joint, columns, form=str(settings.get("shape", settings.get("over", ""))), load=load)
 
     def _given(self, joint: int) -> float:
         """Torque that a joint's motor has been seen to give: its limit is not below [N m]."""
@@ -123,7 +135,8 @@ class Library:
             joints: that it is named with; empty for all. basis: combinations of the effect's columns, shape (effect.p, p).
         """
         if "t0" in settings:  # what has changed before or after all that was recorded has not changed
-            settings["t0"] = float(np.clip(settings["t0"], self.motions[0].t[0] + _INSIDE, self.motions[-1].t[-1] - _INSIDE))
+            start, end = self.times(settings.get("recording", ""))
+            settings["t0"] = float(np.clip(settings["t0"], start + self.inside, end - self.inside))
         effect = self._make(effect_id, joints, settings)
         columns = self.band.rows([effect.columns_along(m) for m in self.motions])
         if basis is not None:
@@ -145,6 +158,8 @@ class Library:
 
     def _settings(self, effect_id: str, joint: int) -> list[dict[str, Any]]:
         effect = EFFECTS[effect_id]
+        if effect_id == "friction_drift":
+            return [{}, *over_temperature(self.motions, joint)]
         if effect_id == "spring":
             return [{"shape": "line"}, {"shape": "sine"}]
         if effect_id == "cogging":
@@ -193,9 +208,10 @@ class Library:
             terms.append(Term(effect, (j,), None, own.copy(), np.eye(10), "full"))
         # four columns where the motion is too slow to show the inertia
         terms.append(self.whole("payload", basis=np.eye(10)[:, :4], form="first moment"))
-        start, end = self.motions[0].t[0], self.motions[0].t[-1]
-        if len(self.motions) == 1:
-            for t0 in np.linspace(start, end, 16)[1:-1]:
-                terms.append(self.whole("payload_change", t0=float(t0)))
-                terms.append(self.whole("payload_change", basis=np.eye(10)[:, :4], form="first moment", t0=float(t0)))
+        names = self.recordings
+        for name in names:
+            where: dict[str, Any] = {"recording": name} if len(names) > 1 else {}
+            for t0 in np.linspace(*self.times(name), 16)[1:-1]:
+                terms.append(self.whole("payload_change", t0=float(t0), **where))
+                terms.append(self.whole("payload_change", basis=np.eye(10)[:, :4], form="first moment", t0=float(t0), **where))
         return terms

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -80,9 +80,7 @@ def in_order(recording: Recording) -> tuple[Recording, MessageFaults]:
     faults = find_message_faults(recording.t, recording.q, recording.tau)
     if faults.keep.all() and not faults.unordered:
         return recording, faults
-    used = faults.order[faults.keep]
-    v = None if recording.v is None else recording.v[used]
-    return replace(recording, t=recording.t[used], q=recording.q[used], v=v, tau=recording.tau[used]), faults
+    return recording.at(faults.order[faults.keep]), faults
 
 
 def find_message_faults(t: FloatArray, q: FloatArray, tau: FloatArray) -> MessageFaults:

@@ -78,6 +78,12 @@ class Noise:
         return variance
 
     @classmethod
+    def even(cls, power: FloatArray) -> Noise:
+        """White noise of a power, shape (n,)."""
+        nothing = np.zeros_like(power)
+        return cls(np.maximum(power, 1e-30), nothing, np.ones_like(power), nothing)
+
+    @classmethod
     def of(cls, f: FloatArray, power: FloatArray) -> Noise:
         """The noise that makes coefficients of this power the most likely.
 

@@ -103,6 +103,8 @@ def _body(term: Term, values: FloatArray, covariance: FloatArray) -> list[Parame
     out.append(_vector("com", None, "m", parts))
     if term.id == "payload_change":
         out.append(_number("t0", None, "s", lambda x: float(x[-1]), values, covariance))
+        if name := term.effect.settings.get("recording"):
+            out.append(Parameter("recording", None, name, "", 0.0, name, name))
     return out
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid_ros.exceptions import DataError
 from sysid_ros.sample import FloatArray, Measurement
@@ -19,6 +20,8 @@ class Recording:
         name: where it comes from.
         t: stamps, shape (N,) [s].
         q, tau: positions and torques, shape (N, n). v: velocities alike, or None where the robot does not publish them.
+        temperature: of the joints, shape (N, n) [degrees Celsius], NaN where it is not known; None where none is.
+        first: stamp that times count from, of a part of a recording [s]; None for the first one here.
 
     Raises:
         DataError: the shapes do not fit one another.
@@ -29,9 +32,11 @@ class Recording:
     q: FloatArray
     v: FloatArray | None
     tau: FloatArray
+    temperature: FloatArray | None = None
+    first: float | None = None
 
     def __post_init__(self) -> None:
-        shapes = [np.shape(x) for x in (self.q, self.tau, *(() if self.v is None else (self.v,)))]
+        shapes = [np.shape(x) for x in (self.q, self.tau, self.v, self.temperature) if x is not None]
         if np.ndim(self.t) != 1 or any(shape != shapes[0] or len(shape) != 2 or shape[0] != len(self.t) for shape in shapes):
             raise DataError(
                 f"{self.name}: t has shape {np.shape(self.t)} and the channels {', '.join(map(str, shapes))}; t must be (N,) and "
@@ -55,6 +60,16 @@ class Recording:
             np.stack(v) if len(v) == len(measurements) else None,
             np.stack([m.tau for m in measurements]),
         )
+
+    def at(self, rows: slice | NDArray[np.bool_] | NDArray[np.intp], name: str = "") -> Recording:
+        """The messages of some rows, in their order; ``name`` is a new one."""
+        v, warm = (None if x is None else x[rows] for x in (self.v, self.temperature))
+        return Recording(name or self.name, self.t[rows], self.q[rows], v, self.tau[rows], warm, self.start)
+
+    @property
+    def start(self) -> float:
+        """Stamp that times count from [s]."""
+        return float(self.t[0]) if self.first is None else self.first
 
     @property
     def seconds(self) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from sysid_ros.diagnosis.compliant import COMPLIANT, settle
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.noise import Noise
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import Knob
 
@@ -18,6 +19,8 @@ _FIXED_POINTS = 3
 _BUMPY = ("t0", "harmonic")
 """Knobs with several local optima near the first value."""
 _SCAN = 13
+_NEAR, _APART = 8, 0.015
+"""Number and spacing of the times on each side of an event that are tried at last [s]."""
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
@@ -68,12 +71,29 @@ def _local(problem: Problem, library: Library, fit: Fit, term: Term) -> Term:
 
 
 def _whole(problem: Problem, library: Library, fit: Fit, term: Term) -> Term:
+    """The knobs of a term of the whole arm.
+
+    An event is found by least squares first: a likelihood whose noise is free is at its highest within a tenth of a second of it,
+    and elsewhere takes a change at a wrong time for noise.
+    """
     others = [t for t in fit.terms if t is not term]
 
-    def cost(settings: dict[str, Any]) -> float:
-        return -problem.fit([*others, remake(library, term, settings)], fit.noise, 2, fit.inexact).loglik
+    def tried(settings: dict[str, Any], noise: Noise, turns: int) -> float:
+        return -problem.fit([*others, remake(library, term, settings)], noise, turns, fit.inexact).loglik
 
-    settings = search(term, dict(term.effect.settings), cost)
+    def cost(settings: dict[str, Any]) -> float:
+        return tried(settings, fit.noise, 2)
+
+    settings = dict(term.effect.settings)
+    if "t0" in settings:
+        even = Noise.even(np.mean(fit.residual**2, axis=0))
+        settings = search(term, settings, lambda s: tried(s, even, 0))
+        near = settings["t0"] + np.arange(-_NEAR, _NEAR + 1) * _APART
+        settings = min(({**settings, "t0": float(t0)} for t0 in near), key=cost)
+        if cost(settings) > cost(dict(term.effect.settings)):
+            settings = dict(term.effect.settings)
+    else:
+        settings = search(term, settings, cost)
     return remake(library, term, settings) if settings != term.effect.settings else term
 
 

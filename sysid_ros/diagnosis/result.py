@@ -47,6 +47,7 @@ class Finding:
         delta_bic: of the fitted rows. p_value: corrected for the number of candidates.
         cannot_be_told_from: ids that explain these recordings as well. sentence: for an engineer.
         signature: what it looks like. separated_by: motion that tells it from its look-alikes.
+        drift: of a friction that drifts, where a temperature is known: what it follows, and how it was told.
     """
 
     id: str
@@ -60,6 +61,7 @@ class Finding:
     sentence: str
     signature: str = ""
     separated_by: str = ""
+    drift: dict[str, Any] | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """As it stands in diagnosis.json."""
@@ -70,6 +72,7 @@ class Finding:
             "evidence": {"heldout_gain": self.heldout_gain, "delta_bic": self.delta_bic, "p_value": self.p_value},
             "cannot_be_told_from": list(self.cannot_be_told_from),
             "sentence": self.sentence,
+            **({} if self.drift is None else {"drift": self.drift}),
         }
 
 
@@ -97,7 +100,8 @@ class SimulationError:
 
 @dataclass(frozen=True)
 class Predictions:
-    """Torques on the held-out data: t since the first stamp, shape (N,) [s]; torques of shape (N, n) [N m], and the motion."""
+    """Torques on the held-out data: t since the first stamp, shape (N,) [s]; torques of shape (N, n) [N m], and the motion;
+    temperature of the joints [degrees Celsius], NaN where it is not known, None where none is."""
 
     t: FloatArray
     joints: tuple[str, ...]
@@ -107,6 +111,7 @@ class Predictions:
     q: FloatArray
     v: FloatArray
     a: FloatArray
+    temperature: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -119,6 +124,7 @@ class Diagnosis:
         unexplained_fraction: power above the noise that is left on held-out data, as a part of the nominal residual's.
         record_next: what to record next, one sentence each. notes: what the user should know, one sentence each.
         model: the extended model. urdf_model: what a URDF can hold of it. predictions: on the held-out data.
+        temperature: how what is left goes with the temperature of each joint, where one is known.
         driven: the same before the faults of units, signs and order are put back: torques that can drive a simulation.
     """
 
@@ -136,6 +142,7 @@ class Diagnosis:
     urdf_model: ModelFile | None = None
     predictions: Predictions | None = None
     driven: Predictions | None = None
+    temperature: dict[str, Any] | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """The document diagnosis.json."""
@@ -156,6 +163,7 @@ class Diagnosis:
             "simulation": {name: getattr(simulation, name) for name in SimulationError.__dataclass_fields__},
             "unexplained_fraction": self.unexplained_fraction,
             "unexplained": self.unexplained,
+            **({} if self.temperature is None else {"temperature": self.temperature}),
             "record_next": list(self.record_next),
             "notes": list(self.notes),
         }

@@ -85,9 +85,9 @@ class Selection:
     def run(self) -> Fit:
         """The terms that earn their place."""
         swaps = _SWAPS
-        proposed: dict[frozenset[Key], set[Key]] = {}
+        proposed: dict[tuple[Key, ...], set[Key]] = {}
         for _ in range(_MOST_STEPS):
-            state = frozenset(t.key for t in self.fit.terms)
+            state = _state(self.fit)
             before = proposed.setdefault(state, set())
             step = self.propose(before)
             if step is not None:
@@ -96,16 +96,23 @@ class Selection:
                 self.fit = prune(self.problem, step.fit, self.price)
                 self.refresh()
                 continue
+            self.date()
             self.fit = simplify(self.problem, self.library, self.fit, self._joints, self.price)
             self.fit = prune(self.problem, self.fit, self.price)
             self.refresh()
-            if frozenset(t.key for t in self.fit.terms) in proposed and not (swaps and self.swap()):
+            if _state(self.fit) in proposed and not (swaps and self.swap()):
                 break
             swaps -= 1
         self.fit = without_nuisance(self.problem, self.fit)
         self.fit = simplify(self.problem, self.library, self.fit, self._joints, self.price)
         self.fit = prune(self.problem, self.fit, self.price)
         return self.fit
+
+    def date(self) -> None:
+        """Find the times of events anew, with all that was found after them."""
+        dated = refine(self.problem, self.library, self.fit, [t for t in self.fit.terms if "t0" in t.effect.settings])
+        if dated.loglik > self.fit.loglik:
+            self.fit = dated
 
     def refresh(self) -> None:
         """Make anew the columns that depend on torques, with those of the present fit."""
@@ -165,7 +172,7 @@ class Selection:
             if scores:
                 groups.append((sum(s.gain - self.price(s.term) for s in scores), [s.term for s in scores]))
         for term in [*self._whole, *self._screen.terms(self.fit)]:
-            if term.id == without or term.key in before or any(term.key == t.key for t in self.fit.terms):
+            if term.id == without or term.key in before or any(_same(term, t) for t in self.fit.terms):
                 continue
             group = self.library.together(term, self.fit.terms)
             score, price = scorer.whole(joined(group)), sum(map(self.price, group))
@@ -209,6 +216,14 @@ class Selection:
         fit = refine(self.problem, self.library, proposal.fit, proposal.terms)
         terms = fit.terms[len(fit.terms) - len(proposal.terms) :]
         return Proposal(terms, proposal.score + fit.loglik - proposal.fit.loglik, fit)
+
+
+def _same(term: Term, other: Term) -> bool:
+    return term.key == other.key and ("t0" not in term.effect.settings or term.excludes(other))
+
+
+def _state(fit: Fit) -> tuple[Key, ...]:
+    return tuple(sorted(t.key for t in fit.terms))
 
 
 __all__ = ["EXPECTED", "Proposal", "Selection"]

@@ -40,6 +40,8 @@ def _ranges(parameters: Sequence[Parameter]) -> list[str]:
 def _size(p: Parameter, several: bool) -> str:
     unit = "" if p.unit == "1" else f" {p.unit}"
     name = f"{p.name} of {p.joint}" if several and p.joint else p.name
+    if isinstance(p.value, str):
+        return f"{name} = {p.value}"
     if isinstance(p.value, list):
         return f"{name} = ({', '.join(f'{v:.3g}' for v in p.value)}){unit}"
     return f"{name} = {p.value:.3g} ± {1.96 * p.std:.2g}{unit}"

@@ -20,6 +20,8 @@ DRY = (
 )
 """Forms of dry friction, of which a joint has at most one; the simpler ones first."""
 
+_ONE_EVENT = 1.5
+"""Changes of the payload nearer to one another are one [s]."""
 _BODIES = ("payload", "payload_change", "link_inertia")
 
 
@@ -53,8 +55,8 @@ class Term:
 
     @property
     def key(self) -> tuple[str, tuple[int, ...]]:
-        """Name and joints."""
-        return self.effect.id, self.joints
+        """Name and joints; an event's recording is part of its name."""
+        return f"{self.effect.id} {self.effect.settings.get('recording', '')}".rstrip(), self.joints
 
     @property
     def p(self) -> int:
@@ -78,9 +80,12 @@ class Term:
         return theta if self.basis is None else self.basis @ theta
 
     def excludes(self, other: Term) -> bool:
-        """True where the two can't stand side by side: forms of one thing on the same joint."""
+        """True where the two can't stand side by side: forms of one thing on the same joint, or one event."""
         if self.joints != other.joints and not (self.row is not None and self.row == other.row):
             return False
+        if self.id == other.id == "payload_change":
+            mine, its = self.effect.settings, other.effect.settings
+            return mine.get("recording") == its.get("recording") and abs(mine["t0"] - its["t0"]) < _ONE_EVENT
         if self.id == other.id:
             return self.id != "joint_coupling" or self.joints == other.joints
         pair = {self.id, other.id}

@@ -20,6 +20,8 @@ _HELPS, _HELPS_ALL = 0.6, 0.7
 _EXPLAINED, _LOADED = 0.2, 0.25
 _CAUSES = (slice(0, 0), slice(0, 10), slice(10, 13), slice(13, 14))
 """Columns of none, a payload, a force and gravity among those of the whole arm."""
+_TIMES = 12
+"""Times in a recording at which a payload is let be picked up or set down."""
 _CURRENT = 3.3
 """Factor from which efforts can be currents."""
 _FITS = 0.05
@@ -33,7 +35,8 @@ def wrong_robot(robot: RobotModel, recordings: Sequence[Recording]) -> str | Non
     A payload, a force on the tool, gravity that is missing or doubled, and friction, rotor and offset of each joint are fitted
     twice: to what the URDF leaves of the torque, and to the torque itself. The right URDF, wrong as it may be, leaves much less;
     that of another robot leaves as much as none at all. Where friction is most of the torque, both leave the same of a right one
-    too; but then a payload, a force or gravity alone bring the joints that bear a load down to their friction.
+    too; but then a payload, one that is picked up or set down, a force or gravity alone bring the joints that bear a load down to
+    their friction.
 
     Args:
         recordings: after the faults of units, signs and order were undone.
@@ -54,6 +57,10 @@ def wrong_robot(robot: RobotModel, recordings: Sequence[Recording]) -> str | Non
     arm = _whole_arm(robot, q, v, a, own)
     if _one_cause(arm, tau, nominal, alone, loaded) < _EXPLAINED or _helps(arm, tau, nominal):
         return None
+    late = np.concatenate([m.t[every] / max(float(m.t[-1]), 1e-9) for m in parts])
+    owner = np.concatenate([np.full(len(m.t[every]), i) for i, m in enumerate(parts)])
+    if _event(arm[:, :, :10], np.concatenate([own, _drift(own, late)], axis=2), tau, nominal, alone, loaded, owner) < _EXPLAINED:
+        return None
     gains = _gains_of_currents(own, tau, nominal, size)
     if gains is not None and _helps(arm, tau / gains, nominal):
         return None
@@ -68,16 +75,51 @@ def wrong_robot(robot: RobotModel, recordings: Sequence[Recording]) -> str | Non
 def _one_cause(arm: FloatArray, tau: FloatArray, nominal: FloatArray, alone: FloatArray, loaded: NDArray[np.bool_]) -> float:
     """What the URDF with one cause of the whole arm leaves of what friction, rotor and offset alone leave, over the joints for
     which that is much: the geometric mean, for the cause for which it is least."""
-    scale = 1.0 / np.sqrt(np.maximum(np.mean(tau**2, axis=0), 1e-12))
     joints = range(_CAUSES[-1].stop, arm.shape[2])
-    rest = ((tau - nominal) * scale).ravel()
+    causes = (arm[:, :, [*range(cause.start, cause.stop), *joints]] for cause in _CAUSES)
+    return min(_explained_by(columns, tau, nominal, alone, loaded) for columns in causes)
+
+
+def _event(
+    payload: FloatArray,
+    own: FloatArray,
+    tau: FloatArray,
+    nominal: FloatArray,
+    alone: FloatArray,
+    loaded: NDArray[np.bool_],
+    owner: NDArray[np.int_],
+) -> float:
+    """As :func:`_one_cause`, for a payload that is only there from some time on, or up to then.
+
+    Args:
+        payload: columns, shape (N, n, 10). own: of each joint, shape (N, n, p). owner: stretch of each instant, shape (N,).
+    """
+    n = payload.shape[1]
+    joints = np.concatenate([own[:, :, None, k] * np.eye(n) for k in range(own.shape[2])], axis=2)
     found = []
-    for cause in _CAUSES:
-        columns = arm[:, :, [*range(cause.start, cause.stop), *joints]] * scale[:, None]
-        X = columns.reshape(-1, columns.shape[2])
-        left = np.mean((rest - X @ np.linalg.lstsq(X, rest, rcond=1e-7)[0]).reshape(tau.shape) ** 2, axis=0)
-        found.append(float(np.exp(np.mean(np.log(np.maximum(left / alone, 1e-6)[loaded])))))
+    for stretch in np.unique(owner):
+        within = np.flatnonzero(owner == stretch)
+        for start in within[np.linspace(0, len(within) - 1, _TIMES + 2).astype(int)[1:-1]]:
+            later = (owner == stretch) & (np.arange(len(owner)) >= start)
+            for there in (later, (owner == stretch) & ~later):
+                columns = np.concatenate([payload * there[:, None, None], joints], axis=2)
+                found.append(_explained_by(columns, tau, nominal, alone, loaded))
     return min(found)
+
+
+def _explained_by(
+    columns: FloatArray, tau: FloatArray, nominal: FloatArray, alone: FloatArray, loaded: NDArray[np.bool_]
+) -> float:
+    scale = 1.0 / np.sqrt(np.maximum(np.mean(tau**2, axis=0), 1e-12))
+    rest = ((tau - nominal) * scale).ravel()
+    X = (columns * scale[:, None]).reshape(-1, columns.shape[2])
+    left = np.mean((rest - X @ np.linalg.lstsq(X, rest, rcond=1e-7)[0]).reshape(tau.shape) ** 2, axis=0)
+    return float(np.exp(np.mean(np.log(np.maximum(left / alone, 1e-6)[loaded]))))
+
+
+def _drift(own: FloatArray, late: FloatArray) -> FloatArray:
+    """A drift of each joint's offset, shape (N, n, 1)."""
+    return np.asarray(np.broadcast_to(late[:, None, None], (*own.shape[:2], 1)))
 
 
 def _own(v: FloatArray, a: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Friction that changes with time, as a gear that warms up."""
+"""Friction that changes with time, as a gear that warms up, or with the temperature itself where that is measured."""
 
 from __future__ import annotations
 
@@ -9,17 +9,22 @@ import numpy as np
 
 from sysid_ros.effects.effect import JointCurves, Knob, positive
 from sysid_ros.effects.motion import Motion
+from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 
+_OVER = ("time", "temperature")
+
 
 class FrictionDrift(JointCurves):
-    """``tau_j = s (Fc + rate_Fc t) + v (b + rate_b t)``, s = tanh(v / width) [N m], t from the start of the recording
-    (Bittencourt, Axelsson 2014: friction of a gear against its temperature).
+    """``tau_j = s (Fc + rate_Fc x) + v (b + rate_b x)``, s = tanh(v / width) [N m]; x is the time from ``start`` [s], or how much
+    warmer joint j is than ``reference`` [K] (Bittencourt, Axelsson 2014: friction of a gear against its temperature).
+
+    A state without a temperature is taken as one at ``reference``: Fc and b are the friction there.
 
     Args:
         robot: the model. joints: joints that rub; empty for all. width: speed at which the sign function has turned [rad/s].
-        start: time from which it drifts [s].
+        start: time from which it drifts [s]. over: "time" or "temperature". reference: temperature of Fc and b [degrees Celsius].
     """
 
     id: ClassVar[str] = "friction_drift"
@@ -32,15 +37,36 @@ class FrictionDrift(JointCurves):
     look_alikes: ClassVar[tuple[str, ...]] = ("coulomb_friction", "viscous_friction", "torque_offset_drift")
     separated_by: ClassVar[str] = "the same motion early and late in a recording of minutes"
 
-    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = 0.02, start: float = 0.0) -> None:
+    def __init__(
+        self,
+        robot: RobotModel,
+        joints: Sequence[str] = (),
+        width: float = 0.02,
+        start: float = 0.0,
+        over: str = "time",
+        reference: float = 25.0,
+    ) -> None:
         super().__init__(robot, joints)
+        if over not in _OVER:
+            raise ModelFileError(f"effect '{self.id}' drifts over '{over}'; it must be one of {', '.join(_OVER)}.")
         self.width, self.start = positive(width, "width", self.id), float(start)
+        self.over, self.reference = over, float(reference)
+        if over == "temperature":
+            levels = ("N m", "N m/K", "N m s/rad", "N m s/(rad K)"), ("N", "N/K", "N s/m", "N s/(m K)")
+            self.units = tuple(unit for j in self.joints for unit in levels[int(robot.is_prismatic[j])])
 
     @property
     def settings(self) -> dict[str, Any]:
+        if self.over == "temperature":
+            return {"width": self.width, "over": self.over, "reference": self.reference}
         return {"width": self.width, "start": self.start}
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         s = np.tanh(state.v / self.width)
-        since = (np.asarray(state.t) - self.start)[..., None]
-        return np.stack([s, s * since, state.v, state.v * since])
+        if self.over == "time":
+            x = (np.asarray(state.t) - self.start)[..., None]
+        elif state.temperature is None:
+            x = np.zeros(state.v.shape)
+        else:
+            x = np.nan_to_num(state.temperature - self.reference)
+        return np.stack([s, s * x, state.v, state.v * x])

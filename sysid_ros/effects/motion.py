@@ -19,10 +19,12 @@ class Motion:
         q, v, a: positions, velocities and accelerations. tau: measured torque.
         link_torque: torque that the links need, as far as it is known; None for the URDF's.
         drive_torque: torque that the drives give, friction included, as far as it is known; None for that of the links.
+        temperature: of the joints [degrees Celsius], NaN where it is not known; None where none is.
 
     Attributes:
         period: of the grid [s].
         clear: frequency up to which each position stands above its noise, shape (n,) [Hz]; None where that is not known.
+        recording: name of the recording that it is a stretch of.
     """
 
     def __init__(
@@ -35,10 +37,13 @@ class Motion:
         tau: FloatArray,
         link_torque: FloatArray | None = None,
         drive_torque: FloatArray | None = None,
+        temperature: FloatArray | None = None,
     ) -> None:
         self.robot, self.t, self.q, self.v, self.a, self.tau = robot, t, q, v, a, tau
+        self.temperature = temperature
         self._link_torque, self._drive_torque = link_torque, drive_torque
         self.clear: FloatArray | None = None
+        self.recording = ""
         self._payload: dict[str, FloatArray] = {}
         self._joints: dict[int, Motion] = {}
 
@@ -104,11 +109,11 @@ class Motion:
 
     def with_torques(self, link_torque: FloatArray, drive_torque: FloatArray) -> Motion:
         """The same motion with more known of its torques, shape (N, n) each; what was computed from the motion alone is kept."""
-        other = Motion(self.robot, self.t, self.q, self.v, self.a, self.tau, link_torque, drive_torque)
+        other = Motion(self.robot, self.t, self.q, self.v, self.a, self.tau, link_torque, drive_torque, self.temperature)
         for name in ("regressor", "sensitivity", "gravity_torque", "rigid_torque"):
             if name in self.__dict__:
                 other.__dict__[name] = self.__dict__[name]
-        other._payload, other.clear = self._payload, self.clear
+        other._payload, other.clear, other.recording = self._payload, self.clear, self.recording
         return other
 
     def of_joint(self, joint: int) -> Motion:
@@ -117,8 +122,13 @@ class Motion:
             one = slice(joint, joint + 1)
             channels = (x[:, one] for x in (self.q, self.v, self.a, self.tau, self.link_torque, self.drive_torque))
             self._joints[joint] = Motion(self.robot, self.t, *channels)
+            self._joints[joint].temperature = None if self.temperature is None else self.temperature[:, one]
         return self._joints[joint]
 
     def samples(self) -> list[Sample]:
         """The grid's points one by one."""
-        return [Sample(float(self.t[i]), self.q[i], self.v[i], self.a[i], self.tau[i]) for i in range(len(self.t))]
+        warm = self.temperature
+        return [
+            Sample(float(self.t[i]), self.q[i], self.v[i], self.a[i], self.tau[i], None if warm is None else warm[i])
+            for i in range(len(self.t))
+        ]

@@ -19,6 +19,7 @@ class PayloadChange(Payload):
 
     Args:
         robot: the model. joints: unused. frame: name of the frame; empty for the robot's default. t0: when it changes [s].
+        recording: the one of several recordings in which it changes; empty where there is only one.
     """
 
     id: ClassVar[str] = "payload_change"
@@ -28,13 +29,17 @@ class PayloadChange(Payload):
     look_alikes: ClassVar[tuple[str, ...]] = ("external_force", "torque_offset_drift", "payload")
     separated_by: ClassVar[str] = "the same motion before and after the change"
 
-    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), frame: str = "", t0: float = 0.0) -> None:
+    def __init__(
+        self, robot: RobotModel, joints: Sequence[str] = (), frame: str = "", t0: float = 0.0, recording: str = ""
+    ) -> None:
         super().__init__(robot, joints, frame)
         self.t0 = float(t0)
+        self.recording = recording
 
     @property
     def settings(self) -> dict[str, Any]:
-        return {"frame": self.frame, "t0": self.t0}
+        settings = {"frame": self.frame, "t0": self.t0}
+        return {**settings, "recording": self.recording} if self.recording else settings
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         super().fill(sample, out)
@@ -42,5 +47,8 @@ class PayloadChange(Payload):
             out[:] = 0.0
 
     def columns_along(self, motion: Motion) -> FloatArray:
-        columns: FloatArray = super().columns_along(motion) * np.asarray(motion.t >= self.t0)[:, None, None]
+        later = motion.t >= self.t0
+        if self.recording and motion.recording != self.recording:
+            later = np.zeros_like(later)
+        columns: FloatArray = super().columns_along(motion) * later[:, None, None]
         return columns

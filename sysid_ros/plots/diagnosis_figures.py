@@ -79,7 +79,8 @@ def simulation_figure(driven: Trajectories, joints: Sequence[str]) -> str:
 
 
 def residual_figure(p: Predictions, units: Sequence[str], floor: FloatArray) -> str:
-    """HTML of the residual before and after, against position, velocity, acceleration, load, time and frequency.
+    """HTML of the residual before and after, against position, velocity, acceleration, load, time, the temperature of the joint
+    where one is known, and frequency.
 
     Args:
         floor: noise floor of each joint below 8 Hz, shape (n,) [N m].
@@ -89,9 +90,11 @@ def residual_figure(p: Predictions, units: Sequence[str], floor: FloatArray) -> 
 
     n = len(p.joints)
     height = 205 * n + 110
+    warm = [] if p.temperature is None else ["temperature [°C]"]
     columns = (
-        "position [rad]", "velocity [rad/s]", "acceleration", "load [N m]", "time [s]", "frequency [Hz]", "coherence [Hz]",
+        "position [rad]", "velocity [rad/s]", "acceleration", "load [N m]", "time [s]", *warm, "frequency [Hz]", "coherence [Hz]",
     )  # fmt: skip
+    spectrum, coherence = len(columns) - 1, len(columns)
     titles = [
         f"{name} [{unit}]" if c == 0 else "" for name, unit in zip(p.joints, units, strict=True) for c in range(len(columns))
     ]
@@ -102,7 +105,16 @@ def residual_figure(p: Predictions, units: Sequence[str], floor: FloatArray) -> 
     keep = _even(len(p.t), _CLOUD_POINTS)
     before, after = p.measured - p.nominal, p.measured - p.extended
     for j in range(n):
-        against = (p.q[:, j], p.v[:, j], p.a[:, j], p.nominal[:, j], p.t)
+        against = [p.q[:, j], p.v[:, j], p.a[:, j], p.nominal[:, j], p.t]
+        if p.temperature is not None:
+            against.append(p.temperature[:, j])
+            if np.isnan(p.temperature[:, j]).all():
+                figure.add_annotation(
+                    text="not recorded", x=0.5, y=0.5, xref="x domain", yref="y domain", showarrow=False,
+                    font={"color": "#777777"}, row=j + 1, col=6,
+                )  # fmt: skip
+                figure.update_xaxes(showticklabels=False, showgrid=False, row=j + 1, col=6)
+                figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, row=j + 1, col=6)
         for values, name, colour in ((before, "nominal model", _ORANGE), (after, "extended model", _BLUE)):
             shown = {"name": name, "legendgroup": name}
             marker = {"color": colour, "size": 3, "opacity": 0.45}
@@ -116,16 +128,16 @@ def residual_figure(p: Predictions, units: Sequence[str], floor: FloatArray) -> 
             line = go.Scattergl(
                 x=_small(f), y=_small(density), mode="lines", line={"color": colour, "width": 1.2}, showlegend=False, **shown
             )
-            figure.add_trace(line, row=j + 1, col=6)
+            figure.add_trace(line, row=j + 1, col=spectrum)
             f, share = _coherence(values[:, j], p.v[:, j], p.t)
             line = go.Scattergl(
                 x=_small(f), y=_small(share), mode="lines", line={"color": colour, "width": 1.2}, showlegend=False, **shown
             )
-            figure.add_trace(line, row=j + 1, col=7)
+            figure.add_trace(line, row=j + 1, col=coherence)
         level = float(floor[j]) / np.sqrt(_BAND)
-        figure.add_hline(y=level, line={"color": _INK, "width": 1, "dash": "dot"}, row=j + 1, col=6)
-        figure.update_yaxes(type="log", row=j + 1, col=6)
-        figure.update_yaxes(range=[0.0, 1.0], row=j + 1, col=7)
+        figure.add_hline(y=level, line={"color": _INK, "width": 1, "dash": "dot"}, row=j + 1, col=spectrum)
+        figure.update_yaxes(type="log", row=j + 1, col=spectrum)
+        figure.update_yaxes(range=[0.0, 1.0], row=j + 1, col=coherence)
     figure.update_xaxes(nticks=4, tickangle=0)
     for c, name in enumerate(columns, start=1):
         for row in {1, n}:

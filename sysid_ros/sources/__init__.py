@@ -6,5 +6,6 @@ from sysid_ros.sources.memory import MemorySource
 from sysid_ros.sources.recording import BagRecorder
 from sysid_ros.sources.robot_description import urdf_text
 from sysid_ros.sources.source import Source
+from sysid_ros.sources.temperatures import temperatures
 
-__all__ = ["BagRecorder", "BagSource", "FloatingBagSource", "MemorySource", "Source", "urdf_text"]
+__all__ = ["BagRecorder", "BagSource", "FloatingBagSource", "MemorySource", "Source", "temperatures", "urdf_text"]

@@ -82,6 +82,11 @@ class BagSource:
                 for connection, nanoseconds, data in self._files.messages(reader, connections) if connections else ():
                     yield nanoseconds, data, connection.msgtype
 
+    def definition(self, topic: str) -> Any:
+        """What the bag says of the type of a topic: rosbags' ``MessageDefinition`` with its format and text."""
+        with self._files.opened() as readers:
+            return next(c.msgdef for reader in readers for c in reader.connections if c.topic == topic)
+
     def _records(self, reader: Any, connections: list[Any]) -> Iterator[JointStateRecord]:
         messages = self._files.messages(reader, connections)
         decoder = JointStateDecoder()
