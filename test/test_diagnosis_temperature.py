@@ -224,10 +224,11 @@ def test_the_command_reads_shows_and_warns(tmp_path: Path, capfd: pytest.Capture
     told = " ".join(capfd.readouterr().err.split())
     assert "/imu/temperature (imu_link)" in told
     assert "no joint of turn, lift, elbow, slide" in told
-    assert "run: temperature of lift." in told
+    assert "run: it holds the temperature of lift." in told
     page = (out / "report.html").read_text()
     assert "temperature [\\u00b0C]" in page
     assert "not recorded" in page
+    assert "<h2>Temperature</h2>" in page
     facts = json.loads((out / "diagnosis.json").read_text())["temperature"]
     assert facts["joints"] == ["lift"]
     assert abs(facts["friction_before"][0]) < 0.5

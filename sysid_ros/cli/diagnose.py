@@ -131,8 +131,8 @@ def _read_all(
             warn(sentence)
         if recording.temperature is not None:
             warm = np.flatnonzero(np.isfinite(recording.temperature).any(axis=0)).tolist()
-            names = [robot.joint_names[j] for j in warm]
-            note(f"{path}: temperature of {', '.join(names)}.")
+            names = "all joints" if len(warm) == robot.n else ", ".join(robot.joint_names[j] for j in warm)
+            note(f"{path}: it holds the temperature of {names}.")
         recordings.append(recording)
     assert robot is not None
     return robot, recordings[: len(bags)], recordings[len(bags) :]

@@ -74,7 +74,7 @@ def _show_joints(console: Console, result: Identification) -> None:
     by_name = {p.name: p for p in result.parameters}
     symbols = [s for s in (*_COLUMNS, "offset") if any(f"{s}[{j}]" in by_name for j in result.joint_names)]
     headings = [_COLUMNS.get(s, "offset\nN m") for s in symbols]
-    table = _table("Joints, with 95 % intervals", "joint", *headings)
+    table = _table("Joints, with 95 % intervals (in brackets: by the Cramér-Rao bound, for white residuals)", "joint", *headings)
     for joint in result.joint_names:
         table.add_row(joint, *(_interval(by_name.get(f"{s}[{joint}]")) for s in symbols))
     console.print(table)
@@ -84,7 +84,7 @@ def _show_joints(console: Console, result: Identification) -> None:
 
 
 def _interval(p: Parameter | None) -> str:
-    return "" if p is None else f"{p.value:.3g} ± {1.96 * p.std:.2g}"
+    return "" if p is None else f"{p.value:.3g} ± {1.96 * p.std:.2g} ({1.96 * p.crb:.2g})"
 
 
 def _show_groups(console: Console, result: Identification) -> None:

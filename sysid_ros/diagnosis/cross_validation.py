@@ -12,7 +12,8 @@ from sysid_ros.sample import FloatArray
 def worth(problem: Problem, fit: Fit) -> dict[Term, float]:
     """Likelihood of left-out segments that each term gains, the others adjusted, with the noise of the fit.
 
-    Every segment is predicted with the parameters that all others give.
+    Every segment is predicted with the parameters that all others give. What is known of these before any data counts once: links
+    far from their masses would predict as well as the error of one of them, and are not likely.
     """
     segments = problem.band.segment
     count = len(fit.theta)
@@ -44,5 +45,5 @@ def _left_out(G: FloatArray, b: FloatArray, prior: FloatArray, keep: np.ndarray[
         scaled = information * scale[:, None] * scale
         scaled[np.diag_indices(len(scaled))] += 1e-8
         theta = scale * np.linalg.solve(scaled, scale * (score - bs))
-        value += float(theta @ bs - 0.5 * theta @ Gs @ theta)
+        value += float(theta @ bs - 0.5 * theta @ Gs @ theta) - 0.5 * float(theta**2 @ prior[keep]) / len(G)
     return value

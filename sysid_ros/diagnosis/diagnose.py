@@ -22,6 +22,7 @@ from sysid_ros.diagnosis.held_out_gate import paying
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.joint_side import JointSide
 from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.link_masses import with_masses
 from sysid_ros.diagnosis.message_faults import in_order
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.recording import Recording
@@ -109,7 +110,8 @@ def diagnose(
         raw = held.prepared
         notes += tuple(f"{c.recording}: {in_words(c)}, and is left out of what the models are judged on." for c in later)
     fit = better_drift(train.problem, library, paying(train.problem, library, fit, held), held)
-    fit = selection.fit = prune(train.problem, fit, selection.price)
+    fit = prune(train.problem, fit, selection.price)
+    fit = selection.fit = with_masses(robot, train.problem, fit, held)
     values = with_knobs(train.problem, library, fit)
     found = report(robot, train, selection, fit, held, values)
     found = replace(found, findings=tuple(as_unit(found.findings, robot.joint_names)), driven=found.predictions)

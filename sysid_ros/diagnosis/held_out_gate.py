@@ -22,14 +22,14 @@ def paying(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit:
     """
     while fit.terms:
         worst, least, without = None, 0.0, fit
-        cost = _cost(fit, held, fit)
+        cost = whitened_cost(fit, held, fit)
         for term in fit.terms:
             others = [t for t in fit.terms if t is not term]
             if term.id in DRY[1:]:
                 others.append(library.local(DRY[0], term.joints[0]))
             rest = problem.fit(others, fit.noise, inexact=fit.inexact)
             held.add(others)
-            gain = _cost(rest, held, fit) - cost
+            gain = whitened_cost(rest, held, fit) - cost
             if term.id in EXPECTED:
                 gain += _DOUBT * max(fit.loglik - rest.loglik - _CLEAR, 0.0)
             if gain < least:
@@ -40,7 +40,7 @@ def paying(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit:
     return fit
 
 
-def _cost(fit: Fit, held: HeldOut, judge: Fit) -> float:
+def whitened_cost(fit: Fit, held: HeldOut, judge: Fit) -> float:
     """Half the whitened sum of squares that a fit leaves of the held-out rows, with the noise of ``judge``."""
     active = held.prepared.problem.active
     noise = judge.noise.variance(held.prepared.band.f)

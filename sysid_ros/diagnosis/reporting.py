@@ -11,6 +11,7 @@ from sysid_ros.diagnosis.covariance import Estimates
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.leftover import Leftover, leftovers
+from sysid_ros.diagnosis.link_masses import tolerated
 from sysid_ros.diagnosis.parameters import coulomb_part, parameters
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, TorqueRmse
@@ -25,6 +26,8 @@ from sysid_ros.sample import FloatArray
 _MOST_RIVALS = 8
 _STRONG = 10.0
 """Difference of the BIC from which evidence is very strong (Kass, Raftery 1995)."""
+_SURE = 0.05
+"""Probability, times the number of candidates tried, up to which what every arm has is claimed however little it buys."""
 _BUYS = 0.02
 """Part of the residual's power on data that was not fitted, from which an effect is claimed however much it scatters."""
 _SAMPLING = 3e-3
@@ -73,7 +76,9 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
         rise = 2.0 * (fit.loglik - rest.loglik) / max(values[t].scatter for t in terms)
         rows = len(train.band.f) * (len(active) if terms[0].row is None else len(terms))
         evidence = rise - cost * float(np.log(rows))
-        if evidence < _STRONG and gain < _BUYS and name not in EXPECTED:
+        p_value = float(min(1.0, stats.chi2.sf(max(rise, 0.0), cost) * selection.tried))
+        weak = p_value > _SURE if name in EXPECTED else evidence < _STRONG
+        if weak and gain < _BUYS:
             continue  # in the model, but not claimed: its scatter over time leaves too little of its evidence
         found = tuple(p for t in terms for p in parameters(t, *values[t][:2]))
         if name == "coulomb_friction" and rich:
@@ -92,7 +97,7 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
                 parameters=found,
                 heldout_gain=min(gain, 1.0),
                 delta_bic=evidence,
-                p_value=float(min(1.0, stats.chi2.sf(max(rise, 0.0), cost) * selection.tried)),
+                p_value=p_value,
                 cannot_be_told_from=rivals(selection, [t for t in terms if t in fit.terms], len(groups) <= _MOST_RIVALS),
                 sentence=words,
                 signature=SIGNATURE if drift is not None and drift.over == "temperature" else terms[0].effect.signature,
@@ -128,7 +133,7 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
         record_next=(*_record_next(findings), *([RECORD_NEXT] if undecided else [])),
         predictions=predictions,
         temperature=correlations(predictions),
-        notes=worse,
+        notes=(*worse, *tolerated(robot, fit)),
     )
 
 

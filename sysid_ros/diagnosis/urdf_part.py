@@ -50,6 +50,11 @@ def urdf_part(robot: RobotModel, model: ModelFile, train: Prepared) -> tuple[Mod
                 f"The inertials found for {', '.join(bad)} belong to no body that can exist; extended.urdf has the nearest that "
                 f"can, which changes the torque along the recordings by {lost}. model.yaml has what was found."
             )
+    if len(bad) > 1:
+        notes.append(
+            f"{len(bad)} links that no body can be are what another robot's URDF leads to as well: check that --urdf is that of "
+            "the robot that was recorded."
+        )
     if any(b.effect == "payload" for b in model.effects):
         notes.append(f"The payload is part of link {_carrier(robot, model)} in extended.urdf.")
     effect = LinkInertia(robot)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ _HELPS, _HELPS_ALL = 0.6, 0.7
 _EXPLAINED, _LOADED = 0.2, 0.25
 _CAUSES = (slice(0, 0), slice(0, 10), slice(10, 13), slice(13, 14))
 """Columns of none, a payload, a force and gravity among those of the whole arm."""
-_TIMES = 12
+_TIMES = 8
 """Times in a recording at which a payload is let be picked up or set down."""
 _CURRENT = 3.3
 """Factor from which efforts can be currents."""
@@ -89,7 +90,7 @@ def _event(
     loaded: NDArray[np.bool_],
     owner: NDArray[np.int_],
 ) -> float:
-    """As :func:`_one_cause`, for a payload that is only there from some time on, or up to then.
+    """As :func:`_one_cause`, for a payload that is there only from some time on, or up to some time, or both.
 
     Args:
         payload: columns, shape (N, n, 10). own: of each joint, shape (N, n, p). owner: stretch of each instant, shape (N,).
@@ -99,11 +100,11 @@ def _event(
     found = []
     for stretch in np.unique(owner):
         within = np.flatnonzero(owner == stretch)
-        for start in within[np.linspace(0, len(within) - 1, _TIMES + 2).astype(int)[1:-1]]:
-            later = (owner == stretch) & (np.arange(len(owner)) >= start)
-            for there in (later, (owner == stretch) & ~later):
-                columns = np.concatenate([payload * there[:, None, None], joints], axis=2)
-                found.append(_explained_by(columns, tau, nominal, alone, loaded))
+        cuts = within[0] + np.linspace(0, len(within), _TIMES + 2).astype(int)
+        for first, last in combinations(cuts, 2):
+            carried = np.zeros_like(payload)
+            carried[first:last] = payload[first:last]
+            found.append(_explained_by(np.concatenate([carried, joints], axis=2), tau, nominal, alone, loaded))
     return min(found)
 
 

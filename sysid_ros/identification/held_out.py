@@ -1,4 +1,4 @@
-"""Parts of the recordings that are fitted without each other, and the weights of the prior that predict best."""
+"""Parts of the recordings that are fitted without each other, and how parameters follow from data and a prior."""
 
 from __future__ import annotations
 
@@ -13,17 +13,12 @@ from sysid_ros.effects import LinkInertia
 from sysid_ros.identification.least_squares import Fit
 from sysid_ros.identification.normal_equations import NormalEquations
 from sysid_ros.identification.physical_consistency import PhysicalFit, PhysicalProblem
-from sysid_ros.identification.prior_weight import WEIGHTS, choose_weights
-from sysid_ros.identification.result import PriorChoice
 from sysid_ros.identification.rows import BagRows
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque_model import TorqueModel
 
 _LOAD_SHARE = 0.3
 """Standard deviation of the friction coefficient by load before any data [1]."""
-
-_CHANCE = 25.2
-"""99.5 % of chi-squared with ten degrees of freedom: what the ten parameters of a link may bring by chance."""
 
 _HELD = 1e8
 """Weight beside which the data of a link count for nothing: it stands for infinity where others are finite."""
@@ -94,6 +89,11 @@ class Solvers:
     def link_count(self) -> int:
         """Number of links that have parameters."""
         return int(self.prior.is_link.sum()) // 10
+
+    @property
+    def link_joints(self) -> list[int]:
+        """Joints whose links have parameters."""
+        return [int(j) for effect in self.model.free if isinstance(effect, LinkInertia) for j in effect.joints]
 
     def _each(self, weights: FloatArray | float) -> FloatArray:
         """The weight of the prior of each parameter, shape (p,), 0 of those that are no link's."""
@@ -191,59 +191,6 @@ class Folds:
             count[split] += here.count[0]
         errors: FloatArray = squares / np.maximum(count, 1e-12)
         return errors
-
-
-def choose_prior(folds: Folds, solvers: Solvers, found: Fit, given: float | None) -> PriorChoice:
-    """The weights of the prior: as given, else by the error on the parts held out.
-
-    The parts of a short recording all hold the same noise, so a link that predicts them better by chance predicts all of them
-    better. A link is set free only where it also brings the fit to all of the data more than chance does.
-    """
-    names = tuple(solvers.model.robot.body_names[int(j)] for j in _links(solvers.model))
-    if given is not None:
-        return PriorChoice(given, (given,), (math.nan,), "as given", names, (given,) * len(names))
-    parts = [folds.without(part) for part in range(len(folds.fitted))]
-
-    def held_out(weights: FloatArray) -> FloatArray:
-        return folds.errors([solvers.approximate(*data, weights) for data in parts])
-
-    choice = choose_weights(held_out, len(names))
-    chosen = _beyond_chance(choice.weights, solvers, found)
-    what = "halves in time, posture, speed and acceleration, held out in turn" if folds.of_one_bag else "bags held out in turn"
-    kept = [name for name, w in zip(names, chosen, strict=True) if math.isinf(w)]
-    if len(kept) == len(names):
-        reason = f"the URDF's own links predict {what}, as well as any others, so they are kept"
-    else:
-        reason = f"the most that predicts {what}, as well as the best, and no joint worse than the URDF's own links do"
-        if kept:
-            reason += f"; the URDF's inertials of {', '.join(kept)} are kept, the data do not improve them"
-    weights = tuple(chosen.tolist())
-    return PriorChoice(min(weights, default=math.inf), WEIGHTS, tuple(choice.common.tolist()), reason, names, weights)
-
-
-def _beyond_chance(weights: FloatArray, solvers: Solvers, found: Fit) -> FloatArray:
-    """The weights, infinite where a link's freedom does not lower the weighted sum of squares by more than chance would."""
-
-    def squares(weights: FloatArray) -> float:
-        theta = solvers.approximate(found.information, found.score, weights)
-        return float(theta @ found.information @ theta - 2.0 * found.score @ theta)
-
-    weights = weights.copy()
-    while np.isfinite(weights).any():
-        free = np.flatnonzero(np.isfinite(weights))
-        without = [np.where(np.arange(len(weights)) == k, math.inf, weights) for k in free]
-        brought = np.array([squares(w) for w in without]) - squares(weights)
-        least = int(np.argmin(brought))
-        if brought[least] >= _CHANCE:
-            break
-        weights = without[least]
-    return weights
-
-
-def _links(model: TorqueModel) -> NDArray[np.intp]:
-    """Joints whose links have parameters, shape (k,)."""
-    found = [effect.joints for effect in model.free if isinstance(effect, LinkInertia)]
-    return np.concatenate(found) if found else np.zeros(0, dtype=np.intp)
 
 
 def _upper(values: FloatArray) -> NDArray[np.bool_]:

@@ -16,9 +16,10 @@ from sysid_ros.identification.base_groups import base_groups, base_of_range, gro
 from sysid_ros.identification.base_parameters import BaseParameters
 from sysid_ros.identification.contradictions import check_contradictions
 from sysid_ros.identification.error_directions import error_directions
-from sysid_ros.identification.held_out import Folds, Prior, Solvers, choose_prior
+from sysid_ros.identification.held_out import Folds, Prior, Solvers
 from sysid_ros.identification.least_squares import Fit, fit, noise_density
 from sysid_ros.identification.payload_difference import PayloadDifference, payload_difference
+from sysid_ros.identification.prior_weight import choose_prior
 from sysid_ros.identification.repeatability import per_bag, repeatability, spread
 from sysid_ros.identification.result import CutOff, Identification, Knob, Parameter, Problem, TorqueError
 from sysid_ros.identification.rows import BagRows
@@ -97,7 +98,7 @@ def identify(
         *check_contradictions(bags, found, prior, model.robot.joint_names, choices.accept_doubts),
     ]
     folds, solvers = Folds.of(bags, found), Solvers.of(model, prior, found, choices.physical)
-    chosen = choose_prior(folds, solvers, found, choices.prior_weight)
+    chosen = choose_prior(bags, folds, solvers, found, choices.prior_weight)
     weights = np.array(chosen.link_weights)
     theta, physical = solvers.solve(found.information, found.score, weights)
     parts = list(bags) if len(bags) > 1 else _halves(bags[0])

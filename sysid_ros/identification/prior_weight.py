@@ -1,122 +1,93 @@
-"""How strongly each link is held to the URDF's, chosen by the error on data that were not fitted."""
+"""How strongly each link is held to the URDF's: the least error expected on other motions, and no joint risked for it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from sysid_ros.exceptions import DataError
+from sysid_ros.identification.expected_error import ExpectedError
+from sysid_ros.identification.held_out import Folds, Solvers
+from sysid_ros.identification.least_squares import Fit
+from sysid_ros.identification.link_posterior import link_posterior
+from sysid_ros.identification.result import PriorChoice
+from sysid_ros.identification.rows import BagRows
 from sysid_ros.sample import FloatArray
 
-WEIGHTS = (0.01, 0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6, math.inf)
-"""Weights of the prior worth trying for all links alike; at ``inf`` the links are the URDF's and only the rest is free."""
+WEIGHTS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 1e5, math.inf)
+"""Weights of the prior worth trying; at ``inf`` a link is the URDF's."""
 
-_OF_ONE_LINK = (1e4, 100.0, 1.0)
-"""Weights worth trying for a single link."""
+_GAIN = 2e-3
+"""Least gain of the cost for which a link's weight is changed."""
 
-_GAIN = 0.02
-"""Least gain for which a link is set free: mean over the joints of the logarithm of the squared error."""
-
-_GUARDS = ((0.01, 0.005, 0.0), (0.03, 0.01, 0.2), (0.06, 0.015, 0.4), (0.12, 0.02, 0.6))
-"""Parts by which a joint's error may exceed that of the URDF's links, in any single split of the data and over all of them, and
-the gain for which so much is allowed: a joint that no inertials improve, and whose friction was not the same all the time, must
-not keep all the others from theirs."""
+_WORSE = 0.02
+_RISK = 5.0
+"""Part by which a joint's squared error may exceed that of the URDF's links by bad luck, and the cost of every part beyond."""
 
 
-@dataclass(frozen=True, slots=True)
-class WeightChoice:
-    """Weights of the prior and why.
+def choose_weights(compare: Callable[[FloatArray], tuple[FloatArray, FloatArray]], links: int) -> FloatArray:
+    """The weights of least cost: ``mean_j log r_j + 5 sum_j max(0, R_j - 1.02)``.
 
-    Attributes:
-        weights: chosen, one a link, shape (k,). ratio: of the held-out error with them to that with the URDF's links, in the
-            geometric mean over the joints. common: the same ratio where all links have one weight, for each of ``WEIGHTS``.
-    """
-
-    weights: FloatArray
-    ratio: float
-    common: FloatArray
-
-
-def choose_weights(held_out: Callable[[FloatArray], FloatArray], links: int) -> WeightChoice:
-    """The largest weights with which the data that were not fitted are predicted as well as the best, and on no joint worse than
-    with the URDF's own links.
-
-    A search from the URDF's links: one weight for all is taken if it brings a gain, then the link that gains most is set free,
-    as long as one does; last, each link is held as firmly as costs nothing. So a link that the data can't improve keeps the
-    URDF's inertials.
+    One weight for all links, then the change of one link's weight that gains most, as long as one does. The cost of a risk is
+    finite: where all joints but one gain much, that one must not keep them from it.
 
     Args:
-        held_out: mean squared residual of every joint in every split of the data, shape (s, n) [(N m)^2], for weights of the
-            links, shape (k,). links: k.
+        compare: r and R, shape (n,) each: squared errors expected and at their worst, in parts of those with the URDF's links,
+            for weights of the links, shape (k,). links: k.
+
+    Returns:
+        shape (k,), ``inf`` for links that keep the URDF's inertials.
 
     Raises:
         DataError: an error is not finite.
     """
-    search = _Search(held_out, links)
-    common = np.array([math.exp(0.5 * search.score(np.full(links, w))) for w in WEIGHTS])
-    best, score = np.full(links, math.inf), 0.0
-    for single, pooled, worth in _GUARDS:
-        weights, reached = search.run(single, pooled)
-        if reached < score - worth:
-            best, score = weights, reached
-    return WeightChoice(best, math.exp(0.5 * score), common)
+    known: dict[tuple[float, ...], float] = {}
 
-
-class _Search:
-    """Errors by weights, each worked out once."""
-
-    def __init__(self, held_out: Callable[[FloatArray], FloatArray], links: int) -> None:
-        self._held_out, self._links = held_out, links
-        self._known: dict[tuple[float, ...], tuple[float, float, float]] = {}
-        self._urdf = np.maximum(held_out(np.full(links, math.inf)), 1e-300)
-
-    def _compare(self, weights: FloatArray) -> tuple[float, float, float]:
-        """Mean logarithm of the pooled ratios of squared errors, the largest of them, and the largest in a single split."""
+    def cost(weights: FloatArray) -> float:
         key = tuple(weights.tolist())
-        if key not in self._known:
-            errors = np.maximum(self._held_out(weights), 1e-300)
-            if not np.isfinite(errors).all():
-                raise DataError("the error on held-out data is not finite; a recording holds NaN or infinite values.")
-            pooled = errors.mean(axis=0) / self._urdf.mean(axis=0)
-            self._known[key] = float(np.mean(np.log(pooled))), float(pooled.max()), float((errors / self._urdf).max())
-        return self._known[key]
+        if key not in known:
+            expected, worst = compare(weights)
+            if not (np.isfinite(expected).all() and np.isfinite(worst).all()):
+                raise DataError("the expected torque error is not finite; a recording holds NaN or infinite values.")
+            known[key] = float(np.mean(np.log(expected)) + _RISK * np.sum(np.maximum(worst - 1.0 - _WORSE, 0.0)))
+        return known[key]
 
-    def score(self, weights: FloatArray) -> float:
-        return self._compare(weights)[0]
+    # of equals the firmest
+    best = min((np.full(links, w) for w in reversed(WEIGHTS)), key=cost)
+    for _ in range(6 * links):
+        changed = [_with(best, k, w) for k in range(links) for w in reversed(WEIGHTS) if w != best[k]]
+        following = min(changed, key=cost)
+        if cost(following) > cost(best) - _GAIN:
+            break
+        best = following
+    return best
 
-    def run(self, single: float, pooled: float) -> tuple[FloatArray, float]:
-        """The best weights within a guard, and their score."""
 
-        def allowed(weights: FloatArray) -> bool:
-            _, worst, worst_single = self._compare(weights)
-            return worst <= (1.0 + pooled) ** 2 and worst_single <= (1.0 + single) ** 2
+def choose_prior(bags: Sequence[BagRows], folds: Folds, solvers: Solvers, found: Fit, given: float | None) -> PriorChoice:
+    """The weights of the prior: as given, else by the error expected on other motions.
 
-        weights, score = np.full(self._links, math.inf), 0.0
-        alike = [np.full(self._links, w) for w in WEIGHTS]
-        if good := [w for w in alike if allowed(w)]:
-            least = min(map(self.score, good))
-            firmest = [w for w in good if self.score(w) <= least + _GAIN][-1]
-            if self.score(firmest) < -_GAIN:
-                weights, score = firmest, self.score(firmest)
-        for _ in range(len(_OF_ONE_LINK) * self._links):
-            freer = [
-                changed
-                for k in range(self._links)
-                for w in _OF_ONE_LINK
-                if w < weights[k] and allowed(changed := _with(weights, k, w))
-            ]
-            if not freer or self.score(best := min(freer, key=self.score)) > score - _GAIN:
-                break
-            weights, score = best, self.score(best)
-        for k in reversed(range(self._links)):
-            for w in (math.inf, *_OF_ONE_LINK):
-                if w > weights[k] and allowed(firmer := _with(weights, k, w)) and self.score(firmer) <= score + 0.5 * _GAIN:
-                    weights, score = firmer, max(score, self.score(firmer))
-                    break
-        return weights, score
+    The error on held-out parts of the same recordings is worked out beside it for one weight for all links. It does not decide:
+    parts of a short recording share its noise and its postures, and seldom tell one link's inertials from another's.
+    """
+    names = tuple(solvers.model.robot.body_names[j] for j in solvers.link_joints)
+    if given is not None:
+        return PriorChoice(given, (given,), (math.nan,), "as given", names, (given,) * len(names))
+    expected = ExpectedError(bags, found, solvers, link_posterior(bags, found, solvers))
+    weights = choose_weights(expected.compare, len(names))
+    kept = [name for name, w in zip(names, weights, strict=True) if math.isinf(w)]
+    if len(kept) == len(names):
+        reason = "no other inertials than the URDF's are expected to predict other motions better without a risk for some joint"
+    else:
+        reason = "the least torque error expected on other motions, with no joint at risk of more than with the URDF's own links"
+        if kept:
+            reason += f"; the URDF's inertials of {', '.join(kept)} are kept, the data do not improve them"
+    parts = [folds.without(part) for part in range(len(folds.fitted))]
+    errors = [folds.errors([solvers.approximate(*data, w) for data in parts]).mean(axis=0) for w in WEIGHTS]
+    ratios = np.maximum(np.array(errors), 1e-300) / np.maximum(errors[-1], 1e-300)
+    heldout = np.exp(0.5 * np.mean(np.log(ratios), axis=1))
+    return PriorChoice(min(weights, default=math.inf), WEIGHTS, tuple(heldout.tolist()), reason, names, tuple(weights.tolist()))
 
 
 def _with(weights: FloatArray, k: int, weight: float) -> FloatArray:

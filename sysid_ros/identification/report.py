@@ -163,7 +163,8 @@ def _sections(result: Identification, judged: Sequence[TorqueError], provenance:
     out.append(
         _section(
             "Joints",
-            "With 95 % intervals, which take the colour of the residuals into account.",
+            "With 95 % intervals, which take the colour of the residuals into account; in brackets what the Cramér-Rao bound "
+            "would allow, were the residuals white.",
             f"<div class='scroll'>{report_tables.joints_table(joints, own)}</div>{report_tables.knobs(result.knobs)}{standard}",
         )
     )

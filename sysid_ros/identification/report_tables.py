@@ -61,7 +61,7 @@ def errors(joints: Sequence[str], units: Sequence[str], judged: Sequence[TorqueE
 
 
 def joints_table(joints: Sequence[str], found: Sequence[Parameter]) -> str:
-    """What each joint has beside its link, a joint a line and an effect a column."""
+    """What each joint has beside its link, a joint a line and an effect a column; in brackets the bound."""
     by_place = {(p.joint, p.name.split("[")[0]): p for p in found}
     symbols = list(dict.fromkeys(symbol for _, symbol in by_place))
     units = {symbol: sorted({_unit(p.unit) for (_, s), p in by_place.items() if s == symbol}) for symbol in symbols}
@@ -71,7 +71,8 @@ def joints_table(joints: Sequence[str], found: Sequence[Parameter]) -> str:
         for symbol in symbols:
             p = by_place.get((joint, symbol))
             unit = f" {_unit(p.unit)}" if p is not None and len(units[symbol]) > 1 else ""
-            cells.append("<td>–</td>" if p is None else f"<td>{number(p.value)} ± {number(1.96 * p.std, 2)}{unit}</td>")
+            interval = "" if p is None else f"{number(p.value)} ± {number(1.96 * p.std, 2)} ({number(1.96 * p.crb, 2)}){unit}"
+            cells.append(f"<td>{interval or '–'}</td>")
         rows.append(f"<tr><td>{escape(joint)}</td>{''.join(cells)}</tr>")
     heads = [_SYMBOLS.get(s, s) + (f" [{units[s][0]}]" if len(units[s]) == 1 else "") for s in symbols]
     return _table(("joint", *heads), rows)

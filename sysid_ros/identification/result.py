@@ -205,7 +205,7 @@ class CutOff:
 
 @dataclass(frozen=True, slots=True)
 class PriorChoice:
-    """How strongly the URDF's link inertials were held to, chosen by the error on data that were not fitted.
+    """How strongly the URDF's link inertials were held to, chosen by the error expected on other motions.
 
     Attributes:
         weight: of the prior; a link whose ten parameters are uncertain by a part s of themselves is told by 1 / s^2, infinite

@@ -174,7 +174,25 @@ def _numbers(result: Diagnosis) -> list[str]:
         )
         note = "Root mean square on held-out data below 8 Hz, N m."
         out.append(_section("Torque error", note, f"<div class='scroll'><table>{head}{rows}</table></div>"))
+    if (w := result.temperature) is not None:
+        head = "<tr><th>joint</th><th>temperature</th><th>nominal model</th><th>extended model</th></tr>"
+        rows = "".join(
+            f"<tr><td>{escape(name)}</td><td>{low:.1f} to {high:.1f} °C</td><td>{_correlation(before)}</td>"
+            f"<td>{_correlation(after)}</td></tr>"
+            for name, (low, high), before, after in zip(
+                w["joints"], w["range"], w["friction_before"], w["friction_after"], strict=True
+            )
+        )
+        note = (
+            "Correlation of what each model leaves along the motion (residual times sign of the velocity, at equal speed) with "
+            "the temperature of the joint, on held-out data; negative where friction falls as the joint warms up."
+        )
+        out.append(_section("Temperature", note, f"<div class='scroll'><table>{head}{rows}</table></div>"))
     return out
+
+
+def _correlation(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
 
 
 def _parameter_row(finding: Finding, p: Parameter) -> str:

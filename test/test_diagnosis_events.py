@@ -1,0 +1,87 @@
+"""Bodies that are picked up and set down: when, how heavy, in which recording; and that they are no contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from robots import robot
+from test_diagnosis import ARM, record
+
+from sysid_ros.diagnosis import Recording, diagnose
+from sysid_ros.diagnosis.result import Diagnosis
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+
+BODY = np.array([1.0, 0.02, 0.01, 0.05, 0.004, 0.0, 0.004, 0.0, 0.0, 0.003])
+"""Mass, first moment and inertia about the tool for each kilogram."""
+Change = Callable[..., FloatArray]
+
+
+def changes(*events: tuple[float, float], friction: float = 0.0) -> Change:
+    """Torque with a body whose mass changes by so much [kg] at times [s], and with dry friction."""
+
+    def torque(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
+        frame = model.frame_id(model.default_frame)
+        carried = np.array([model.payload_regressor(*state, frame) @ BODY for state in zip(q, v, a, strict=True)])
+        mass = np.sum([np.zeros_like(t), *(change * (t >= at) for at, change in events)], axis=0)
+        return np.asarray(tau + carried * mass[:, None] + friction * np.tanh(v / 0.005))
+
+    return torque
+
+
+def found(fitted: Sequence[Recording], judged: Sequence[Recording]) -> tuple[Diagnosis, list[dict[str, object]]]:
+    """The diagnosis, and name and value of each parameter of each event."""
+    result = diagnose(robot(ARM), fitted, judged)
+    events = [{p.name: p.value for p in f.parameters} for f in result.findings if f.id == "payload_change"]
+    return result, events
+
+
+def named(name: str, recording: Recording) -> Recording:
+    return replace(recording, name=name)
+
+
+@pytest.mark.slow
+def test_pick_and_place_are_two_events_dated_in_the_fitted_recording_alone() -> None:
+    fitted = record(changes((6.0, 1.5), (13.0, -1.5), friction=0.8), 1, 21.0)
+    judged = record(changes((3.0, 1.5), (6.5, -1.5), friction=0.8), 2, 10.0)
+    result, events = found([fitted], [judged])
+    assert {f.id for f in result.findings} == {"payload_change", "coulomb_friction"}
+    (picked, placed) = sorted(events, key=lambda e: float(e["t0"]))  # type: ignore[arg-type]
+    assert picked["mass"] == pytest.approx(1.5, rel=0.03)
+    assert placed["mass"] == pytest.approx(-1.5, rel=0.03)
+    assert (picked["t0"], placed["t0"]) == (pytest.approx(6.0, abs=0.03), pytest.approx(13.0, abs=0.03))
+    assert result.verdict == "explained"
+
+
+@pytest.mark.parametrize("second", [10.0, None], ids=["in both", "in one"])
+def test_each_recording_has_its_own_event(second: float | None) -> None:
+    other = changes((second, 1.5)) if second else changes()
+    fitted = [named("first", record(changes((7.0, 1.5)), 1, 14.0)), named("second", record(other, 2, 14.0))]
+    result, events = found(fitted, [record(changes((4.0, 1.5)), 3, 9.0)])
+    assert {f.id for f in result.findings} == {"payload_change"}
+    expected = {"first": 7.0} | ({"second": second} if second else {})
+    assert {e["recording"]: e["t0"] for e in events} == {k: pytest.approx(t, abs=0.03) for k, t in expected.items()}
+    for event in events:
+        assert event["mass"] == pytest.approx(1.5, rel=0.03)
+
+
+@pytest.mark.parametrize("at", [-1.0, 4.0, 99.0], ids=["before it", "within it", "after it"])
+def test_the_event_may_be_anywhere_in_the_recording_that_judges(at: float) -> None:
+    result, events = found([record(changes((7.0, 1.5)), 1, 14.0)], [record(changes((at, 1.5)), 3, 9.0)])
+    assert len(events) == len(result.findings) == 1
+    torque = result.torque
+    assert torque is not None
+    np.testing.assert_array_less(torque.after, 1.5 * torque.noise_floor)
+
+
+@pytest.mark.slow
+def test_a_body_that_is_carried_for_a_short_while_is_no_contact() -> None:
+    """Its last seconds look like a force of one direction until the body is allowed for."""
+    result, events = found(
+        [record(changes((9.5, 1.5), friction=0.8), 4, 14.0)], [record(changes((5.0, 1.5), friction=0.8), 5, 9.0)]
+    )
+    assert {f.id for f in result.findings} == {"payload_change", "coulomb_friction"}
+    assert events[0]["t0"] == pytest.approx(9.5, abs=0.03)
