@@ -14,7 +14,7 @@ from sysid_ros.effects import LinkInertia
 from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.identification import free_model
 from sysid_ros.identification.physical_consistency import PhysicalProblem, require_physical
-from sysid_ros.identification.prior_weight import choose_weights
+from sysid_ros.identification.prior_weight import WEIGHTS, choose_weights
 from sysid_ros.identification.reference_bodies import reference_bodies
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -228,45 +228,39 @@ def test_bad_input_is_named() -> None:
         require_physical(model, theta)
 
 
-def errors_of(per_link: list[dict[float, float]], joints: list[list[int]], splits: int = 4) -> Callable[[FloatArray], FloatArray]:
-    """Held-out errors of joints, each the product of what its links' weights leave, the same in every split."""
+def errors_of(
+    per_link: list[dict[float, float]], joints: list[list[int]], risk: float = 1.0
+) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
+    """Expected errors of joints, each the product of what its links' weights leave, and what bad luck may make of a change."""
 
-    def held_out(weights: FloatArray) -> FloatArray:
+    def compare(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         left = [per_link[k].get(float(w), 1.0) for k, w in enumerate(weights)]
-        return np.tile([math.prod(left[k] for k in links) for links in joints], (splits, 1))
+        expected = np.array([math.prod(left[k] for k in links) for links in joints])
+        return expected, np.where(expected == 1.0, 1.0, risk * expected)
 
-    return held_out
+    return compare
 
 
 def test_the_weights_are_the_largest_that_are_as_good_as_the_best() -> None:
     """The first link gains from data, most at ten and nearly as much at a hundred; the second does not."""
-    held_out = errors_of([{1.0: 0.5, 10.0: 0.2, 100.0: 0.2005, 1e4: 0.5, math.inf: 1.0}, {math.inf: 1.0}], [[0], [1]])
-    choice = choose_weights(held_out, 2)
-    np.testing.assert_array_equal(choice.weights, [100.0, math.inf])
-    assert choice.ratio == pytest.approx((0.2005 * 1.0) ** 0.25)
-    assert choice.common[-1] == 1.0
+    compare = errors_of([{1.0: 0.5, 10.0: 0.2, 30.0: 0.2003, 100.0: 0.2005, 1e4: 0.5}, {}], [[0], [1]])
+    np.testing.assert_array_equal(choose_weights(compare, 2), [100.0, math.inf])
 
 
 def test_a_link_that_would_spoil_a_joint_keeps_the_urdfs_inertials() -> None:
-    spoils = {1.0: 1.3, 100.0: 1.3, 1e4: 1.3, math.inf: 1.0}
-    gains = {1.0: 0.3, 100.0: 0.3, 1e4: 0.9, math.inf: 1.0}
-    choice = choose_weights(errors_of([gains, spoils], [[0], [1]]), 2)
-    np.testing.assert_array_equal(choice.weights, [100.0, math.inf])
+    finite = WEIGHTS[:-1]
+    spoils, gains = dict.fromkeys(finite, 1.3), dict.fromkeys(finite, 0.3)
+    np.testing.assert_array_equal(choose_weights(errors_of([gains, spoils], [[0], [1]]), 2), [1e5, math.inf])
     # where every link spoils a joint, all of them keep theirs
-    assert np.isinf(choose_weights(errors_of([spoils, spoils], [[0, 1], [1]]), 2).weights).all()
+    assert np.isinf(choose_weights(errors_of([spoils, spoils], [[0, 1], [1]]), 2)).all()
 
 
-def test_a_joint_that_is_worse_in_one_split_only_counts() -> None:
-    def held_out(weights: FloatArray) -> FloatArray:
-        errors = np.ones((4, 2))
-        if np.isfinite(weights).any():
-            errors[:, 0] = 0.9
-            errors[2, 1] = 1.5
-        return errors
-
-    assert np.isinf(choose_weights(held_out, 3).weights).all()
+def test_a_gain_that_is_as_likely_a_loss_is_not_taken_but_a_great_one_is() -> None:
+    small, great = dict.fromkeys(WEIGHTS[:-1], 0.9), dict.fromkeys(WEIGHTS[:-1], 0.01)
+    assert np.isinf(choose_weights(errors_of([small], [[0]], risk=1.3), 1)).all()
+    assert np.isfinite(choose_weights(errors_of([great], [[0]], risk=1.3), 1)).all()
     with pytest.raises(DataError, match="not finite"):
-        choose_weights(lambda weights: np.array([[np.nan]]), 1)
+        choose_weights(lambda weights: (np.array([np.nan]), np.array([np.nan])), 1)
 
 
 @pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 40), marks=pytest.mark.slow)])

@@ -84,7 +84,7 @@ def _show_joints(console: Console, result: Identification) -> None:
 
 
 def _interval(p: Parameter | None) -> str:
-    return "" if p is None else f"{p.value:.3g} ± {1.96 * p.std:.2g} ({1.96 * p.crb:.2g})"
+    return "" if p is None else f"{p.value:.3g} ± {1.96 * p.std:.2g}\n(± {1.96 * p.crb:.2g})"
 
 
 def _show_groups(console: Console, result: Identification) -> None:

@@ -100,8 +100,8 @@ def _order_and_signs(screen: _Screen) -> Fault | None:
     here = np.log(screen.left(screen.q, screen.v, screen.a, screen.tau, screen.nominal) + floor)
     trials: list[tuple[float, Fault, FloatArray]] = []
 
-    def add(left: FloatArray, fault: Fault) -> None:
-        trials.append((float(np.sum(here - np.log(left + floor))), fault, left))
+    def add(left: FloatArray, fault: Fault, own: FloatArray = size) -> None:
+        trials.append((float(np.sum(here - np.log(left + floor))), fault, left / own))
 
     for j in range(n):
         flip = np.where(np.arange(n) == j, -1.0, 1.0)
@@ -115,11 +115,11 @@ def _order_and_signs(screen: _Screen) -> Fault | None:
         source[[i, j]] = j, i
         values = (("takes_from", i, names[j], "", 0.0), ("takes_from", j, names[i], "", 0.0))
         left = screen.left(screen.q, screen.v, screen.a, screen.tau[:, source], screen.nominal)
-        add(left, Fault(JointOrder(source.tolist(), True), (i, j), values, 0.0))
+        add(left, Fault(JointOrder(source.tolist(), True), (i, j), values, 0.0), size[source])
         moved = [x[:, source] for x in (screen.q, screen.v, screen.a, screen.tau)]
-        add(screen.left(*moved), Fault(JointOrder(source.tolist(), False), (i, j), values, 0.0))
-    gain, best, left = max(trials, key=lambda t: t[0])
-    if gain < _GAIN[best.effect.id] or float(np.median(left / size)) > _LEFT:
+        add(screen.left(*moved), Fault(JointOrder(source.tolist(), False), (i, j), values, 0.0), size[source])
+    gain, best, part = max(trials, key=lambda t: t[0])
+    if gain < _GAIN[best.effect.id] or float(np.median(part)) > _LEFT:
         return None
     return replace(best, share=1.0 - float(np.exp(-gain / n)))
 

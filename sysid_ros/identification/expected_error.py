@@ -14,7 +14,7 @@ from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.torque_model import TorqueModel
 
 _POSTURES = 400
-_SURE = 2.5
+_SURE = 2.0
 """Standard deviations by which the error may turn out larger than is expected."""
 
 
@@ -43,7 +43,8 @@ class ExpectedError:
 
     def _at(self, theta: FloatArray) -> FloatArray:
         away = theta - self._mean
-        return np.maximum(self._least + np.einsum("jab,a,b->j", self._rows, away, away), 1e-300)
+        error: FloatArray = self._least + np.einsum("jab,a,b->j", self._rows, away, away)
+        return np.maximum(error, 1e-300)
 
     def compare(self, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         """E_j(theta) / E_j(u) of the parameters for weights of the links, shape (n,), and the ratio it may reach by bad luck.

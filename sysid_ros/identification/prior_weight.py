@@ -22,6 +22,9 @@ WEIGHTS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 1e5, math.inf)
 _GAIN = 2e-3
 """Least gain of the cost for which a link's weight is changed."""
 
+_FIRMER = 0.02
+"""Cost that links held more firmly may have in the end: what gains less is left to the URDF."""
+
 _WORSE = 0.02
 _RISK = 5.0
 """Part by which a joint's squared error may exceed that of the URDF's links by bad luck, and the cost of every part beyond."""
@@ -30,8 +33,10 @@ _RISK = 5.0
 def choose_weights(compare: Callable[[FloatArray], tuple[FloatArray, FloatArray]], links: int) -> FloatArray:
     """The weights of least cost: ``mean_j log r_j + 5 sum_j max(0, R_j - 1.02)``.
 
-    One weight for all links, then the change of one link's weight that gains most, as long as one does. The cost of a risk is
-    finite: where all joints but one gain much, that one must not keep them from it.
+    From the URDF's links, and from the best weight below infinity for all links alike, the change of one link's weight that
+    gains most, as long as one does; of both ends the better. Last, each link is held
+    as firmly as costs next to nothing. The cost of a risk is finite: where all joints but one gain much, that one must not keep
+    them from it.
 
     Args:
         compare: r and R, shape (n,) each: squared errors expected and at their worst, in parts of those with the URDF's links,
@@ -54,12 +59,23 @@ def choose_weights(compare: Callable[[FloatArray], tuple[FloatArray, FloatArray]
             known[key] = float(np.mean(np.log(expected)) + _RISK * np.sum(np.maximum(worst - 1.0 - _WORSE, 0.0)))
         return known[key]
 
-    # of equals the firmest
-    best = min((np.full(links, w) for w in reversed(WEIGHTS)), key=cost)
-    for _ in range(6 * links):
-        changed = [_with(best, k, w) for k in range(links) for w in reversed(WEIGHTS) if w != best[k]]
-        following = min(changed, key=cost)
-        if cost(following) > cost(best) - _GAIN:
+    def descend(best: FloatArray) -> FloatArray:
+        for _ in range(6 * links):
+            # of equals the firmest
+            changed = [_with(best, k, w) for k in range(links) for w in reversed(WEIGHTS) if w != best[k]]
+            following = min(changed, key=cost)
+            if cost(following) > cost(best) - _GAIN:
+                break
+            best = following
+        return best
+
+    # from the URDF's links no single link may gain where several together do
+    loosest = min((np.full(links, w) for w in reversed(WEIGHTS[:-1])), key=cost)
+    best = min((descend(np.full(links, math.inf)), descend(loosest)), key=cost)
+    most = cost(best) + _FIRMER
+    while firmer := [_with(best, k, WEIGHTS[WEIGHTS.index(w) + 1]) for k, w in enumerate(best.tolist()) if math.isfinite(w)]:
+        following = min(firmer, key=cost)
+        if cost(following) > most:
             break
         best = following
     return best
