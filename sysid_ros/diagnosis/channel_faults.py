@@ -28,7 +28,8 @@ UNITS = {
 _EVERY = 5
 _CLOSE = 0.04
 _FAR = 0.15
-_LOADED = 0.05
+_LOADED, _STRONG = 0.005, 0.05
+"""Torque of a joint, of that of the strongest, from which its factor is asked, and from which it alone can refute a unit."""
 _CURRENT, _CURRENT_FITS = 3.3, 0.9
 """Factor from which efforts with a factor of their own on each joint are currents, and part of their power that must follow."""
 _GAIN = {"torque_sign": 1.0, "joint_sign": 1.0, "joint_order": 2.0}
@@ -148,8 +149,14 @@ def _gains(screen: _Screen) -> Fault | None:
         factor = known
         std = float(np.min(stds[loaded]))
         return Fault(TorqueUnit([factor] * n), tuple(range(n)), (("factor", None, factor, "1", std),), _share(middle))
-    far = np.abs(np.log(gains[loaded])) > np.log(_CURRENT)
-    if np.mean(far) > 0.7 and not 1.0 / _CURRENT < middle < _CURRENT and np.median(fits[loaded]) > _CURRENT_FITS:
+    far = np.abs(np.log(np.maximum(gains, 1e-12))) > np.log(_CURRENT)
+    strong = loaded & (size > _STRONG * size.max())
+    if (
+        np.mean(far[loaded]) > 0.7
+        and far[strong].all()
+        and not 1.0 / _CURRENT < middle < _CURRENT
+        and np.median(fits[loaded]) > _CURRENT_FITS
+    ):
         factors = np.where((fits > 0.5) & (gains > 0.1 * middle), gains, middle)
         values = tuple(("factor", j, float(factors[j]), "1", float(stds[j])) for j in range(n))
         return Fault(TorqueUnit(factors.tolist()), tuple(range(n)), values, _share(middle))
