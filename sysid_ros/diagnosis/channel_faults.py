@@ -153,7 +153,7 @@ def _gains(screen: _Screen) -> Fault | None:
     strong = loaded & (size > _STRONG * size.max())
     if (
         np.mean(far[loaded]) > 0.7
-        and far[strong].all()
+        and np.mean(far[strong]) > 0.7
         and not 1.0 / _CURRENT < middle < _CURRENT
         and np.median(fits[loaded]) > _CURRENT_FITS
     ):
