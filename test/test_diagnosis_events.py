@@ -59,11 +59,14 @@ def test_pick_and_place_are_two_events_dated_in_the_fitted_recording_alone() -> 
 @pytest.mark.parametrize("second", [10.0, None], ids=["in both", "in one"])
 def test_each_recording_has_its_own_event(second: float | None) -> None:
     other = changes((second, 1.5)) if second else changes()
-    fitted = [named("first", record(changes((7.0, 1.5)), 1, 14.0)), named("second", record(other, 2, 14.0))]
+    fitted = [named("first", record(changes((7.0, 1.5)), 1, 14.0)), named("second", record(other, 2, 14.0, start=90.0))]
     result, events = found(fitted, [record(changes((4.0, 1.5)), 3, 9.0)])
     assert {f.id for f in result.findings} == {"payload_change"}
     expected = {"first": 7.0} | ({"second": second} if second else {})
     assert {e["recording"]: e["t0"] for e in events} == {k: pytest.approx(t, abs=0.03) for k, t in expected.items()}
+    assert result.model is not None
+    stamps = {b.settings["recording"]: b.settings["t0"] for b in result.model.effects if b.effect == "payload_change"}
+    assert stamps == {r.name: pytest.approx(r.t[0] + expected[r.name], abs=0.03) for r in fitted if r.name in expected}
     for event in events:
         assert event["mass"] == pytest.approx(1.5, rel=0.03)
 

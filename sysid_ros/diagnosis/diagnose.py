@@ -121,7 +121,7 @@ def diagnose(
         found = replace(found, findings=tuple(rest))
         first = [finding_of(f, robot.joint_names, len(train.band.f)) for f in told]
         found = with_faults(found, first, signals, faults, raw, held, fit)
-    model = extended_model(robot, known, fit, values, train, {r.name: r.start for r in recordings}, provenance or {})
+    model = extended_model(robot, known, fit, values, train, {r.name: r.start for r in fitted}, provenance or {})
     urdf_model, changes = urdf_part(robot, model, train)
     notes += changes
     sides = JointSide.of(robot, effects), JointSide.of(robot, model.known_effects(robot))
