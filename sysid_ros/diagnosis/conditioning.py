@@ -59,8 +59,7 @@ def _smooth(robot: RobotModel, t: FloatArray, q: FloatArray, tau: FloatArray) ->
     grid = t[0] + np.arange(int((t[-1] - t[0]) * rate)) / rate
     even_q = interpolate.CubicSpline(t, q)(grid)
     even_tau = interpolate.make_interp_spline(t, tau, k=1)(grid)
-    sections = signal.butter(4, min(SMOOTHING, rate / 5.0), fs=rate, output="sos")
-    smooth_q, smooth_tau = (signal.sosfiltfilt(sections, x, axis=0) for x in (even_q, even_tau))
+    smooth_q, smooth_tau = (as_measured(x, 1.0 / rate) for x in (even_q, even_tau))
     every = max(1, int(rate / FINEST))
     grid, smooth_q, smooth_tau = grid[::every], smooth_q[::every], smooth_tau[::every]
     spline = interpolate.make_interp_spline(grid, smooth_q, k=5)
@@ -69,6 +68,13 @@ def _smooth(robot: RobotModel, t: FloatArray, q: FloatArray, tau: FloatArray) ->
     motion = Motion(robot, grid[inside], smooth_q[inside], v, a, smooth_tau[inside])
     motion.clear = clear_band(even_q, rate)
     return motion
+
+
+def as_measured(x: FloatArray, period: float) -> FloatArray:
+    """Columns of a channel on an even grid, through the low-pass that measured torques go through, shape (N, n)."""
+    rate = 1.0 / period
+    smooth: FloatArray = signal.sosfiltfilt(signal.butter(4, min(SMOOTHING, rate / 5.0), fs=rate, output="sos"), x, axis=0)
+    return smooth
 
 
 def _along(grid: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid_ros.diagnosis.band import Band
-from sysid_ros.diagnosis.conditioning import motions
+from sysid_ros.diagnosis.conditioning import as_measured, motions
 from sysid_ros.diagnosis.fit import Problem
 from sysid_ros.diagnosis.recording import Recording
 from sysid_ros.effects import Motion
@@ -64,4 +64,5 @@ def _nominal(model: TorqueModel, motion: Motion) -> FloatArray:
     if model.known:
         return np.stack([model.known_torque(sample) for sample in motion.samples()])
     # rows in which a joint hardly moves are not judged: elsewhere dry friction has turned
-    return np.asarray(motion.link_torque + robot.damping * motion.v + robot.friction * np.tanh(motion.v / _TURNS))
+    dry = robot.friction * np.tanh(motion.v / _TURNS)
+    return np.asarray(motion.link_torque + robot.damping * motion.v + as_measured(dry, motion.period))

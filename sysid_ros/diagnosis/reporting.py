@@ -30,6 +30,7 @@ _SURE = 0.05
 """Probability, times the number of candidates tried, up to which what every arm has is claimed however little it buys."""
 _BUYS = 0.02
 """Part of the residual's power on data that was not fitted, from which an effect is claimed however much it scatters."""
+_SCATTERS = "What looks like {} differs so much from time to time that it may be something else."
 _SAMPLING = 3e-3
 """Shorter delays come from sampling [s]."""
 _LEFT, _LEFT_SEEN = 0.1, 0.005
@@ -60,6 +61,7 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
     groups = _groups(fit.terms)
     rich = _beside_coulomb(fit.terms, n)
     undecided = False
+    scattering: list[str] = []
     for (name, *_), terms in groups.items():
         if name == "time_delay" and abs(float(fit.theta_of(terms[0])[0])) < _SAMPLING:
             continue  # in the model, but no fault: the effort is held between two samples
@@ -84,6 +86,8 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
         if name == "coulomb_friction" and rich:
             terms = sorted([*terms, *rich], key=lambda t: t.joints)
             found = tuple(p for t in terms for p in coulomb_part(t, *values[t][:2]))
+        if p_value > _SURE:
+            scattering.append(terms[0].effect.label)
         joints = tuple(dict.fromkeys(robot.joint_names[j] for t in terms for j in t.joints))
         words = sentence(terms[0].effect.label, joints, found, gain, n)
         drift = drift_cause(problem, selection.library, fit, held, terms, floor) if name == "friction_drift" else None
@@ -118,7 +122,7 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
         else "unexplained"
         if not findings
         else "explained"
-        if unexplained <= (_LEFT_SEEN if follows else _LEFT) and not worse
+        if unexplained <= (_LEFT_SEEN if follows else _LEFT) and not worse and not scattering
         else "partly_explained"
     )
     predictions = _predictions(robot, held, fit)
@@ -133,7 +137,7 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
         record_next=(*_record_next(findings), *([RECORD_NEXT] if undecided else [])),
         predictions=predictions,
         temperature=correlations(predictions),
-        notes=(*worse, *tolerated(robot, fit)),
+        notes=(*worse, *(_SCATTERS.format(label) for label in scattering), *tolerated(robot, fit)),
     )
 
 
