@@ -71,10 +71,14 @@ def test_each_recording_has_its_own_event(second: float | None) -> None:
         assert event["mass"] == pytest.approx(1.5, rel=0.03)
 
 
-@pytest.mark.parametrize("at", [-1.0, 4.0, 99.0], ids=["before it", "within it", "after it"])
-def test_the_event_may_be_anywhere_in_the_recording_that_judges(at: float) -> None:
+WHEN = {"before it": (-1.0, "before it begins"), "within it": (4.0, "at 4.0"), "after it": (99.0, "never")}
+
+
+@pytest.mark.parametrize(("at", "words"), WHEN.values(), ids=WHEN)
+def test_the_event_may_be_anywhere_in_the_recording_that_judges_and_that_is_said(at: float, words: str) -> None:
     result, events = found([record(changes((7.0, 1.5)), 1, 14.0)], [record(changes((at, 1.5)), 3, 9.0)])
     assert len(events) == len(result.findings) == 1
+    assert any("found anew" in note and words in note for note in result.notes)
     torque = result.torque
     assert torque is not None
     np.testing.assert_array_less(torque.after, 1.5 * torque.noise_floor)

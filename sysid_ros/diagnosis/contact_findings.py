@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid_ros.diagnosis.contacts import Contact, find_contacts
+from sysid_ros.diagnosis.contacts import Contact, find_contacts, is_change
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.prepare import Prepared
@@ -29,7 +29,9 @@ def contacts_held_out(robot: RobotModel, held: HeldOut, fit: Fit) -> list[Contac
     """Contacts in recordings that were not fitted."""
     prepared = held.prepared
     residuals = [m.tau - x for m, x in zip(prepared.motions, held.predictions(fit, robot), strict=True)]
-    return find_contacts(robot, prepared.names, prepared.motions, residuals, prepared.band.moving)
+    found = find_contacts(robot, prepared.names, prepared.motions, residuals, prepared.band.moving)
+    changes = [held.terms[t].effect.settings for t in fit.terms if t.id == "payload_change"]
+    return [c for c in found if not any(s.get("recording", "") in ("", c.recording) and is_change(c, s["t0"]) for s in changes)]
 
 
 def contact_findings(contacts: Sequence[Contact], joints: Sequence[str]) -> list[Finding]:

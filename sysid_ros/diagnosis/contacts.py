@@ -38,6 +38,8 @@ _TURNS = 0.1
 """Time before and after a joint stands in which it is not looked at [s]."""
 _AS_WELL = 0.1
 """A force must explain a window by so much better than one joint that gives way."""
+SMEARED = 0.15
+"""Time over which the filters spread a step [s]."""
 _MOST = 0.3
 """Part of the time: more is no event."""
 
@@ -101,6 +103,11 @@ def find_contacts(
         return []
     energy = float(np.nansum((pooled / scale) ** 2)) * motions[0].period
     return [replace(c, share=c.share / energy) for c in out]
+
+
+def is_change(contact: Contact, t0: float) -> bool:
+    """True for what the filters leave of the instant t0 at which a payload changes: a slope in the torque, a step in columns."""
+    return t0 - 3.0 * SMEARED < contact.start and contact.end < t0 + 3.0 * SMEARED
 
 
 def without(recording: Recording, contacts: Sequence[Contact]) -> Recording:

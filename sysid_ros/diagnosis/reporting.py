@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from sysid_ros.diagnosis.covariance import Estimates
+from sysid_ros.diagnosis.events import in_words
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.leftover import Leftover, leftovers
@@ -137,7 +138,12 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
         record_next=(*_record_next(findings), *([RECORD_NEXT] if undecided else [])),
         predictions=predictions,
         temperature=correlations(predictions),
-        notes=(*worse, *(_SCATTERS.format(label) for label in scattering), *tolerated(robot, fit)),
+        notes=(
+            *in_words(held.library, {t: held.terms[t] for t in fit.terms}),
+            *worse,
+            *(_SCATTERS.format(label) for label in scattering),
+            *tolerated(robot, fit),
+        ),
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.diagnosis.contacts import Contact, find_contacts
+from sysid_ros.diagnosis.contacts import SMEARED, Contact, find_contacts, is_change
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.effects import Motion
 from sysid_ros.robot_model import RobotModel
@@ -27,9 +27,6 @@ _STEPS = 20
 """Times in a recording at which the payload is let change."""
 _PAYS = 0.8
 """A change of the payload must lower the robust cost to less than this part."""
-
-_SMEARED = 0.15
-"""Time over which the filters spread a step [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +85,7 @@ def strong_contacts(robot: RobotModel, train: Prepared) -> list[Contact]:
         if t0 is not None:
             rows = rows.with_change(recording, t0)
             fit = _fit(rows)
-            contacts = [c for c in found(fit) if not _is_change(c, train.names[recording], t0)]
+            contacts = [c for c in found(fit) if c.recording != train.names[recording] or not is_change(c, t0)]
     return contacts
 
 
@@ -102,12 +99,7 @@ def _change(rows: _Rows, recording: int, t: FloatArray, fit: _RobustFit) -> floa
     best = float(min(times[1:-1], key=cost))
     if cost(best) > _PAYS * fit.cost:
         return None
-    return float(min(np.arange(best - step, best + step, _SMEARED / 3.0), key=cost))
-
-
-def _is_change(contact: Contact, recording: str, t0: float) -> bool:
-    """What the filters leave of the instant at which a payload changes."""
-    return contact.recording == recording and t0 - 3.0 * _SMEARED < contact.start and contact.end < t0 + 3.0 * _SMEARED
+    return float(min(np.arange(best - step, best + step, SMEARED / 3.0), key=cost))
 
 
 def _rows(robot: RobotModel, motions: list[Motion], nominal: list[FloatArray], moves: list[NDArray[np.bool_]]) -> _Rows:
