@@ -56,7 +56,7 @@ def tolerated(robot: RobotModel, fit: Fit) -> tuple[str, ...]:
     told = [f"{robot.body_names[k]} {100.0 * part[k]:+.1f} %" for k in np.argsort(-np.abs(part)) if abs(part[k]) > _TOLD]
     if not told:
         return ()
-    return (f"Within what any URDF is inexact by, and no cause: the masses of {', '.join(told)}. model.yaml has them.",)
+    return (f"Taken for what a URDF is inexact by, and no cause: the masses of {', '.join(told)}. model.yaml has them.",)
 
 
 def _mass(robot: RobotModel, problem: Problem, link: int) -> Term:
