@@ -93,17 +93,16 @@ class FloatingGate:
     def health(self, now: float) -> GateHealth:
         """As of :class:`InputGate`, with what is wrong with IMU and contacts."""
         health = self.joints.health(now)
-        if health.level >= Level.ERROR:
-            return health
         age = float("inf") if self._last_matched is None else now - self._last_matched
+        if health.level >= Level.ERROR:
+            unmatched = health.accepted > 0 and self.accepted == 0
+            before = f" None of those before found its IMU message: {self._why_unmatched()}" if unmatched else ""
+            return replace(health, text=health.text + before, counts=dict(self.counts), accepted=self.accepted, age=age)
         if health.accepted > 0 and age > self._settings.sensor_timeout:
-            texts = self.trunk.last_texts
-            why = next(iter(reversed(texts.values())), "The IMU is silent. Check its topic and that its driver runs.")
-            worst = max(self.trunk.counts, key=lambda reason: self.trunk.counts[reason], default="")
             return replace(
                 health,
                 level=Level.ERROR,
-                text=f"No joint state finds its IMU message: {texts.get(worst, why)}",
+                text=f"No joint state finds its IMU message: {self._why_unmatched()}",
                 counts=dict(self.counts),
                 accepted=self.accepted,
                 age=age,
@@ -118,6 +117,13 @@ class FloatingGate:
             accepted=self.accepted,
             warnings=(*health.warnings, *doubtful),
         )
+
+    def _why_unmatched(self) -> str:
+        """What most of the messages of the trunk were rejected for."""
+        counts = self.trunk.counts
+        if not counts:
+            return "The IMU is silent. Check its topic and that its driver runs."
+        return self.trunk.last_texts[max(counts, key=lambda reason: counts[reason])]
 
 
 Gate = InputGate | FloatingGate

@@ -98,6 +98,7 @@ class InputGate:
         if isinstance(result, Rejection):
             reason = result.reason
             self.counts[reason] += 1
+            self.last_texts.pop(reason, None)  # the newest comes last
             self.last_texts[reason] = result.text
         else:
             reason = health.ACCEPTED

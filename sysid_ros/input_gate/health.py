@@ -80,7 +80,7 @@ def judge(
         age: time since the last accepted one [s].
         timeout: the longest age that is in order [s].
         recent: events of the last second, by reason.
-        texts: the last sentence for each reason.
+        texts: the last sentence for each reason; that of the newest rejection is the last.
         rate: [Hz].
         clock_offset: receive time minus stamp [s].
         errors: sentences that are errors, of checks over many samples.
@@ -89,7 +89,8 @@ def judge(
     if silence is None:
         return Level.STALE, "No message has arrived yet. Check the topic's name and that the robot's driver runs.", ()
     if silence > STALE_AFTER:
-        return Level.STALE, f"No message for {silence:.1f} s. Check that the robot's driver still runs.", ()
+        before = f" None of those before was usable; the last: {list(texts.values())[-1]}" if texts and age == float("inf") else ""
+        return Level.STALE, f"No message for {silence:.1f} s. Check that the robot's driver still runs.{before}", ()
     rejected = {reason: n for reason, n in recent.items() if reason not in (GAP, RESTART, ACCEPTED)}
     if age > timeout:
         since = "No usable message yet" if age == float("inf") else f"No usable message for {age:.1f} s"

@@ -218,4 +218,5 @@ class TrunkGate:
 
     def _reject(self, rejection: Rejection) -> None:
         self.counts[rejection.reason] += 1
+        self.last_texts.pop(rejection.reason, None)  # the newest comes last
         self.last_texts[rejection.reason] = rejection.text
