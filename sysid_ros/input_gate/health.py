@@ -89,7 +89,9 @@ def judge(
     if silence is None:
         return Level.STALE, "No message has arrived yet. Check the topic's name and that the robot's driver runs.", ()
     if silence > STALE_AFTER:
-        before = f" None of those before was usable; the last: {list(texts.values())[-1]}" if texts and age == float("inf") else ""
+        before = (
+            f" None of those before was usable; the last: {list(texts.values())[-1]}" if texts and age == float("inf") else ""
+        )
         return Level.STALE, f"No message for {silence:.1f} s. Check that the robot's driver still runs.{before}", ()
     rejected = {reason: n for reason, n in recent.items() if reason not in (GAP, RESTART, ACCEPTED)}
     if age > timeout:
