@@ -18,6 +18,7 @@ COMMANDS = {
     "simulate": ("sysid_ros.cli.simulate", "Record a bag of a simulated robot, with the truth beside it."),
     "excite": ("sysid_ros.cli.excite", "Find the motion that tells most about an arm."),
     "diagnose": ("sysid_ros.cli.diagnose", "Find what a robot's model gets wrong, why, and what the fix buys."),
+    "control": ("sysid_ros.cli.control", "Compare control laws on an arm that picks up what they do not know."),
 }
 """Name of each sub-command: the module that exposes it as ``command``, and the sentence of the overview."""
 

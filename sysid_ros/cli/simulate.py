@@ -25,7 +25,8 @@ except ModuleNotFoundError as missing:
     ) from missing
 
 
-def _joint_values(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, ...]:
+def joint_values(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, ...]:
+    """Numbers with commas between them, one for all joints or one a joint."""
     try:
         return tuple(float(x) for x in value.split(","))
     except ValueError:
@@ -78,24 +79,24 @@ command.add_command(quadruped)
 )
 @click.option(
     "--viscous-friction",
-    callback=_joint_values,
+    callback=joint_values,
     metavar="X[,X...]",
     default="0",
     help="For all joints, or one a joint. [N m s/rad]",
 )
 @click.option(
-    "--coulomb-friction", callback=_joint_values, metavar="X[,X...]", default="0", help="For all joints, or one a joint. [N m]"
+    "--coulomb-friction", callback=joint_values, metavar="X[,X...]", default="0", help="For all joints, or one a joint. [N m]"
 )
 @click.option(
     "--rotor-inertia",
-    callback=_joint_values,
+    callback=joint_values,
     metavar="X[,X...]",
     default="0",
     help="Seen at the joint, for all joints, or one a joint. [kg m^2]",
 )
 @click.option(
     "--torque-offset",
-    callback=_joint_values,
+    callback=joint_values,
     metavar="X[,X...]",
     default="0",
     help="What the sensors show too much, for all joints, or one a joint. [N m]",

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.control import Reference
 from sysid_ros.drive import Drive
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement
@@ -20,6 +21,9 @@ from sysid_ros.simulation.trajectory import ExcitingTrajectory
 
 _BLOCK = 1000
 
+Command = Callable[[FloatArray, FloatArray, Reference], FloatArray]
+"""Torques for the exact state q, v and what is wanted, shape (n,) each."""
+
 
 class ArmSimulation:
     """The arm of a scenario, one message at a time.
@@ -30,6 +34,7 @@ class ArmSimulation:
 
     Args:
         scenario: what is simulated.
+        command: what moves the arm, asked at every physics step; None: a stiff controller of its own.
 
     Attributes:
         robot: model of the empty arm.
@@ -39,7 +44,7 @@ class ArmSimulation:
         events: (t [s], "pick" | "drop") of all that happened, t of the first message that shows it.
     """
 
-    def __init__(self, scenario: ArmScenario) -> None:
+    def __init__(self, scenario: ArmScenario, command: Command | None = None) -> None:
         self.scenario = scenario
         self.urdf = arm_description()
         self.frame = TIP_LINK
@@ -58,6 +63,7 @@ class ArmSimulation:
             False: ComputedTorque(self.robot, rotor),
             True: ComputedTorque(loaded if scenario.controller_knows_payload else self.robot, rotor),
         }
+        self._command = command or self._own_command
         motion_seed, noise_seed = np.random.SeedSequence(scenario.seed).spawn(2)
         self._noise = np.random.default_rng(noise_seed)
         self.trajectory = _motion(scenario, np.random.default_rng(motion_seed), self.robot, loaded)
@@ -156,10 +162,13 @@ class ArmSimulation:
         world, i = self.world, self._k % _BLOCK
         q, v = world.q, world.v
         q_d, v_d, a_d = self._reference
-        tau = self._controllers[world.carries].torque(q, v, q_d[i], v_d[i], a_d[i])
+        tau = self._command(q, v, Reference(q_d[i], v_d[i], a_d[i]))
         world.step(self._drive.link_torque(self._models[world.carries], q, v, tau))
         self._k += 1
         return q, 0.5 * (v + world.v), tau
+
+    def _own_command(self, q: FloatArray, v: FloatArray, wanted: Reference) -> FloatArray:
+        return self._controllers[self.world.carries].torque(q, v, wanted.q, wanted.v, wanted.a)
 
 
 def _motion(scenario: ArmScenario, rng: np.random.Generator, empty: RobotModel, loaded: RobotModel) -> ExcitingTrajectory:

@@ -1,0 +1,193 @@
+"""``sysid control``: how well control laws follow a motion while the arm picks up what they do not know."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich import box
+from rich.table import Table
+
+from sysid_ros.cli.output import ManyValues, note, progress_bar, report, write_json
+from sysid_ros.control.settings import ControlSettings
+from sysid_ros.exceptions import SettingsError, SysidError
+from sysid_ros.model_file import ModelFile
+from sysid_ros.plots import check_plot_path
+
+try:
+    from sysid_ros.cli.simulate import joint_values
+    from sysid_ros.cli.simulate_output import named_option
+    from sysid_ros.simulation import ArmScenario
+    from sysid_ros.simulation.tracking import LAWS, TrackingRun, track
+except ModuleNotFoundError as missing:
+    if not (missing.name or "").startswith("pybullet"):
+        raise
+    raise SysidError(
+        "PyBullet is not installed; the simulation needs it. Install it with: pip install 'sysid_ros[sim]'"
+    ) from missing
+
+_PATH = click.Path(path_type=Path)
+_SETTLED = 2.0
+"""After a pick or a drop, for so long a law is still finding out [s]."""
+_AT_REST = 1.0
+
+_SETTINGS = ("bandwidth", "adaptation_time", "composite_time", "blend", "expected_mass", "expected_radius")
+
+
+def _settings_options(command: Any) -> Any:
+    """An option for each of the settings, told by its own description."""
+    for f in reversed([f for f in fields(ControlSettings) if f.name in _SETTINGS]):
+        text = f"{f.metadata['description'].capitalize()}. [{f.metadata['unit']}]"
+        option = "--" + f.name.replace("_", "-")
+        command = click.option(option, f.name, type=float, default=f.default, show_default=True, help=text)(command)
+    return command
+
+
+@click.command(cls=ManyValues)
+@click.option(
+    "--law", "laws", multiple=True, type=click.Choice(LAWS), metavar="LAW...", help=f"Of {', '.join(LAWS)}.  [default: all]"
+)
+@click.option("--payload-mass", type=float, default=3.0, show_default=True, help="Picked up by the arm. [kg]")
+@click.option(
+    "--payload-com", type=float, nargs=3, metavar="X Y Z", default=(0.03, -0.02, 0.08), show_default=True,
+    help="Centre of mass in the tip link's frame. [m]",
+)  # fmt: skip
+@click.option("--pick", "pick_time", type=float, default=6.0, show_default=True, help="When it is picked up. [s]")
+@click.option("--drop", "drop_time", type=float, default=12.0, show_default=True, help="When it is dropped. [s]")
+@click.option("--duration", type=float, default=16.0, show_default=True, help="[s]")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the motion and of the noise.")
+@click.option("--base-frequency", type=float, default=0.2, show_default=True, help="Of the motion, which has 5 harmonics. [Hz]")
+@click.option(
+    "--viscous-friction",
+    callback=joint_values,
+    metavar="X[,X...]",
+    default="0",
+    help="Of the arm, unknown but for --model. [N m s/rad]",
+)
+@click.option("--coulomb-friction", callback=joint_values, metavar="X[,X...]", default="0", help="As above. [N m]")
+@click.option("--rotor-inertia", callback=joint_values, metavar="X[,X...]", default="0", help="As above. [kg m^2]")
+@click.option(
+    "--model", "model_path", type=_PATH, help="model.yaml of 'sysid identify': what laws and estimator know of the arm."
+)
+@_settings_options
+@click.option("--json", "json_path", type=_PATH, help="Write the result for machines.")
+@click.option("--plot", "plot_path", type=_PATH, help="Draw errors and masses over time: .png or .html.")
+def command(
+    laws: tuple[str, ...], model_path: Path | None, json_path: Path | None, plot_path: Path | None, **options: Any
+) -> None:
+    """Compare control laws on a simulated arm that picks up a payload which none of them knows.
+
+    \b
+    computed_torque        the model of the empty arm: never learns
+    certainty_equivalence  computed torque with the payload of the online estimator
+    slotine_li             adaptive: learns from the tracking error
+    composite              adaptive, and drawn towards the online estimator
+    informed               computed torque that is told the truth at the pick: no other can beat it
+
+    All see the same noise, obey the same effort limits, and run at 1 kHz in PyBullet.
+
+    \b
+    Examples:
+      sysid control --payload-mass 3 --plot tracking.png
+      sysid simulate arm --bag empty --duration 60 --coulomb-friction 0.5 --viscous-friction 0.5
+      sysid identify empty --out model.yaml
+      sysid control --coulomb-friction 0.5 --viscous-friction 0.5 --model model.yaml
+
+    Exit codes: 0 done; 2 bad input or usage.
+    """
+    for path, option in ((json_path, "--json"), (plot_path, "--plot")):
+        if path is not None and not path.parent.is_dir():
+            raise SettingsError(f"{option} is '{path}', but the folder '{path.parent}' does not exist. Create it first.")
+    if plot_path is not None:
+        check_plot_path(plot_path)
+    try:
+        settings = ControlSettings(**{name: options[name] for name in _SETTINGS})
+        scenario = ArmScenario(**{name: value for name, value in options.items() if name not in _SETTINGS})
+        if not np.isfinite(scenario.duration):
+            raise SettingsError("duration is inf; the comparison must end. Give a number of seconds.")
+        known = ModelFile.read(model_path) if model_path is not None else None
+        chosen = tuple(dict.fromkeys(laws)) or LAWS
+        with progress_bar("Simulating", len(chosen) * round(scenario.duration * 1000)) as advance:
+            runs = [track(law, scenario, settings, known, advance) for law in chosen]
+    except SettingsError as error:
+        raise named_option(error, options) from None
+    _show(runs, scenario)
+    if json_path is not None:
+        write_json(json_path, {"scenario": _plain(scenario), "laws": [_summary(run, scenario) for run in runs]})
+    if plot_path is not None:
+        from sysid_ros.plots.tracking_plot import write_tracking_plot
+
+        write_tracking_plot(plot_path, runs, _events(scenario), options["payload_mass"])
+        note(f"Figure written to {plot_path}.")
+
+
+def _events(scenario: ArmScenario) -> list[tuple[float, str]]:
+    both = ((scenario.pick_time or 0.0, "pick"), (scenario.drop_time, "drop"))
+    return [(t, kind) for t, kind in both if t is not None and np.isfinite(t)]
+
+
+def _phases(scenario: ArmScenario) -> dict[str, tuple[float, float]]:
+    """Names and times of what is told apart [s]."""
+    end, pick = scenario.duration, scenario.pick_time or 0.0
+    drop = scenario.drop_time if scenario.drop_time is not None else end
+    phases = {
+        "empty": (min(_AT_REST, pick), pick),
+        "just picked up": (pick, min(pick + _SETTLED, drop)),
+        "carrying": (min(pick + _SETTLED, drop), drop),
+        "dropped": (min(drop + _SETTLED, end), end),
+    }
+    return {name: (a, b) for name, (a, b) in phases.items() if b > a}
+
+
+def _plain(scenario: ArmScenario) -> dict[str, Any]:
+    names: tuple[str, ...] = ("seed", "duration", "payload_mass", "payload_com", "pick_time", "drop_time", "base_frequency")
+    names += ("viscous_friction", "coulomb_friction", "rotor_inertia")
+    values = {name: getattr(scenario, name) for name in names}
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+
+
+def _summary(run: TrackingRun, scenario: ArmScenario) -> dict[str, Any]:
+    phases = {}
+    for name, (begin, end) in _phases(scenario).items():
+        part = (run.t >= begin) & (run.t < end)
+        if run.lost is None or run.lost >= end:
+            joints = np.sqrt(np.mean(run.error[part] ** 2, axis=0))
+            phases[name.replace(" ", "_")] = {"tip_rms_m": run.tip_rms(begin, end), "joint_rms": joints.tolist()}
+    return {
+        "law": run.law,
+        "lost_at_s": run.lost,
+        "steps_at_effort_limit": run.clipped,
+        "mass_while_carrying": _mass(run, scenario),
+    } | {"phases": phases}
+
+
+def _mass(run: TrackingRun, scenario: ArmScenario) -> float | None:
+    """Mean mass believed in the phase 'carrying' [kg], None where there is no such phase."""
+    begin, end = _phases(scenario).get("carrying", (0.0, 0.0))
+    part = (run.t >= begin) & (run.t < end)
+    return float(run.mass[part].mean()) if part.any() else None
+
+
+def _show(runs: list[TrackingRun], scenario: ArmScenario) -> None:
+    phases = _phases(scenario)
+    table = Table(
+        title=f"Distance of the tip from its path, rms in mm; {scenario.payload_mass:g} kg are picked up", title_justify="left",
+        box=box.SIMPLE,
+    )  # fmt: skip
+    table.add_column("law", no_wrap=True)
+    for name, (begin, end) in phases.items():
+        table.add_column(f"{name}\n{begin:g} to {end:g} s", justify="right")
+    table.add_column("believes in,\nkg", justify="right")
+    table.add_column("")
+    for run in runs:
+        cells = [
+            f"{1e3 * run.tip_rms(*phase):.2f}" if run.lost is None or run.lost >= phase[1] else "-" for phase in phases.values()
+        ]
+        mass = _mass(run, scenario)
+        remarks = [f"lost the motion at {run.lost:.2f} s"] if run.lost is not None else []
+        remarks += [f"{run.clipped} steps at an effort limit"] if run.clipped else []
+        table.add_row(run.law, *cells, "-" if mass is None else f"{mass:.2f}", ", ".join(remarks))
+    report().print(table)

@@ -1,0 +1,21 @@
+"""Control laws that use what is known of an arm and of what it carries."""
+
+from sysid_ros.control.arm_torque import ArmTorque
+from sysid_ros.control.belief import believed_payload
+from sysid_ros.control.certainty_equivalence import CertaintyEquivalence
+from sysid_ros.control.computed_torque import ComputedTorque
+from sysid_ros.control.controller import TrackingController
+from sysid_ros.control.reference import Reference
+from sysid_ros.control.settings import ControlSettings
+from sysid_ros.control.slotine_li import SlotineLi
+
+__all__ = [
+    "ArmTorque",
+    "CertaintyEquivalence",
+    "ComputedTorque",
+    "ControlSettings",
+    "Reference",
+    "SlotineLi",
+    "TrackingController",
+    "believed_payload",
+]

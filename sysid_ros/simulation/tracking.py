@@ -1,0 +1,138 @@
+"""track: a control law on the simulated arm, which picks up what the law does not know."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid_ros.control import ArmTorque, CertaintyEquivalence, ComputedTorque, ControlSettings, Reference, SlotineLi
+from sysid_ros.control.belief import believed_payload
+from sysid_ros.control.controller import TrackingController
+from sysid_ros.exceptions import SettingsError
+from sysid_ros.model_file import ModelFile
+from sysid_ros.online import OnlineEstimation
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+from sysid_ros.settings import OnlineSettings
+from sysid_ros.simulation.arm_simulation import ArmSimulation
+from sysid_ros.simulation.scenario import CONTROL_RATE, ArmScenario
+
+_LOST = 1.0
+"""A joint this far from the wanted motion has lost it [rad]."""
+
+_KEPT_EVERY = 10
+
+LAWS = ("computed_torque", "certainty_equivalence", "slotine_li", "composite", "informed")
+"""``informed`` is computed torque that is told the true payload at the pick: what no other can beat."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackingRun:
+    """How a law did, at 100 Hz.
+
+    Attributes:
+        law: its name. t: shape (N,) [s]. error: wanted minus true positions, shape (N, n) [rad].
+        tip_error: distance of the tip from where it should be, shape (N,) [m]. mass: that the law believed in, shape (N,) [kg].
+        tau: torques, shape (N, n) [N m]. clipped: steps in which a torque was at its limit. lost: time at which the motion was
+        lost [s], None where it was not; the run ends there.
+    """
+
+    law: str
+    t: FloatArray
+    error: FloatArray
+    tip_error: FloatArray
+    mass: FloatArray
+    tau: FloatArray
+    clipped: int
+    lost: float | None
+
+    def tip_rms(self, begin: float, end: float) -> float:
+        """Of the tip's error from ``begin`` to ``end`` [s], NaN where the run has no sample there [m]."""
+        part = self.tip_error[(self.t >= begin) & (self.t < end)]
+        return float(np.sqrt(np.mean(part**2))) if part.size else float("nan")
+
+
+class _Tracked:
+    """The law with its eyes: noisy states, and an estimator on the noisy messages."""
+
+    def __init__(self, law: TrackingController, scenario: ArmScenario, robot: RobotModel) -> None:
+        self._law, self._scenario = law, scenario
+        self._noise = np.random.default_rng(np.random.SeedSequence(scenario.seed).spawn(3)[2])
+        self._limit = robot.effort_limit
+        self.clipped = 0
+        self.wanted = np.zeros(robot.n)
+
+    def command(self, q: FloatArray, v: FloatArray, reference: Reference) -> FloatArray:
+        s = self._scenario
+        seen_q = q + s.encoder_noise * self._noise.standard_normal(len(q))
+        seen_v = v + s.velocity_noise * self._noise.standard_normal(len(q))
+        tau = self._law.torque(seen_q, seen_v, reference, 1.0 / CONTROL_RATE)
+        self.wanted = reference.q
+        allowed = np.clip(tau, -self._limit, self._limit)
+        self.clipped += bool(np.any(allowed != tau))
+        return np.asarray(allowed)
+
+
+def track(
+    law: str,
+    scenario: ArmScenario,
+    settings: ControlSettings | None = None,
+    known: ModelFile | None = None,
+    progress: Callable[[int], None] = lambda count: None,
+) -> TrackingRun:
+    """Let a law follow the scenario's motion.
+
+    Args:
+        law: one of :data:`LAWS`. scenario: of finite duration. settings: of the law. known: the identified model that law and
+            estimator have; None: the URDF.
+        progress: called with the number of new messages now and then.
+
+    Raises:
+        SettingsError: there is no such law. ModelFileError: the model does not fit the arm.
+    """
+    if law not in LAWS:
+        raise SettingsError(f"the law is {law!r}; it must be one of {', '.join(LAWS)}.")
+    scenario = replace(scenario, rate=CONTROL_RATE)
+    settings = settings or ControlSettings()
+    probe = ArmSimulation(scenario)
+    probe.close()
+    robot, frame = probe.robot, probe.frame
+    arm = ArmTorque(robot, known.known_effects(robot) if known else (), frame)
+    controller = _law(law, arm, settings)
+    tracked = _Tracked(controller, scenario, robot)
+    simulation = ArmSimulation(scenario, tracked.command)
+    listens = law in ("certainty_equivalence", "composite")
+    estimation = OnlineEstimation(robot, OnlineSettings(frame_id=frame), known) if listens else None
+    rows, lost, told = [], None, 0
+    try:
+        for k in range(round(scenario.duration * CONTROL_RATE)):
+            exact = simulation.step()
+            if estimation is not None and (estimate := estimation.step(simulation.noisy(exact))) is not None:
+                controller.tell(believed_payload(estimate, settings.believed_mass_std))
+            if law == "informed" and isinstance(controller, ComputedTorque) and len(simulation.events) > told:
+                told = len(simulation.events)
+                body = simulation.payload if simulation.carries else None
+                controller.carry(np.zeros(10) if body is None else body.theta)
+            error = tracked.wanted - exact.q
+            if k % _KEPT_EVERY == 0:
+                tip = [robot.frame_placement(at, frame)[1] for at in (tracked.wanted, exact.q)]
+                rows.append((exact.t, error, float(np.linalg.norm(tip[0] - tip[1])), controller.payload[0], exact.tau))
+            if k % 100 == 99:
+                progress(100)
+            # not >, so that NaN is lost too
+            if not np.abs(error).max() <= _LOST:
+                lost = exact.t
+                break
+    finally:
+        simulation.close()
+    t, error, tip_error, mass, tau = (np.array(column) for column in zip(*rows, strict=True))
+    return TrackingRun(law, t, error, tip_error, mass, tau, tracked.clipped, lost)
+
+
+def _law(name: str, arm: ArmTorque, settings: ControlSettings) -> TrackingController:
+    if name in ("slotine_li", "composite"):
+        return SlotineLi(arm, settings, composite=name == "composite")
+    law = ComputedTorque(arm, settings)
+    return CertaintyEquivalence(law) if name == "certainty_equivalence" else law
