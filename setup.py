@@ -44,6 +44,7 @@ setup(
         "console_scripts": [
             "sysid = sysid_ros.cli.main:main",
             "online_payload_estimator = sysid_ros.nodes.online_payload_estimator:main",
+            "adaptive_controller = sysid_ros.nodes.adaptive_controller:main",
             "simulated_robot = sysid_ros.nodes.simulated_robot:main",
         ],
     },

@@ -33,11 +33,13 @@ def tip(law: dict[str, Any], phase: str) -> float:
     return float(law["phases"][phase]["tip_rms_m"])
 
 
+@pytest.mark.slow
 def test_empty_all_laws_follow_alike(done: dict[str, dict[str, Any]]) -> None:
     errors = [tip(law, "empty") for law in done.values()]
     assert max(errors) < 2.0 * min(errors) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_law_that_learns_beats_one_that_does_not(done: dict[str, dict[str, Any]]) -> None:
     blind = tip(done["computed_torque"], "carrying")
     assert blind > 2e-3
@@ -48,6 +50,7 @@ def test_a_law_that_learns_beats_one_that_does_not(done: dict[str, dict[str, Any
     assert tip(done["composite"], "just_picked_up") < tip(done["certainty_equivalence"], "just_picked_up")
 
 
+@pytest.mark.slow
 def test_the_masses_that_are_believed_in(done: dict[str, dict[str, Any]]) -> None:
     assert done["computed_torque"]["mass_while_carrying"] == 0.0
     assert done["composite"]["mass_while_carrying"] == pytest.approx(3.0, rel=0.05)
@@ -55,6 +58,7 @@ def test_the_masses_that_are_believed_in(done: dict[str, dict[str, Any]]) -> Non
     assert all(law["lost_at_s"] is None and law["steps_at_effort_limit"] == 0 for law in done.values())
 
 
+@pytest.mark.slow
 def test_the_figure_is_there(folder: Path, done: dict[str, dict[str, Any]]) -> None:
     assert (folder / "out.png").stat().st_size > 20_000
 

@@ -9,22 +9,19 @@ import click
 
 from sysid_ros import __version__
 from sysid_ros.cli.identify_tables import as_json, show
-from sysid_ros.cli.inputs import open_bag, read_config, settings_from
+from sysid_ros.cli.inputs import read_config, settings_from
 from sysid_ros.cli.output import ManyValues, command_line, note, progress_bar, warn, write_json
-from sysid_ros.exceptions import DataError, RobotModelError, SysidError
-from sysid_ros.identification import Choices, Recording, identify_recordings
+from sysid_ros.cli.recordings import read_recording
+from sysid_ros.exceptions import SysidError
+from sysid_ros.identification import Choices, identify_recordings
 from sysid_ros.identification.friction_search import FRICTIONS
 from sysid_ros.identification.least_squares import METHODS
 from sysid_ros.identification.result import Problem
 from sysid_ros.identification.rows import FORMS
 from sysid_ros.identification.urdf_export import check_model_file, export_urdf
-from sysid_ros.input_gate import InputGate
 from sysid_ros.robot_model import RobotModel
-from sysid_ros.sample import Measurement
-from sysid_ros.settings import OnlineSettings
 
 _PATH = click.Path(path_type=Path)
-_MOST_REJECTED = 0.5
 
 
 @click.command(cls=ManyValues)
@@ -118,7 +115,7 @@ def command(
     settings = settings_from(read_config(config_path))
     robots: list[RobotModel] = []
     problems: list[Problem] = []
-    read = [_read(path, urdf, topic, settings, robots, problems) for path in (*bags, *validate, *payload_bag)]
+    read = [read_recording(path, urdf, topic, settings, robots, problems) for path in (*bags, *validate, *payload_bag)]
     provenance = {"bags": [str(b) for b in bags], "command": command_line(), "version": __version__}
     try:
         with progress_bar("identifying", 2 * len(read) + 1) as advance:
@@ -162,38 +159,3 @@ def command(
 def _warn_of(problems: Sequence[Problem]) -> None:
     for problem in problems:
         warn(f"{Path(problem.bag).name}: {problem.text}" if problem.bag else problem.text)
-
-
-def _read(
-    path: Path, urdf: Path | None, topic: str, settings: OnlineSettings, robots: list[RobotModel], problems: list[Problem]
-) -> Recording:
-    source, robot = open_bag(path, topic, urdf, settings)
-    if robots and robot.joint_names != robots[0].joint_names:
-        raise RobotModelError(
-            f"bag '{path}' has joints {', '.join(robot.joint_names)}, the first bag has {', '.join(robots[0].joint_names)}. "
-            "Use bags of the same robot."
-        )
-    robots.append(robot)
-    gate = InputGate(robot, settings)
-    with progress_bar(path.name, source.message_count) as advance:
-        accepted = (m for m in map(gate.accept, source) if isinstance(m, Measurement))
-        try:
-            recording = Recording.of(str(path), accepted, advance)
-        except DataError:
-            _require_accepted(path, gate)
-            raise
-    _require_accepted(path, gate)
-    for key, n in gate.counts.items():
-        problems.append(Problem(str(path), "", key, f"{n} of {gate.received} messages rejected: {gate.last_texts[key]}"))
-    problems += [Problem(str(path), "", "gate", sentence) for sentence in gate.warnings]
-    return recording
-
-
-def _require_accepted(path: Path, gate: InputGate) -> None:
-    rejected = sum(gate.counts.values())
-    if rejected > _MOST_REJECTED * gate.received:
-        worst = max(gate.counts, key=lambda key: gate.counts[key])
-        raise DataError(
-            f"{path}: {rejected} of {gate.received} messages were rejected; no more than half of them may be. "
-            f"{gate.last_texts[worst]}"
-        )

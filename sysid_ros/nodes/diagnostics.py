@@ -83,15 +83,15 @@ def input_status(node: NodeState, live: LiveEstimation | None, health: GateHealt
         }
         values |= {f"rejected.{reason}": n for reason, n in sorted(health.counts.items())}
     values |= {f"trouble.{kind}": n for kind, n in sorted(node.troubles.items())}
-    return _status("input", level, " ".join(texts), values)
+    return status_message("input", level, " ".join(texts), values)
 
 
 def estimator_status(node: NodeState, live: LiveEstimation | None, age: float) -> DiagnosticStatus:
     """Status of the estimate in words and numbers; ``age`` of the last usable sample [s]."""
     if node.problem:
-        return _status("estimator", Level.ERROR, node.problem, {"state": node.state})
+        return status_message("estimator", Level.ERROR, node.problem, {"state": node.state})
     if live is None:
-        return _status("estimator", Level.STALE, f"The node is {node.state}.", {"state": node.state})
+        return status_message("estimator", Level.STALE, f"The node is {node.state}.", {"state": node.state})
     status, reason = live.status(age) if node.state == "active" else ("stale", f"The node is {node.state}.")
     level = _LEVEL_OF_STATUS.get(status, Level.WARN)
     texts = [f"{status}: {reason}" if reason else status]
@@ -118,7 +118,7 @@ def estimator_status(node: NodeState, live: LiveEstimation | None, age: float) -
     values |= {"commit": live.commit.reason, "committed_mass": "" if committed is None else committed.mass}
     values |= {f"trouble.{kind}": n for kind, n in sorted(live.troubles.items())}
     values |= {f"note_{k}": sentence for k, sentence in enumerate((*live.robot.notes, *estimation.warnings))}
-    return _status("estimator", level, " ".join(texts), values)
+    return status_message("estimator", level, " ".join(texts), values)
 
 
 def timing_status(report: TimingReport, published: int) -> DiagnosticStatus:
@@ -141,7 +141,7 @@ def timing_status(report: TimingReport, published: int) -> DiagnosticStatus:
     for name, quantiles in (("latency", report.latency), ("step", report.step)):
         values |= {f"{name}_{q}_ms": _ms(x) for q, x in zip(("p50", "p99", "max"), quantiles, strict=True)}
     values |= {f"latency_{q}_since_start_ms": _ms(x) for q, x in zip(("p50", "p99"), report.total_latency, strict=True)}
-    return _status("timing", level, text, values)
+    return status_message("timing", level, text, values)
 
 
 def diagnostic_array(stamp: Any, node_name: str, hardware_id: str, statuses: list[DiagnosticStatus]) -> DiagnosticArray:
@@ -158,7 +158,8 @@ def _ms(seconds: float) -> str:
     return f"{1e3 * seconds:.3f}"
 
 
-def _status(name: str, level: Level, text: str, values: dict[str, Any]) -> DiagnosticStatus:
+def status_message(name: str, level: Level, text: str, values: dict[str, Any]) -> DiagnosticStatus:
+    """One status; numbers with six digits."""
     return DiagnosticStatus(
         name=name,
         level=_LEVELS.get(level, DiagnosticStatus.STALE),

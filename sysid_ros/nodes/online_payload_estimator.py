@@ -15,7 +15,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from sysid_ros.commit_gate import CommitGate, is_empty
+from sysid_ros.commit_gate import CommitGate, CommitSettings, is_empty
 from sysid_ros.exceptions import SysidError
 from sysid_ros.live_estimation import LiveEstimation
 from sysid_ros.model_file import ModelFile
@@ -23,13 +23,14 @@ from sysid_ros.nodes import services
 from sysid_ros.nodes.diagnostics import NodeState
 from sysid_ros.nodes.messages import RecordReader, stamp_of
 from sysid_ros.nodes.outputs import Outputs
-from sysid_ros.nodes.parameters import NodeParameters
+from sysid_ros.nodes.parameters import NodeParameters, NodeSettings
 from sysid_ros.nodes.reporter import Reporter
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock, Timing
 from sysid_ros.nodes.trunk_inputs import TrunkInputs
 from sysid_ros.payload_estimate import PayloadEstimate
 from sysid_ros.sample import ContactRecord, ImuRecord
+from sysid_ros.settings import OnlineSettings
 from sysid_ros.sources.robot_description import urdf_text
 from sysid_ros.warm_up import warm_up
 
@@ -64,7 +65,7 @@ class OnlinePayloadEstimator(LifecycleNode):
         self._parameter_source = NodeParameters(self, lambda: self._state != "unconfigured", self._on_parameters)
         self._outputs = Outputs(self)
         # each wake-up of the single-threaded executor costs more than a message, so it takes all that wait at once
-        self._drains = self._parameter_source.node.executor == "single"
+        self._drains = self._parameter_source.read(NodeSettings).executor == "single"
         self._joint_states = self.create_subscription(
             JointState,
             "joint_states",
@@ -87,7 +88,7 @@ class OnlinePayloadEstimator(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._problem = ""
         problems = list(self._parameter_source.problems)
-        settings = self._parameter_source.node
+        settings = self._parameter_source.read(NodeSettings)
         urdf, known = self._description, None
         try:
             urdf = urdf_text(settings.urdf_path) if settings.urdf_path else urdf
@@ -97,7 +98,7 @@ class OnlinePayloadEstimator(LifecycleNode):
             known = ModelFile.read(Path(settings.model_path)) if settings.model_path else None
         except SysidError as error:
             problems.append(str(error))
-        self._known, self._commit = known, CommitGate(self._parameter_source.commit)
+        self._known, self._commit = known, CommitGate(self._parameter_source.read(CommitSettings))
         self._on_parameters()
         if not problems and urdf and (problem := self._load(urdf)):
             if settings.urdf_path:
@@ -156,8 +157,8 @@ class OnlinePayloadEstimator(LifecycleNode):
         """Make the estimation for a URDF; returns what is wrong, or an empty string."""
         start = time.monotonic()
         try:
-            enabled = not self._parameter_source.node.disabled_at_startup
-            live = LiveEstimation(urdf, self._parameter_source.online, self._commit, self._known, enabled)
+            enabled = not self._parameter_source.read(NodeSettings).disabled_at_startup
+            live = LiveEstimation(urdf, self._parameter_source.read(OnlineSettings), self._commit, self._known, enabled)
             warm_up(live.robot, live.settings)
         except SysidError as error:
             return str(error)
@@ -177,7 +178,7 @@ class OnlinePayloadEstimator(LifecycleNode):
         if message.data == self._description:
             return
         self._description = message.data
-        if self._state not in ("inactive", "active") or self._parameter_source.node.urdf_path:
+        if self._state not in ("inactive", "active") or self._parameter_source.read(NodeSettings).urdf_path:
             return
         if problem := self._load(message.data):
             self.live = None
@@ -238,9 +239,9 @@ class OnlinePayloadEstimator(LifecycleNode):
         self.get_logger().info(f"Committed: {what} (std {estimate.mass_std:.3f} kg).")
 
     def _on_parameters(self) -> None:
-        self._outputs.with_markers = self._parameter_source.node.publish_markers
+        self._outputs.with_markers = self._parameter_source.read(NodeSettings).publish_markers
         if self._state != "unconfigured":
-            self._commit.settings = self._parameter_source.commit
+            self._commit.settings = self._parameter_source.read(CommitSettings)
 
     def _on_incompatible_qos(self, event: Any) -> None:
         self._qos_problem = (

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import Field, dataclass, field, fields
-from typing import Any
+from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
@@ -51,27 +51,37 @@ class NodeSettings:
                 raise SettingsError(f"{f.name} is {value!r}; it must be {wanted}.")
 
 
-_GROUPS: tuple[tuple[str, type], ...] = (("", NodeSettings), ("", OnlineSettings), ("commit.", CommitSettings))
-_LIVE = ("publish_markers",)
+Settings = TypeVar("Settings")
+ESTIMATOR_GROUPS: tuple[tuple[str, type], ...] = (("", NodeSettings), ("", OnlineSettings), ("commit.", CommitSettings))
+ESTIMATOR_LIVE = frozenset(["publish_markers", *(f"commit.{f.name}" for f in fields(CommitSettings))])
+"""Parameters of the estimator that may be set while it runs."""
 _ARRAYS = (Parameter.Type.DOUBLE_ARRAY, Parameter.Type.STRING_ARRAY)
 
 
 class NodeParameters:
     """Declares the parameters of the node and reads the settings from them.
 
-    A value that is not allowed does not stop the node: it is kept as a problem, which the transition ``configure`` reports. The
-    ``commit.*`` parameters and ``publish_markers`` may be set at any time, the others while the node is unconfigured.
+    A value that is not allowed does not stop the node: it is kept as a problem, which the transition ``configure`` reports.
 
     Args:
         node: whose parameters they are.
         is_configured: whether the node has left the state unconfigured.
         on_change: called when one was set.
+        groups: prefix of the names and dataclass of each group of settings; their fields tell description, unit and range.
+        live: names that may be set at any time, the others while the node is unconfigured.
     """
 
-    def __init__(self, node: Node, is_configured: Callable[[], bool], on_change: Callable[[], None]) -> None:
-        self._node, self._is_configured, self._on_change = node, is_configured, on_change
+    def __init__(
+        self,
+        node: Node,
+        is_configured: Callable[[], bool],
+        on_change: Callable[[], None],
+        groups: Sequence[tuple[str, type]] = ESTIMATOR_GROUPS,
+        live: Collection[str] = ESTIMATOR_LIVE,
+    ) -> None:
+        self._node, self._is_configured, self._on_change, self._live = node, is_configured, on_change, live
         self._problems: dict[str, str] = {}
-        self._fields = {prefix + f.name: (cls, f) for prefix, cls in _GROUPS for f in fields(cls)}
+        self._fields = {prefix + f.name: (cls, f) for prefix, cls in groups for f in fields(cls)}
         for name, (cls, f) in self._fields.items():
             self._declare(name, cls, f)
         self._warn_of_unknown()
@@ -84,23 +94,10 @@ class NodeParameters:
         """One sentence for each value that was given and is not allowed."""
         return list(self._problems.values())
 
-    @property
-    def online(self) -> OnlineSettings:
-        """Settings of the estimation."""
-        return OnlineSettings(**self._values(OnlineSettings))
-
-    @property
-    def commit(self) -> CommitSettings:
-        """Settings of the commit gate."""
-        return CommitSettings(**self._values(CommitSettings))
-
-    @property
-    def node(self) -> NodeSettings:
-        """Settings of the node alone."""
-        return NodeSettings(**self._values(NodeSettings))
-
-    def _values(self, wanted: type) -> dict[str, Any]:
-        return {f.name: _plain(self._node.get_parameter(name).value) for name, (cls, f) in self._fields.items() if cls is wanted}
+    def read(self, group: type[Settings]) -> Settings:
+        """The settings of one of the groups."""
+        values = {f.name: self._node.get_parameter(name).value for name, (cls, f) in self._fields.items() if cls is group}
+        return group(**{name: _plain(value) for name, value in values.items()})
 
     def _declare(self, name: str, cls: type, f: Field[Any]) -> None:
         kind, meta = _type_of(f), f.metadata
@@ -147,7 +144,7 @@ class NodeParameters:
             cls, f = self._fields[p.name]
             if problem := _problem(p.name, cls, f, p):
                 return SetParametersResult(successful=False, reason=problem)
-            if self._is_configured() and cls is not CommitSettings and p.name not in _LIVE:
+            if self._is_configured() and p.name not in self._live:
                 reason = (
                     f"{p.name} can be set only while the node is unconfigured. Run 'ros2 lifecycle set "
                     f"{self._node.get_fully_qualified_name()}' with deactivate and cleanup, set it, then configure and activate."

@@ -8,57 +8,34 @@ import signal
 import time
 from typing import Any
 
+import numpy as np
 import rclpy
 from geometry_msgs.msg import InertiaStamped
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
+from sysid_ros.control import Reference
 from sysid_ros.exceptions import SettingsError, SysidError
+from sysid_ros.nodes.simulation_parameters import ARM_ONLY, PARAMETERS, typed
 from sysid_ros.nodes.trunk_outputs import TrunkOutputs
-from sysid_ros.sample import Measurement
+from sysid_ros.sample import FloatArray, Measurement
 from sysid_ros.simulation import ArmScenario, ArmSimulation
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 from sysid_ros.simulation.quadruped_simulation import QuadrupedSimulation, QuadrupedState
 
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _SERVE_EVERY = 0.01
+_SERVE_COMMANDS_EVERY = 0.0005
 _LATE = 0.1
 _QUIET = 5.0
-_NEVER = -1.0
 
-PARAMETERS: tuple[tuple[str, Any, str], ...] = (
-    ("robot", "arm", "arm or quadruped"),
-    ("gait", "sway", "of the quadruped: stand, sway or trot"),
-    ("slope", 0.0, "of the ground under the quadruped, up to 10 [deg]"),
-    ("seed", 0, "seed of the motion and of the noise"),
-    ("rate", 1000, "messages a second, a divisor of 1000 [Hz]"),
-    ("duration", 0.0, "the motion ends at rest after this time [s]; 0: it never ends"),
-    ("payload_mass", 1.5, "[kg]; 0: there is no payload"),
-    ("payload_com", [0.03, -0.02, 0.08], "centre of mass in the tip link's frame [m]"),
-    ("pick_time", 5.0, "the payload is picked up so long after the start [s]; -1: only by ~/pick"),
-    ("drop_time", _NEVER, "and dropped [s]; -1: only by ~/drop"),
-    ("encoder_noise", 1e-5, "standard deviation of the positions [rad]"),
-    ("torque_noise", 0.1, "standard deviation of the efforts [N m]"),
-    ("velocity", True, "the messages hold velocities"),
-    ("velocity_noise", 1e-3, "standard deviation of the velocities [rad/s]"),
-    ("viscous_friction", [0.0], "one value for all joints or one a joint [N m s/rad]"),
-    ("coulomb_friction", [0.0], "one value for all joints or one a joint [N m]"),
-    ("rotor_inertia", [0.0], "one value for all joints or one a joint [kg m^2]"),
-    ("torque_offset", [0.0], "what the torque sensors show too much: one value for all joints or one a joint [N m]"),
-    ("controller_knows_payload", False, "the controller's model has the payload while it is carried"),
-)
-
-
-_ARM_ONLY = ("velocity", "viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset", "controller_knows_payload")
-"""Parameters that the quadruped does not have."""
 _FASTEST_ON_LEGS = 500
 """Messages a second that the quadruped sends where nothing else is asked for [Hz]."""
 
@@ -68,8 +45,8 @@ class SimulatedRobot(Node):
 
     Topics: ``joint_states`` (reliable, depth 10, as joint_state_broadcaster), ``robot_description`` and ``~/truth`` (latched: the
     payload carried now, com in the tip link's frame and inertia about it; mass 0 while there is none); of the quadruped ``imu``
-    and
-    ``contacts`` too. Services ``~/pick`` and ``~/drop``.
+    and ``contacts`` too. Services ``~/pick`` and ``~/drop``. With ``commanded`` the arm obeys ``effort_commands``
+    (Float64MultiArray, one effort a joint), the last one until the next comes.
 
     Raises:
         SettingsError: a parameter is not allowed.
@@ -77,11 +54,16 @@ class SimulatedRobot(Node):
 
     def __init__(self) -> None:
         super().__init__("simulated_robot")
+        self._effort: FloatArray | None = None
         self.simulation = self._make_simulation()
         self._joint_states = self.create_publisher(JointState, "joint_states", 10)
         self._description = self.create_publisher(String, "robot_description", _LATCHED)
         self._truth = self.create_publisher(InertiaStamped, "~/truth", _LATCHED)
         self._pick_service = self.create_service(Trigger, "~/pick", self._on_pick)
+        self._effort_commands = None
+        if self._commanded:
+            newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+            self._effort_commands = self.create_subscription(Float64MultiArray, "effort_commands", self._on_efforts, newest)
         self._drop_service = self.create_service(Trigger, "~/drop", self._on_drop)
         self._message = JointState(name=list(self.simulation.robot.joint_names))
         self._trunk = TrunkOutputs(self) if isinstance(self.simulation, QuadrupedSimulation) else None
@@ -105,6 +87,7 @@ class SimulatedRobot(Node):
         start = time.monotonic()
         served = start
         quiet_until = start
+        serve_every = _SERVE_COMMANDS_EVERY if self._commanded else _SERVE_EVERY
         done = 0
         while rclpy.ok():
             now = time.monotonic()
@@ -121,7 +104,7 @@ class SimulatedRobot(Node):
                     )
             else:
                 time.sleep(max(0.0, start + done * period - time.monotonic()))
-            if now - served > _SERVE_EVERY:
+            if now - served > serve_every:
                 # each look for requests costs as much as a step, so it does not happen at every step
                 executor.spin_once(timeout_sec=0.0)
                 served = now
@@ -143,7 +126,7 @@ class SimulatedRobot(Node):
             self.get_logger().warning(
                 f"There is no parameter '{name}'. The parameters are {', '.join(n for n, _, _ in PARAMETERS)}."
             )
-        v = {name: _typed(name, self.get_parameter(name), default) for name, default, _ in PARAMETERS}
+        v = {name: typed(name, self.get_parameter(name), default) for name, default, _ in PARAMETERS}
         robot = v.pop("robot")
         if robot not in ("arm", "quadruped"):
             raise SettingsError(f"robot is {robot!r}; it must be arm or quadruped.")
@@ -156,12 +139,31 @@ class SimulatedRobot(Node):
                 "drop_time": drop if drop >= 0.0 else None,
             }
         legs = {name: v.pop(name) for name in ("gait", "slope")}
+        self._commanded = bool(v.pop("commanded")) and robot == "arm"
         if robot == "arm":
-            return ArmSimulation(ArmScenario(**v, duration=duration or math.inf))
-        v = {name: value for name, value in v.items() if name not in _ARM_ONLY} | legs
+            return ArmSimulation(ArmScenario(**v, duration=duration or math.inf), self._command if self._commanded else None)
+        v = {name: value for name, value in v.items() if name not in ARM_ONLY} | legs
         if "rate" not in self._parameter_overrides:
             v["rate"] = _FASTEST_ON_LEGS
         return QuadrupedSimulation(QuadrupedScenario(**v, duration=duration or math.inf))
+
+    def _command(self, q: FloatArray, v: FloatArray, wanted: Reference) -> FloatArray:
+        """The efforts that came last; before the first, the arm holds the posture that it starts in."""
+        if self._effort is not None:
+            return self._effort
+        simulation, still = self.simulation, np.zeros(len(q))
+        assert isinstance(simulation, ArmSimulation)
+        return simulation.own_command(q, v, Reference(simulation.trajectory.centre, still, still))
+
+    def _on_efforts(self, message: Float64MultiArray) -> None:
+        effort, n = np.array(message.data), self.simulation.robot.n
+        if effort.shape == (n,) and np.isfinite(effort).all():
+            self._effort = effort
+        else:
+            self.get_logger().error(
+                f"A command was not used: {n} finite efforts are needed, {np.isfinite(effort).sum()} of its {effort.size} are.",
+                throttle_duration_sec=5.0,
+            )
 
     def _publish(self, m: Measurement | QuadrupedState) -> None:
         message = self._message
@@ -209,38 +211,6 @@ class SimulatedRobot(Node):
         response.success = self.simulation.drop()
         response.message = f"dropped at {self.simulation.t:.3f} s" if response.success else "nothing is carried"
         return response
-
-
-def _typed(name: str, parameter: Parameter, default: Any) -> Any:
-    """The parameter's value in the type of its default.
-
-    Raises:
-        SettingsError: it has another one.
-    """
-    value = parameter.value
-    if isinstance(default, str):
-        if not isinstance(value, str):
-            raise SettingsError(f"{name} is {value!r}; it must be a string.")
-        return value
-    if isinstance(default, list):
-        items = list(value) if not isinstance(value, int | float | str) and value is not None else [value]
-        return tuple(_number(name, x) for x in items)
-    if isinstance(default, bool):
-        if not isinstance(value, bool):
-            raise SettingsError(f"{name} is {value!r}; it must be true or false.")
-        return value
-    number = _number(name, value)
-    if isinstance(default, int):
-        if number != int(number):
-            raise SettingsError(f"{name} is {value!r}; it must be a whole number.")
-        return int(number)
-    return number
-
-
-def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise SettingsError(f"{name} is {value!r}; it must be a number.")
-    return float(value)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -63,7 +63,7 @@ class ArmSimulation:
             False: ComputedTorque(self.robot, rotor),
             True: ComputedTorque(loaded if scenario.controller_knows_payload else self.robot, rotor),
         }
-        self._command = command or self._own_command
+        self._command = command or self.own_command
         motion_seed, noise_seed = np.random.SeedSequence(scenario.seed).spawn(2)
         self._noise = np.random.default_rng(noise_seed)
         self.trajectory = _motion(scenario, np.random.default_rng(motion_seed), self.robot, loaded)
@@ -167,7 +167,8 @@ class ArmSimulation:
         self._k += 1
         return q, 0.5 * (v + world.v), tau
 
-    def _own_command(self, q: FloatArray, v: FloatArray, wanted: Reference) -> FloatArray:
+    def own_command(self, q: FloatArray, v: FloatArray, wanted: Reference) -> FloatArray:
+        """Torques of the stiff controller, shape (n,) [N m]: what the arm does where nobody commands it."""
         return self._controllers[self.world.carries].torque(q, v, wanted.q, wanted.v, wanted.a)
 
 

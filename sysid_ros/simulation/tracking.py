@@ -24,6 +24,9 @@ _LOST = 1.0
 
 _KEPT_EVERY = 10
 
+_BELIEVED_STD = 0.2
+"""Largest standard deviation of a mass that a law believes [kg]."""
+
 LAWS = ("computed_torque", "certainty_equivalence", "slotine_li", "composite", "informed")
 """``informed`` is computed torque that is told the true payload at the pick: what no other can beat."""
 
@@ -110,7 +113,7 @@ def track(
         for k in range(round(scenario.duration * CONTROL_RATE)):
             exact = simulation.step()
             if estimation is not None and (estimate := estimation.step(simulation.noisy(exact))) is not None:
-                controller.tell(believed_payload(estimate, settings.believed_mass_std))
+                controller.tell(believed_payload(estimate, _BELIEVED_STD))
             if law == "informed" and isinstance(controller, ComputedTorque) and len(simulation.events) > told:
                 told = len(simulation.events)
                 body = simulation.payload if simulation.carries else None

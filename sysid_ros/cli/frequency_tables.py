@@ -1,0 +1,105 @@
+"""What ``sysid frequency`` shows."""
+
+from __future__ import annotations
+
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from sysid_ros.cli.output import report
+from sysid_ros.frequency import FrequencyCheck, JointCheck
+from sysid_ros.frequency.causes import NEGLIGIBLE, Cause
+
+
+def show(result: FrequencyCheck) -> None:
+    """Print the table and the findings."""
+    console = report()
+    _show_joints(console, result)
+    console.print("[bold]Findings[/bold]")
+    for check in result.joints:
+        for sentence in check.sentences:
+            console.print(f"- {escape(sentence)}", highlight=False, soft_wrap=False)
+    _show_modes(console, result)
+    console.print("[bold]Assumed[/bold]")
+    for sentence in result.assumptions:
+        console.print(f"- {escape(sentence)}", highlight=False)
+
+
+def _show_joints(console: Console, result: FrequencyCheck) -> None:
+    title = f"Measured torque over the model's, up to {result.top_hz:.3g} Hz (95 %, within 10 %)"
+    table = Table(title=title, title_justify="left", box=box.SIMPLE)
+    table.add_column("joint", no_wrap=True)
+    for heading in ("holds\nHz", "fails\nfrom Hz", "told\nto Hz", "used\ns", "periods", "noise at 1 Hz\nN m/√Hz", "missed"):
+        missed = heading == "missed"
+        table.add_column(heading, justify="left" if missed else "right", no_wrap=not missed)
+    for check in result.joints:
+        table.add_row(check.joint, *_row(check))
+    console.print(table)
+
+
+def _row(check: JointCheck) -> tuple[str, ...]:
+    if check.torque is None:
+        return ("", "", "", "", "", "", "not checked")
+    r, v = check.torque, check.torque.verdict
+    holds = "–" if v.holds_to is None else f"{v.holds_from:.2g} to {v.holds_to:.3g}"
+    fails = "–" if v.fails_from is None else f"{v.fails_from:.3g}"
+    told = "–" if v.told_to is None else f"{v.told_to:.3g}"
+    near = min(range(len(r.windows)), key=lambda i: abs(r.windows[i].f - 1.0), default=None)
+    noise = "" if near is None else f"{r.density[near]:.2g}"
+    periods = ", ".join(f"{n} x {p:.3g} s" for p, n in r.periods) or "–"
+    return holds, fails, told, f"{r.seconds:.0f}", periods, noise, _missed(r.cause)
+
+
+def _missed(cause: Cause | None) -> str:
+    if cause is None:
+        return "not told"
+    if cause.name == "nothing" or cause.effect < NEGLIGIBLE:
+        return "nothing"
+    words = []
+    for p in cause.parameters:
+        if p.name == "zero_ratio" or (p.name == "gain" and cause.name != "gain"):
+            continue
+        scale, unit = (1e3, "ms") if p.name == "delay" else (1.0, p.unit)
+        words.append(f"{p.value * scale:.3g} {unit}".strip() if p.name != "damping" else f"damping {p.value:.2g}")
+    return f"{cause.name.replace('_', ' ').replace('+', ' + ')} {', '.join(words)}"
+
+
+def _show_modes(console: Console, result: FrequencyCheck) -> None:
+    made = [c for c in result.joints if c.modes is not None]
+    if made:
+        table = Table(title="State-space check: torque to velocity", title_justify="left", box=box.SIMPLE)
+        table.add_column("joint", no_wrap=True)
+        headings = ("band\nHz", "order", "motion", "rigid poles\n1/s", "pair", "frequency\nHz", "damping", "found\nagain", "")
+        for heading in headings:
+            table.add_column(heading, justify="right", no_wrap=True)
+        for check in made:
+            _add_modes(table, check)
+        console.print(table)
+    for check in result.joints:
+        if check.modes is None and check.torque is not None:
+            console.print(f"No state-space check of {escape(check.joint)}: {escape(check.why_no_modes)}", highlight=False)
+
+
+def _add_modes(table: Table, check: JointCheck) -> None:
+    m = check.modes
+    assert m is not None
+    rigid = ", ".join(f"{x.real:.2g}" if abs(x.imag) < 1e-9 else f"{x.real:.2g} {x.imag:+.2g}i" for x in m.rigid)
+    first = (
+        check.joint,
+        f"{m.band[0]:.2g} to {m.band[1]:.2g}",
+        str(m.order),
+        "small" if m.small else "deviation",
+        rigid,
+    )
+    if not m.modes:
+        table.add_row(*first, "none", "", "", "", "")
+    for i, x in enumerate(m.modes):
+        table.add_row(
+            *(first if i == 0 else ("",) * 5),
+            f"{x.kind}s",
+            f"{x.frequency:.3g} ± {1.96 * x.frequency_std:.2g}",
+            f"{x.damping:.2g} ± {1.96 * x.damping_std:.1g}",
+            f"{100.0 * x.found_again:.0f} %",
+            "not in the rigid model" if x.unmodelled else "not sure",
+        )

@@ -1,0 +1,290 @@
+"""Node ``adaptive_controller``: moves an arm by joint efforts, with a law that knows or learns what the arm carries."""
+
+from __future__ import annotations
+
+import array
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import InertiaStamped
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from sysid_ros.control import ArmTorque, CertaintyEquivalence, ComputedTorque, ControlSettings, SlotineLi, TrackingController
+from sysid_ros.control.live_control import LiveControl
+from sysid_ros.control.reference import Reference
+from sysid_ros.control.settings import SafetySettings
+from sysid_ros.exceptions import SysidError
+from sysid_ros.input_gate import InputGate, Level
+from sysid_ros.input_gate.rejections import Rejection
+from sysid_ros.model_file import ModelFile
+from sysid_ros.nodes.controller_messages import in_order, inertia_of, payload_of, points_of
+from sysid_ros.nodes.controller_settings import ControllerSettings
+from sysid_ros.nodes.diagnostics import diagnostic_array, status_message
+from sysid_ros.nodes.messages import RecordReader, stamp_of
+from sysid_ros.nodes.parameters import NodeParameters
+from sysid_ros.nodes.spinning import spin
+from sysid_ros.nodes.timing import ReceiveClock
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+from sysid_ros.settings import OnlineSettings
+from sysid_ros.sources.robot_description import urdf_text
+
+_LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)
+_WATCH, _REPORT, _TELL = 0.02, 1.0, 0.1
+_SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+
+
+class AdaptiveController(LifecycleNode):
+    """Reads ``joint_states`` and sends ``effort_commands`` (Float64MultiArray, one effort a joint) for each of them.
+
+    Active, it holds the arm where it stands, and follows what comes on ``~/joint_trajectory``; an empty trajectory or the service
+    ``~/hold`` brings it to rest. What the arm carries it hears on ``online_payload_estimator/payload_committed``, and learns by
+    itself with the laws ``slotine_li`` and ``composite``. ``~/reference`` tells the wanted motion with the efforts sent,
+    ``~/payload`` what the law believes in, ``/diagnostics`` what is wrong.
+
+    Without joint states for ``state_timeout`` the torque is sent that holds the last known posture.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("adaptive_controller", **options)
+        self.live: LiveControl | None = None
+        self._state, self._problem, self._description, self._refusal = "unconfigured", "", "", ""
+        self._read, self._receive_clock = RecordReader(), ReceiveClock()
+        groups = (("", ControllerSettings), ("", ControlSettings), ("", SafetySettings))
+        self._parameter_source = NodeParameters(self, lambda: self._state != "unconfigured", lambda: None, groups, ())
+        self._commands = self.create_lifecycle_publisher(Float64MultiArray, "effort_commands", 1)
+        self._reference = self.create_lifecycle_publisher(JointState, "~/reference", _NEWEST)
+        self._payload = self.create_lifecycle_publisher(InertiaStamped, "~/payload", 1)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 1)
+        committed = "online_payload_estimator/payload_committed"
+        self._kept = (
+            self.create_subscription(JointState, "joint_states", self._on_joint_states, _NEWEST),
+            self.create_subscription(String, "robot_description", self._on_description, _LATCHED),
+            self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, 1),
+            self.create_subscription(InertiaStamped, committed, self._on_payload, _LATCHED),
+            self.create_service(Trigger, "~/hold", self._on_hold),
+        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timers_kept = (
+            self.create_timer(_WATCH, self._watch, clock=steady),
+            self.create_timer(_REPORT, self._report, clock=steady),
+            self.create_timer(_TELL, self._tell, clock=steady),
+        )
+        if self.get_parameter("autostart").value and self.trigger_configure() == _SUCCESS:
+            self.trigger_activate()
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        problems = list(self._parameter_source.problems)
+        settings = self._parameter_source.read(ControllerSettings) if not problems else ControllerSettings()
+        self._problem = ""
+        if not problems:
+            try:
+                urdf = urdf_text(settings.urdf_path) if settings.urdf_path else self._description
+                if urdf:
+                    self._load(urdf, settings)
+                else:
+                    self._problem = f"Waiting for the URDF on {self.resolve_topic_name('robot_description')}; or set urdf_path."
+                    self.get_logger().info(self._problem)
+            except SysidError as error:
+                problems.append(str(error))
+        for problem in problems:
+            self.get_logger().error(f"Not configured: {problem}")
+        if problems:
+            self._problem = " ".join(problems)
+            return _FAILURE
+        self._state = "inactive"
+        return _SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self._state = "active"
+        if self.live is not None:
+            self.live.forget()
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        # controllers behind the topic keep the last command
+        self._send_rest()
+        self._state = "inactive"
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.live, self._problem, self._state = None, "", "unconfigured"
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self._send_rest()
+        self.live, self._state = None, "finalized"
+        return super().on_shutdown(state)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.live, self._state = None, "unconfigured"
+        return _SUCCESS
+
+    def _load(self, urdf: str, settings: ControllerSettings) -> None:
+        known = ModelFile.read(Path(settings.model_path)) if settings.model_path else None
+        robot = RobotModel.from_urdf(urdf, settings.joint_names or (known.joints if known else ()), settings.gravity)
+        arm = ArmTorque(robot, known.known_effects(robot) if known else (), settings.frame_id)
+        still = np.zeros(robot.n)
+        # compiles now and not at the first message; the law that is used has seen nothing
+        self._law(settings.law, arm).torque(still, still, Reference(still, still + 1.0, still), 0.001)
+        live = LiveControl(self._law(settings.law, arm), robot, self._parameter_source.read(SafetySettings))
+        gate = OnlineSettings(
+            gravity=settings.gravity, effort_type="external", velocity_source="message", sensor_timeout=live.safety.state_timeout
+        )
+        self._gate = InputGate(robot, gate)
+        self._arm, self._order = arm, in_order(robot.joint_names, settings.joint_names)
+        self._names = [robot.joint_names[j] for j in self._order]
+        self.live, self._problem, self._last = live, "", -np.inf
+        self.get_logger().info(
+            f"{robot.name}: {settings.law} on joints {', '.join(self._names)}; payload in {arm.payload.frame}. Efforts go to "
+            f"{self.resolve_topic_name('effort_commands')} while the node is active."
+        )
+
+    def _law(self, name: str, arm: ArmTorque) -> TrackingController:
+        settings = self._parameter_source.read(ControlSettings)
+        if name in ("slotine_li", "composite"):
+            return SlotineLi(arm, settings, composite=name == "composite")
+        law = ComputedTorque(arm, settings)
+        return CertaintyEquivalence(law) if name == "certainty_equivalence" else law
+
+    def _on_description(self, message: String) -> None:
+        self._description = message.data
+        settings = self._parameter_source.read(ControllerSettings)
+        if self.live is not None or self._state not in ("inactive", "active") or settings.urdf_path:
+            return
+        try:
+            self._load(message.data, settings)
+        except SysidError as error:
+            self._problem = f"{error} A new robot_description will be tried."
+            self.get_logger().error(self._problem)
+
+    def _on_joint_states(self, message: JointState) -> None:
+        live = self.live
+        if live is None or self._state != "active":
+            return
+        found = self._gate.accept(self._read(message, self._receive_clock.now()))
+        if isinstance(found, Rejection) or found.v is None:
+            return
+        trouble = live.trouble
+        try:
+            self._send(live.command(found.t, found.q, found.v), message.header.stamp)
+            self._last = time.monotonic()
+        except Exception as error:  # noqa: BLE001 - one state must not end the node; without news the watch holds the arm
+            self.get_logger().error(f"A state was not handled: {type(error).__name__}: {error}", throttle_duration_sec=5.0)
+        if live.trouble and live.trouble != trouble:
+            self.get_logger().error(f"{live.trouble}.")
+
+    def _send(self, tau: FloatArray, stamp: Any) -> None:
+        live = self.live
+        assert live is not None
+        assert live.reference is not None
+        efforts = array.array("d", tau[self._order].tobytes())
+        self._commands.publish(Float64MultiArray(data=efforts))
+        wanted = JointState(name=self._names, effort=efforts)
+        wanted.header.stamp = stamp
+        wanted.position = array.array("d", live.reference.q[self._order].tobytes())
+        wanted.velocity = array.array("d", live.reference.v[self._order].tobytes())
+        self._reference.publish(wanted)
+
+    def _send_rest(self) -> None:
+        if self.live is not None and self._state == "active" and (tau := self.live.torque_at_rest()) is not None:
+            self._commands.publish(Float64MultiArray(data=array.array("d", tau[self._order].tobytes())))
+
+    def _watch(self) -> None:
+        if self.live is not None and self._state == "active" and self._age() > self.live.safety.state_timeout:
+            self._send_rest()
+
+    def _age(self) -> float:
+        return time.monotonic() - self._last
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        live = self.live
+        if live is None or self._state != "active":
+            self.get_logger().error("A motion was refused: the node is not active or has no model; see /diagnostics.")
+            return
+        if not message.points:
+            live.hold()
+            return
+        try:
+            t, q, v, a = points_of(message)
+            live.follow(message.joint_names, t, q, v, a)
+        except SysidError as error:
+            self._refusal = f"The last motion was refused: {error}"
+            self.get_logger().error(self._refusal)
+            return
+        self._refusal = ""
+        self.get_logger().info(f"Following a motion of {len(t)} points and {t[-1]:.2f} s.")
+
+    def _on_payload(self, message: InertiaStamped) -> None:
+        if self.live is None:
+            return
+        try:
+            self.live.law.tell(payload_of(message, self._arm.payload.frame))
+        except SysidError as error:
+            self.get_logger().error(str(error), throttle_duration_sec=5.0)
+
+    def _on_hold(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self.live is not None and self._state == "active"
+        if self.live is not None and response.success:
+            self.live.hold()
+        response.message = "The arm comes to rest." if response.success else f"The node is {self._state}. {self._problem}".strip()
+        return response
+
+    def _tell(self) -> None:
+        if self.live is not None and self._state == "active":
+            self._payload.publish(inertia_of(self.live.law.payload, self._arm.payload.frame, stamp_of(self._receive_clock.now())))
+
+    def _report(self) -> None:
+        now = 1e-9 * self.get_clock().now().nanoseconds
+        self._receive_clock.follow(now)
+        statuses = [self._input_status(), self._control_status()]
+        name = self.get_fully_qualified_name().lstrip("/")
+        robot = self.live.robot.name if self.live is not None else ""
+        self._diagnostics.publish(diagnostic_array(stamp_of(max(now, 0.0)), name, robot, statuses))
+
+    def _input_status(self) -> DiagnosticStatus:
+        if self.live is None or self._state != "active":
+            return status_message("input", Level.STALE, f"The node is {self._state}. {self._problem}".strip(), {})
+        health = self._gate.health(self._receive_clock.now())
+        values = {"received": health.received, "accepted": health.accepted, "rate_hz": health.rate}
+        return status_message("input", health.level, health.text, values | dict(health.counts))
+
+    def _control_status(self) -> DiagnosticStatus:
+        live = self.live
+        if live is None or self._state != "active":
+            level = Level.ERROR if self._problem else Level.STALE
+            return status_message("controller", level, self._problem or f"The node is {self._state}.", {"state": self._state})
+        level, texts = Level.OK, ["Following a motion." if live.following else "Holding the arm."]
+        if live.clipped.any():
+            where = ", ".join(name for name, k in zip(live.robot.joint_names, live.clipped, strict=True) if k)
+            level, texts = Level.WARN, [*texts, f"Efforts reached their limit since the last report on {where}."]
+        if self._refusal:
+            level, texts = Level.WARN, [*texts, self._refusal]
+        if live.trouble:
+            level, texts = Level.ERROR, [*texts, f"{live.trouble}."]
+        if live.reference is None or self._age() > live.safety.state_timeout:
+            level = Level.ERROR
+            texts[0] = "No usable joint states: the torque of the last known posture is sent, without feedback."
+        values: dict[str, Any] = {"state": self._state, "mass": float(live.law.payload[0])}
+        values |= {f"error.{n}": float(x) for n, x in zip(live.robot.joint_names, live.error, strict=True)}
+        live.clipped[:] = 0
+        return status_message("controller", level, " ".join(texts), values)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node until it is told to stop."""
+    return spin(AdaptiveController, args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,288 @@
+"""The real node moves the simulated arm: it holds, follows, learns what is picked up, and stops where something is wrong."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not installed: pip install '.[ros]'")
+pytest.importorskip("pybullet", reason="PyBullet is not installed: pip install '.[sim]'")
+
+os.environ["ROS_DOMAIN_ID"] = str(os.getpid() % 100)
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import InertiaStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from sysid_ros.control import Reference
+from sysid_ros.nodes.adaptive_controller import AdaptiveController
+from sysid_ros.nodes.messages import stamp_of
+from sysid_ros.simulation import ArmScenario, ArmSimulation
+from sysid_ros.simulation.description import arm_description
+
+RATE = 500
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+NAME = "adaptive_controller"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+class Bench:
+    """The node, and an arm that waits for its efforts: no time passes for the arm while the node thinks."""
+
+    def __init__(self, folder: Any, namespace: str, **parameters: Any) -> None:
+        path = folder / f"{namespace}.urdf"
+        path.write_text(arm_description())
+        given = {"urdf_path": str(path), "autostart": True, "executor": "single"} | parameters
+        overrides = [Parameter(key, value=value) for key, value in given.items()]
+        self.node = AdaptiveController(namespace=namespace, parameter_overrides=overrides)
+        self.tester = rclpy.create_node("tester", namespace=namespace)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.executor.add_node(self.tester)
+        self.effort: np.ndarray | None = None
+        self.commands = 0
+        self.beliefs: list[float] = []
+        self.statuses: dict[str, DiagnosticStatus] = {}
+        self.states = self.tester.create_publisher(JointState, "joint_states", 1)
+        self.motions = self.tester.create_publisher(JointTrajectory, f"{NAME}/joint_trajectory", 1)
+        self.payloads = self.tester.create_publisher(InertiaStamped, "online_payload_estimator/payload_committed", LATCHED)
+        self.kept = (
+            self.tester.create_subscription(Float64MultiArray, "effort_commands", self._on_efforts, 10),
+            self.tester.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10),
+            self.tester.create_subscription(InertiaStamped, f"{NAME}/payload", lambda m: self.beliefs.append(m.inertia.m), 10),
+        )
+        self.begin = time.time()
+        scenario = ArmScenario(seed=5, duration=60.0, rate=RATE, payload_mass=3.0, pick_time=np.inf)
+        self.arm = ArmSimulation(scenario, self._command)
+        self.centre = self.arm.trajectory.centre
+        self.until(lambda: self.states.get_subscription_count() > 0 and self.motions.get_subscription_count() > 0)
+        self.until(lambda: self.node._commands.get_subscription_count() > 0)
+
+    def _command(self, q: np.ndarray, v: np.ndarray, wanted: Reference) -> np.ndarray:
+        if self.effort is None:
+            still = np.zeros(7)
+            return self.arm.own_command(q, v, Reference(self.centre, still, still))
+        return self.effort
+
+    def _on_efforts(self, message: Float64MultiArray) -> None:
+        self.effort = np.array(message.data)
+        self.commands += 1
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self.statuses |= {s.name.rpartition(": ")[2]: s for s in message.status}
+
+    def until(self, condition: Callable[[], Any], seconds: float = 30.0) -> None:
+        end = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < end, f"waited in vain; {[(n, s.message) for n, s in self.statuses.items()]}"
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def run(self, seconds: float) -> list[np.ndarray]:
+        """Let the arm move for so long by its own time; the positions on the way."""
+        positions = []
+        for _ in range(round(seconds * RATE)):
+            told = self.arm.noisy(self.arm.step())
+            message = JointState(name=list(self.arm.robot.joint_names), position=told.q, velocity=told.v, effort=told.tau)
+            message.header.stamp = stamp_of(self.begin + told.t)
+            before = self.commands
+            self.states.publish(message)
+            self.until(lambda before=before: self.commands > before)
+            positions.append(told.q)
+        return positions
+
+    def call(self, name: str) -> Any:
+        client = self.tester.create_client(Trigger, f"{NAME}/{name}")
+        self.until(client.service_is_ready)
+        future = client.call_async(Trigger.Request())
+        self.until(future.done)
+        return future.result()
+
+    def send(self, t: list[float], q: np.ndarray, names: list[str] | None = None, v: np.ndarray | None = None) -> None:
+        message = JointTrajectory(joint_names=names or list(self.arm.robot.joint_names))
+        for k, time_from_start in enumerate(t):
+            point = JointTrajectoryPoint(positions=[float(x) for x in q[k]])
+            if v is not None:
+                point.velocities = [float(x) for x in v[k]]
+            point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(1e9 * time_from_start), 10**9)
+            message.points.append(point)
+        self.motions.publish(message)
+        for _ in range(20):
+            self.executor.spin_once(timeout_sec=0.01)
+
+    def close(self) -> None:
+        self.arm.close()
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.tester.destroy_node()
+
+
+@pytest.fixture
+def bench(tmp_path: Any) -> Iterator[Callable[..., Bench]]:
+    made: list[Bench] = []
+
+    def make(namespace: str, **parameters: Any) -> Bench:
+        made.append(Bench(tmp_path, namespace, **parameters))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+@pytest.mark.parametrize("law", ["composite", "computed_torque"])
+def test_holds_follows_and_learns_what_is_picked_up(bench: Callable[..., Bench], law: str) -> None:
+    one = bench(f"moves_{law}", law=law)
+    held = one.run(0.3)
+    assert np.abs(np.array(held) - one.centre).max() < 2e-3
+    goal = one.centre + np.array([0.4, -0.2, 0.3, 0.3, -0.4, 0.2, 0.5])
+    one.send([1.0], goal[None])
+    assert one.node.live.following
+    arrived = one.run(1.3)[-1]
+    assert not one.node.live.following
+    assert np.abs(arrived - goal).max() < 2e-3
+    assert one.arm.pick()
+    sagged = np.abs(one.run(1.5)[-1] - goal).max()
+    if law == "composite":
+        assert sagged < 0.03
+        assert np.abs(one.run(2.0)[-1] - goal).max() < 0.6 * sagged
+        assert one.node.live.law.payload[0] == pytest.approx(3.0, rel=0.2)
+    else:
+        assert sagged > 0.06
+        assert one.node.live.law.payload[0] == 0.0
+
+
+def test_a_committed_payload_is_taken_over(bench: Callable[..., Bench]) -> None:
+    one = bench("told", law="certainty_equivalence")
+    one.run(0.1)
+    body = one.arm.payload
+    message = InertiaStamped()
+    message.header.frame_id = one.arm.frame
+    message.inertia.m = body.mass
+    message.inertia.com.x, message.inertia.com.y, message.inertia.com.z = body.com.tolist()
+    (message.inertia.ixx, message.inertia.ixy, message.inertia.ixz) = body.inertia_com[0].tolist()
+    (message.inertia.iyy, message.inertia.iyz, message.inertia.izz) = [*body.inertia_com[1, 1:].tolist(), body.inertia_com[2, 2]]
+    one.payloads.publish(message)
+    for _ in range(20):
+        one.executor.spin_once(timeout_sec=0.01)
+    one.arm.pick()
+    one.run(1.5)
+    assert one.node.live.law.payload == pytest.approx(body.theta)
+    assert np.abs(one.run(0.01)[-1] - one.centre).max() < 2e-3
+    one.until(lambda: one.beliefs and one.beliefs[-1] == pytest.approx(3.0))
+    message.header.frame_id = "elsewhere"
+    message.inertia.m = 1.0
+    one.payloads.publish(message)
+    one.run(0.5)
+    assert one.node.live.law.payload == pytest.approx(body.theta)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"names": ["a", "b"], "q": np.zeros((1, 2))}, "it must be of lbr_iiwa_joint_1"),
+        ({"q": np.full((1, 7), 9.0)}, "the URDF allows"),
+        ({"t": [0.001]}, "a second after"),
+        ({"t": [0.0, 1.0], "q": np.ones((2, 7))}, "start_tolerance"),
+        ({"t": [1.0, 0.5], "q": np.zeros((2, 7))}, "ascend"),
+        ({"q": np.full((1, 7), np.nan)}, "not finite"),
+        ({"q": np.zeros((1, 6))}, "has 6 positions"),
+    ],
+    ids=["joints", "range", "speed", "start", "times", "nan", "length"],
+)
+def test_a_motion_that_may_not_be_is_refused_in_words(bench: Callable[..., Bench], change: dict[str, Any], words: str) -> None:
+    one = bench("refuses")
+    one.run(0.05)
+    one.send(**({"t": [1.0], "q": one.centre[None] + 0.2} | change))
+    assert not one.node.live.following
+    one.run(0.05)
+    one.until(lambda: words in one.statuses.get("controller", DiagnosticStatus()).message)
+    assert (
+        one.statuses["controller"].level == DiagnosticStatus.WARN
+        or "No usable joint states" in one.statuses["controller"].message
+    )
+
+
+def test_the_arm_comes_to_rest_where_it_is_told_or_pushed_away(bench: Callable[..., Bench]) -> None:
+    one = bench("stops", error_limit=0.1)
+    one.run(0.05)
+    one.send([2.0], one.centre[None] + 0.5)
+    one.run(0.6)
+    assert one.call("hold").success
+    one.run(0.5)
+    before = one.run(0.01)[-1]
+    assert np.abs(one.run(0.2)[-1] - before).max() < 2e-3
+    one.arm.world.reset(before + 0.2, np.zeros(7))
+    one.run(0.02)
+    assert "error_limit" in one.node.live.trouble
+    assert np.abs(one.run(0.5)[-1] - before - 0.2).max() < 0.02
+
+
+def test_without_states_the_last_posture_is_held_without_feedback(bench: Callable[..., Bench]) -> None:
+    one = bench("silent")
+    q = one.run(0.1)[-1]
+    count = one.commands
+    one.until(lambda: one.commands > count + 3)
+    assert one.effort == pytest.approx(
+        one.arm.robot.gravity_torque(q) + one.node._arm.split(q, *[np.zeros(7)] * 4)[0] @ (one.node.live.law.payload), abs=0.05
+    )
+    one.until(lambda: "controller" in one.statuses and one.statuses["controller"].level == DiagnosticStatus.ERROR)
+    assert "without feedback" in one.statuses["controller"].message
+    assert one.run(0.1)
+
+
+def test_efforts_keep_within_their_limits(bench: Callable[..., Bench]) -> None:
+    one = bench("weak", effort_limit_scale=0.02)
+    one.run(0.2)
+    assert np.all(np.abs(one.effort) <= 0.02 * one.arm.robot.effort_limit + 1e-9)
+    assert one.node.live.clipped.any() or "limit" in one.statuses["controller"].message
+
+
+def test_nothing_is_sent_before_it_is_activated(bench: Callable[..., Bench]) -> None:
+    one = bench("sleeps", autostart=False)
+    message = JointState(name=list(one.arm.robot.joint_names), position=one.centre, velocity=[0.0] * 7, effort=[0.0] * 7)
+    message.header.stamp = stamp_of(one.begin)
+    for _ in range(10):
+        one.states.publish(message)
+        one.executor.spin_once(timeout_sec=0.02)
+    assert one.commands == 0
+    assert not one.call("hold").success
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"law": "pid"}, "composite"),
+        ({"bandwidth": 0.0}, "bandwidth is 0"),
+        ({"urdf_path": "/nowhere.urdf"}, "nowhere.urdf"),
+        ({"frame_id": "nowhere"}, "nowhere"),
+        ({"gravity": [0.0, 0.0]}, "gravity has 2"),
+    ],
+)
+def test_a_bad_parameter_fails_configure_with_the_reason(
+    bench: Callable[..., Bench], parameters: dict[str, Any], words: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    one = bench("bad", **parameters)
+    assert one.node.live is None
+    assert words in one.node._problem
+    one.until(lambda: words in one.statuses.get("controller", DiagnosticStatus()).message)
+    assert one.statuses["controller"].level == DiagnosticStatus.ERROR
