@@ -19,6 +19,7 @@ from sysid_ros.control import (
     SlotineLi,
     believed_payload,
 )
+from sysid_ros.control.feedback import Feedback, postures
 from sysid_ros.effects import CoulombFriction, Payload, RotorInertia, ViscousFriction
 from sysid_ros.exceptions import ModelFileError, SettingsError
 from sysid_ros.known_effect import KnownEffect
@@ -78,13 +79,38 @@ def test_a_model_that_carries_something_is_refused() -> None:
 
 
 @pytest.mark.parametrize("name", ["iiwa", "small_arm"])
-def test_computed_torque_makes_the_error_fall_as_it_promises(name: str) -> None:
-    model, w, expected = robot(name), SETTINGS.bandwidth, SETTINGS.expected_payload
-    law, heavy, rng = ComputedTorque(ArmTorque(model), SETTINGS, expected), loaded(name, expected), np.random.default_rng(5)
+@pytest.mark.parametrize("delay", [1e-4, 0.01])
+def test_computed_torque_makes_the_error_fall_as_it_promises(name: str, delay: float) -> None:
+    settings = ControlSettings(loop_delay=delay)
+    model, theta = robot(name), settings.expected_payload
+    law, heavy, rng = ComputedTorque(ArmTorque(model), settings, theta), loaded(name, theta), np.random.default_rng(5)
     s = random_sample(model, rng)
     wanted = Reference(s.q + 0.1 * rng.normal(size=model.n), np.zeros(model.n), 3.0 * rng.normal(size=model.n))
     a = heavy.forward_dynamics(s.q, s.v, law.torque(s.q, s.v, wanted, 0.001))
-    assert a == pytest.approx(wanted.a + w**2 * (wanted.q - s.q) + 2.0 * w * (wanted.v - s.v), rel=1e-6)
+    w = law.feedback.bandwidth
+    feedback = w**2 * (wanted.q - s.q) + 2.0 * w * (wanted.v - s.v)
+    if law.feedback.share == 1.0:
+        assert w == settings.bandwidth
+        assert a == pytest.approx(wanted.a + feedback, rel=1e-6)
+    mass = np.column_stack([heavy.rnea(s.q, np.zeros(model.n), e) - heavy.gravity_torque(s.q) for e in np.eye(model.n)])
+    assert mass @ (a - wanted.a) == pytest.approx(law.feedback.weighted(s.q, feedback), rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["iiwa", "small_arm"])
+def test_feedback_is_as_firm_as_the_delay_allows(name: str) -> None:
+    arm, shares = ArmTorque(robot(name)), []
+    for delay in (1e-4, 1e-3, 4e-3, 0.01, 0.1):
+        feedback = Feedback(arm, ControlSettings(loop_delay=delay))
+        shares.append(feedback.share)
+        fastest = 0.0
+        for q in postures(arm):
+            bare = np.column_stack([arm.inertial_torque(q, e, np.zeros(10)) for e in np.eye(arm.robot.n)])
+            rates = np.linalg.eigvals(np.linalg.solve(bare, 2.0 * feedback.bandwidth * feedback.matrix(q)))
+            fastest = max(fastest, float(np.abs(rates).max()))
+        assert fastest * delay <= 0.5 * (1.0 + 1e-6)
+        assert bool(feedback.notes) == (feedback.share < 0.5 or feedback.bandwidth < 20.0)
+    assert shares == sorted(shares, reverse=True)
+    assert feedback.bandwidth == pytest.approx(2.5)
 
 
 def test_a_new_payload_is_taken_over_without_a_jump() -> None:
@@ -106,7 +132,7 @@ def test_a_new_payload_is_taken_over_without_a_jump() -> None:
 def test_lyapunovs_function_never_grows_and_the_error_vanishes(name: str, seed: int) -> None:
     model, theta = robot(name), body(seed)
     # no dead zone, and steps that are short beside the loop
-    settings = ControlSettings(dead_zone=0.0)
+    settings = ControlSettings(dead_zone=0.0, loop_delay=5e-4)
     arm, heavy, step = ArmTorque(model), loaded(name, theta), 5e-4
     law = SlotineLi(arm, settings)
     inverse = np.linalg.inv(law.gain)
@@ -124,7 +150,7 @@ def test_lyapunovs_function_never_grows_and_the_error_vanishes(name: str, seed: 
         away = law.payload - theta
         energies.append(0.5 * s @ mass @ s + 0.5 * away @ inverse @ away)
         errors.append(np.abs(s).max())
-        damped += step * settings.bandwidth * s @ arm.inertial_torque(q, s, settings.expected_payload)
+        damped += step * law.feedback.bandwidth * s @ law.feedback.weighted(q, s)
         tau = law.torque(q, v, wanted, step)
         assert law.payload[0] >= 0.0
         assert np.linalg.eigvalsh(inertial_parameters.pseudo_inertia(law.payload)).min() > -1e-9

@@ -52,7 +52,7 @@ class Bench:
     def __init__(self, folder: Any, namespace: str, **parameters: Any) -> None:
         path = folder / f"{namespace}.urdf"
         path.write_text(arm_description())
-        given = {"urdf_path": str(path), "autostart": True, "executor": "single"} | parameters
+        given = {"urdf_path": str(path), "autostart": True, "executor": "single", "loop_delay": 1.0 / RATE} | parameters
         overrides = [Parameter(key, value=value) for key, value in given.items()]
         self.node = AdaptiveController(namespace=namespace, parameter_overrides=overrides)
         self.tester = rclpy.create_node("tester", namespace=namespace)
@@ -233,8 +233,23 @@ def test_the_arm_comes_to_rest_where_it_is_told_or_pushed_away(bench: Callable[.
     assert np.abs(one.run(0.2)[-1] - before).max() < 2e-3
     one.arm.world.reset(before + 0.2, np.zeros(7))
     one.run(0.02)
+    assert one.node.live.yields
     assert "error_limit" in one.node.live.trouble
     assert np.abs(one.run(0.5)[-1] - before - 0.2).max() < 0.02
+    one.send([2.0], one.centre[None])
+    assert not one.node.live.following
+    assert one.call("hold").success
+    one.send([2.0], one.centre[None])
+    assert one.node.live.following
+    assert np.abs(one.run(2.3)[-1] - one.centre).max() < 2e-3
+
+
+def test_states_that_come_more_slowly_than_the_gains_allow_are_no_loop(bench: Callable[..., Bench]) -> None:
+    one = bench("slow", loop_delay=0.001)
+    first = one.run(0.3)[0]
+    assert one.node.live.yields
+    assert "loop_delay" in one.node.live.trouble
+    assert np.abs(one.run(0.5)[-1] - first).max() < 0.02
 
 
 def test_without_states_the_last_posture_is_held_without_feedback(bench: Callable[..., Bench]) -> None:

@@ -116,7 +116,7 @@ def test_ros2_run_names_an_executable_and_its_parameters(arguments: list[str]) -
     assert f'"{name} = ' in (ROOT / "setup.py").read_text(encoding="utf-8")
     given = [word.partition(":=")[0] for flag, word in itertools.pairwise(arguments) if flag == "-p"]
     if name == "simulated_robot":
-        text = (ROOT / "sysid_ros" / "nodes" / "simulated_robot.py").read_text(encoding="utf-8")
+        text = (ROOT / "sysid_ros" / "nodes" / "simulation_parameters.py").read_text(encoding="utf-8")
         assert not [parameter for parameter in given if f'"{parameter}"' not in text]
     else:
         assert set(given) <= node_parameters()

@@ -34,15 +34,16 @@ _SETTLED = 2.0
 """After a pick or a drop, for so long a law is still finding out [s]."""
 _AT_REST = 1.0
 
-_SETTINGS = ("bandwidth", "adaptation_time", "composite_time", "blend", "expected_mass", "expected_radius")
+_SETTINGS = ("loop_delay", "bandwidth", "adaptation_time", "composite_time", "blend", "expected_mass", "expected_radius")
 
 
 def _settings_options(command: Any) -> Any:
     """An option for each of the settings, told by its own description."""
     for f in reversed([f for f in fields(ControlSettings) if f.name in _SETTINGS]):
         text = f"{f.metadata['description'].capitalize()}. [{f.metadata['unit']}]"
+        default = 1e-3 if f.name == "loop_delay" else f.default
         option = "--" + f.name.replace("_", "-")
-        command = click.option(option, f.name, type=float, default=f.default, show_default=True, help=text)(command)
+        command = click.option(option, f.name, type=float, default=default, show_default=True, help=text)(command)
     return command
 
 
@@ -81,13 +82,15 @@ def command(
     """Compare control laws on a simulated arm that picks up a payload which none of them knows.
 
     \b
+    pd_gravity             PD with gravity compensation: what most robots do
     computed_torque        the model of the empty arm: never learns
     certainty_equivalence  computed torque with the payload of the online estimator
     slotine_li             adaptive: learns from the tracking error
     composite              adaptive, and drawn towards the online estimator
     informed               computed torque that is told the truth at the pick: no other can beat it
 
-    All see the same noise, obey the same effort limits, and run at 1 kHz in PyBullet.
+    All see the same noise, obey the same effort limits, have the same gains, and run at 1 kHz in PyBullet; each effort acts
+    --loop-delay after the state that it answers, less the period of 1 ms.
 
     \b
     Examples:
@@ -114,6 +117,8 @@ def command(
             runs = [track(law, scenario, settings, known, advance) for law in chosen]
     except SettingsError as error:
         raise named_option(error, options) from None
+    for sentence in dict.fromkeys(sentence for run in runs for sentence in run.notes):
+        note(sentence)
     _show(runs, scenario)
     if json_path is not None:
         write_json(json_path, {"scenario": _plain(scenario), "laws": [_summary(run, scenario) for run in runs]})

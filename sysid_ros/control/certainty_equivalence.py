@@ -17,6 +17,7 @@ class CertaintyEquivalence(TrackingController):
 
     def __init__(self, law: ComputedTorque) -> None:
         self._law = law
+        self.feedback = law.feedback
 
     @property
     def payload(self) -> FloatArray:

@@ -6,6 +6,7 @@ import numpy as np
 
 from sysid_ros.control.arm_torque import ArmTorque
 from sysid_ros.control.controller import TrackingController
+from sysid_ros.control.feedback import Feedback
 from sysid_ros.control.reference import Reference
 from sysid_ros.control.settings import ControlSettings
 from sysid_ros.sample import FloatArray
@@ -14,7 +15,7 @@ from sysid_ros.sample import FloatArray
 class ComputedTorque(TrackingController):
     """``tau = M(q) a_d + C(q, v) v + g(q) + f(q, v_d) + M_e(q) (w^2 e + 2 w e')``, e = q_d - q.
 
-    M, C, g are those of the arm with the payload that it believes in; M_e is the inertia with the usual payload. Where the arm
+    M, C, g are those of the arm with the payload that it believes in; M_e is that of :class:`Feedback`. Where the arm
     carries that and knows it, ``e'' + 2 w e' + w^2 e = 0`` (Siciliano et al. 2009, section 8.5.2). The feedback does not depend
     on what is believed: a loop whose gains grow with the estimate may swing up at the moment the payload drops.
 
@@ -24,7 +25,7 @@ class ComputedTorque(TrackingController):
 
     def __init__(self, arm: ArmTorque, settings: ControlSettings, payload: FloatArray | None = None) -> None:
         self._arm, self._settings = arm, settings
-        self._expected = settings.expected_payload
+        self.feedback = Feedback(arm, settings)
         self._payload = np.zeros(10) if payload is None else np.array(payload, dtype=float)
         self._begin = self._target = self._payload
         self._blended = 1.0
@@ -39,10 +40,10 @@ class ComputedTorque(TrackingController):
 
     def torque(self, q: FloatArray, v: FloatArray, reference: Reference, period: float) -> FloatArray:
         self._advance(period)
-        w = self._settings.bandwidth
+        w = self.feedback.bandwidth
         feedback = w**2 * (reference.q - q) + 2.0 * w * (reference.v - v)
         columns, rest = self._arm.split(q, v, v, reference.a, reference.v)
-        weighted = self._arm.inertial_torque(q, feedback, self._expected)
+        weighted = self.feedback.weighted(q, feedback)
         return np.asarray(rest + columns @ self._payload + weighted)
 
     def _advance(self, period: float) -> None:

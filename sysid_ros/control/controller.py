@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
+from sysid_ros.control.feedback import Feedback
 from sysid_ros.control.reference import Reference
 from sysid_ros.sample import FloatArray
 
 
 class TrackingController(ABC):
-    """A control law ``tau = k(q, v, reference)``, with or without a memory of what the arm carries."""
+    """A control law ``tau = k(q, v, reference)``, with or without a memory of what the arm carries.
+
+    Attributes:
+        feedback: bandwidth and weights of the feedback.
+    """
+
+    feedback: Feedback
 
     @abstractmethod
     def torque(self, q: FloatArray, v: FloatArray, reference: Reference, period: float) -> FloatArray:

@@ -6,38 +6,51 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sysid_ros.control.arm_torque import ArmTorque
 from sysid_ros.control.controller import TrackingController
 from sysid_ros.control.reference import Reference
 from sysid_ros.control.settings import SafetySettings
 from sysid_ros.control.timed_motion import TimedMotion
 from sysid_ros.exceptions import DataError
-from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 _GRID = 0.01
+_TOO_FAST = 1.5
+"""Speed in parts of the URDF's limit from which something is wrong."""
+_JITTER = 1.05
+_TO_KNOW, _AVERAGE = 20, 200
+"""States after which their period is known, and over which it is averaged."""
+_YIELDING = 0.25
+"""Damping of an arm that yields, in bandwidths of its law."""
 _NEARLY = 1e-3
 """By which a limit may be exceeded between points, in radians or parts."""
 
 
 class LiveControl:
-    """Holds the arm where it stands, follows motions that it is given, and comes to rest where something is wrong.
+    """Holds the arm where it stands, follows motions that it is given, and yields where something is wrong.
+
+    Where a joint is too far from its motion or too fast, something holds it, or the loop swings up. Then the feedback is no help:
+    the arm yields, its weight and that of the payload held, its motion damped, until :meth:`hold`.
 
     Args:
-        law: the control law. robot: whose limits hold. safety: see :class:`SafetySettings`.
+        law: the control law. arm: its model, whose limits hold. safety: see :class:`SafetySettings`.
 
     Attributes:
-        following: True while a motion is under way. reference: what is wanted now, None before the first state.
-        error: the last one, wanted minus measured, shape (n,). clipped: steps in which a torque was at its limit, by joint, shape
-        (n,). trouble: why the last motion ended early, "" where none did.
+        yields: True from such a fault on until :meth:`hold`. following: True while a motion is under way.
+        reference: what is wanted now, None before the first state. error: the last one, wanted minus measured, shape (n,).
+        clipped: steps in which a torque was at its limit, by joint, shape (n,).
+        trouble: why the last motion ended early or the arm yields, "" where neither is so.
     """
 
-    def __init__(self, law: TrackingController, robot: RobotModel, safety: SafetySettings) -> None:
-        self.law, self.robot, self.safety = law, robot, safety
-        self.following = False
+    def __init__(self, law: TrackingController, arm: ArmTorque, safety: SafetySettings) -> None:
+        robot = arm.robot
+        self.law, self.robot, self.safety, self._arm = law, robot, safety, arm
+        self.following = self.yields = False
         self.reference: Reference | None = None
         self.error: FloatArray = np.zeros(robot.n)
         self.clipped = np.zeros(robot.n, dtype=int)
         self.trouble = ""
+        self._period, self._states = 0.0, 0
         self._limit = safety.effort_limit_scale * robot.effort_limit
         self._motion: TimedMotion | None = None
         self._begin = 0.0
@@ -46,7 +59,8 @@ class LiveControl:
 
     def forget(self) -> None:
         """Hold the arm where the next state finds it."""
-        self.following, self.reference, self._motion, self._last_t, self._state = False, None, None, None, None
+        self.following = self.yields = False
+        self.reference, self._motion, self._last_t, self._state = None, None, None, None
 
     def command(self, t: float, q: FloatArray, v: FloatArray) -> FloatArray:
         """Torques for the state at t, within the limits, shape (n,) [N m].
@@ -60,38 +74,63 @@ class LiveControl:
                 self.trouble = f"there was no joint state for {period:.2f} s; the motion was given up"
             self._come_to_rest(t, q, v)
             period = 0.0
+        if period > 0.0:
+            self._states += 1
+            self._period += (period - self._period) / min(self._states, _AVERAGE)
         self._last_t, self._state = t, (q, v)
         assert self._motion is not None
         self.reference = self._motion.at(t - self._begin)
         self.error = self.reference.q - q
         if self.following and t - self._begin >= self._motion.end:
             self.following = False
-        worst = int(np.argmax(np.abs(self.error)))
-        # not >, so that NaN ends the motion too
-        if not abs(self.error[worst]) <= self.safety.error_limit:
-            self.trouble = (
-                f"{self.robot.joint_names[worst]} was {abs(self.error[worst]):.2f} from where it should be; "
-                f"{self.safety.error_limit:g} is allowed (error_limit). The arm was brought to rest"
-            )
-            self._come_to_rest(t, q, v)
+        if not self.yields and (fault := self._fault(v)):
+            self.trouble, self.yields, self.following = fault, True, False
+        if self.yields:
+            self._motion, self._begin = TimedMotion.braking(q, np.zeros_like(q), self.safety.braking_time), t
             self.reference = self._motion.at(0.0)
-            self.error = self.reference.q - q
-        tau = self.law.torque(q, v, self.reference, period)
+            tau = self._yielding(q, v)
+        else:
+            tau = self.law.torque(q, v, self.reference, period)
         allowed = np.clip(tau, -self._limit, self._limit)
         self.clipped += allowed != tau
         return np.asarray(allowed)
 
+    def _fault(self, v: FloatArray) -> str:
+        far, fast = np.abs(self.error), np.abs(v) / self.robot.velocity_limit
+        j, k = int(np.argmax(far)), int(np.argmax(fast))
+        names, end = self.robot.joint_names, "The arm yields, its weight held, until ~/hold"
+        # not >, so that NaN is a fault too
+        if not far[j] <= self.safety.error_limit:
+            limit = self.safety.error_limit
+            return f"{names[j]} was {far[j]:.2f} from where it should be; {limit:g} is allowed (error_limit). {end}"
+        if not fast[k] <= _TOO_FAST:
+            return f"{names[k]} moved at {abs(v[k]):.1f} a second, {fast[k]:.1f} times what the URDF allows. {end}"
+        if self._states > _TO_KNOW and not self._period <= _JITTER * self.law.feedback.delay:
+            period, told = 1e3 * self._period, 1e3 * self.law.feedback.delay
+            return (
+                f"The joint states come every {period:.1f} ms; the gains are for a loop_delay of {told:g} ms. Set it to more. "
+                f"{end}"
+            )
+        return ""
+
+    def _yielding(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """What holds the weight and damps, shape (n,)."""
+        still = np.zeros(self.robot.n)
+        columns, rest = self._arm.split(q, still, still, still, still)
+        damping = _YIELDING * self.law.feedback.bandwidth * self._arm.inertial_torque(q, v, np.zeros(10))
+        return np.asarray(rest + columns @ self.law.payload - damping)
+
     def hold(self) -> None:
-        """Bring the arm to rest now, along the motion that it has."""
+        """Bring the arm to rest now, along the motion that it has; where it yields, hold it where it is."""
         if self.reference is not None and self._last_t is not None:
             self._come_to_rest(self._last_t, self.reference.q, self.reference.v)
+            self.yields, self.trouble = False, ""
 
     def torque_at_rest(self) -> FloatArray | None:
         """Torque that would hold the last known posture, for a robot that tells no states any more; None before the first."""
         if self._state is None:
             return None
-        q, still = self._state[0], np.zeros(self.robot.n)
-        tau = self.law.torque(q, still, Reference(q, still, still), 0.0)
+        tau = self._yielding(self._state[0], np.zeros(self.robot.n))
         return np.asarray(np.clip(tau, -self._limit, self._limit))
 
     def follow(
@@ -108,6 +147,8 @@ class LiveControl:
         """
         if self.reference is None or self._last_t is None:
             raise DataError("there is no joint state yet, so where the motion would begin is not known. Send it again later.")
+        if self.yields:
+            raise DataError(f"the arm yields: {self.trouble}. Call ~/hold first.")
         if sorted(joint_names) != sorted(self.robot.joint_names):
             raise DataError(
                 f"the motion is of joints {', '.join(joint_names)}; it must be of {', '.join(self.robot.joint_names)}."

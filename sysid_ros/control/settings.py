@@ -29,8 +29,9 @@ class ControlSettings:
     """Settings that all control laws share.
 
     ``bandwidth`` is the w of the closed loop: with the usual payload an error falls as ``(1 + w t) exp(-w t)``. The usual payload
-    is a uniform ball about the frame's origin. The feedback is weighted by the inertia with it, so that a wrist that weighs next
-    to nothing stays firm when it carries something; and it is the unit in which the adaptive laws measure payloads.
+    is a uniform ball about the frame's origin. The feedback is weighted by the inertia with it, as far as the loop's delay allows
+    (:class:`sysid_ros.control.feedback.Feedback`), so that a wrist that weighs next to nothing stays firm when it carries
+    something; and it is the unit in which the adaptive laws measure payloads.
 
     Raises:
         SettingsError: a value is not a number or out of its range.
@@ -42,6 +43,10 @@ class ControlSettings:
     blend: float = _number(0.3, "time over which computed torque takes over a new payload", "s", 0.0, 60.0)
     adaptation_time: float = _number(0.05, "of the adaptive laws, at the posture where they are fastest", "s", 0.001, 60.0)
     composite_time: float = _number(0.5, "in which the composite law is drawn towards the estimator", "s", 0.001, 60.0)
+    loop_delay: float = _number(
+        0.004, "from a joint state to the effort that answers it, the period of the joint states included", "s", 0.0001, 1.0
+    )
+    largest_mass: float = _number(20.0, "the adaptive laws believe in no more", "kg", 0.01, 10000.0)
     dead_zone: float = _number(0.002, "a tracking error s below this teaches the adaptive laws nothing", "rad/s", 0.0, 10.0)
 
     def __post_init__(self) -> None:

@@ -137,7 +137,7 @@ class AdaptiveController(LifecycleNode):
         still = np.zeros(robot.n)
         # compiles now and not at the first message; the law that is used has seen nothing
         self._law(settings.law, arm).torque(still, still, Reference(still, still + 1.0, still), 0.001)
-        live = LiveControl(self._law(settings.law, arm), robot, self._parameter_source.read(SafetySettings))
+        live = LiveControl(self._law(settings.law, arm), arm, self._parameter_source.read(SafetySettings))
         gate = OnlineSettings(
             gravity=settings.gravity, effort_type="external", velocity_source="message", sensor_timeout=live.safety.state_timeout
         )
@@ -180,6 +180,8 @@ class AdaptiveController(LifecycleNode):
             self._send(live.command(found.t, found.q, found.v), message.header.stamp)
             self._last = time.monotonic()
         except Exception as error:  # noqa: BLE001 - one state must not end the node; without news the watch holds the arm
+            if not self.context.ok():
+                return
             self.get_logger().error(f"A state was not handled: {type(error).__name__}: {error}", throttle_duration_sec=5.0)
         if live.trouble and live.trouble != trouble:
             self.get_logger().error(f"{live.trouble}.")

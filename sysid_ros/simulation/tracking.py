@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid_ros.control import ArmTorque, CertaintyEquivalence, ComputedTorque, ControlSettings, Reference, SlotineLi
+from sysid_ros.control import ArmTorque, CertaintyEquivalence, ComputedTorque, ControlSettings, PdGravity, Reference, SlotineLi
 from sysid_ros.control.belief import believed_payload
 from sysid_ros.control.controller import TrackingController
 from sysid_ros.exceptions import SettingsError
@@ -27,7 +28,7 @@ _KEPT_EVERY = 10
 _BELIEVED_STD = 0.2
 """Largest standard deviation of a mass that a law believes [kg]."""
 
-LAWS = ("computed_torque", "certainty_equivalence", "slotine_li", "composite", "informed")
+LAWS = ("pd_gravity", "computed_torque", "certainty_equivalence", "slotine_li", "composite", "informed")
 """``informed`` is computed torque that is told the true payload at the pick: what no other can beat."""
 
 
@@ -39,7 +40,7 @@ class TrackingRun:
         law: its name. t: shape (N,) [s]. error: wanted minus true positions, shape (N, n) [rad].
         tip_error: distance of the tip from where it should be, shape (N,) [m]. mass: that the law believed in, shape (N,) [kg].
         tau: torques, shape (N, n) [N m]. clipped: steps in which a torque was at its limit. lost: time at which the motion was
-        lost [s], None where it was not; the run ends there.
+        lost [s], None where it was not; the run ends there. notes: of the law's feedback.
     """
 
     law: str
@@ -50,6 +51,7 @@ class TrackingRun:
     tau: FloatArray
     clipped: int
     lost: float | None
+    notes: tuple[str, ...] = ()
 
     def tip_rms(self, begin: float, end: float) -> float:
         """Of the tip's error from ``begin`` to ``end`` [s], NaN where the run has no sample there [m]."""
@@ -60,10 +62,12 @@ class TrackingRun:
 class _Tracked:
     """The law with its eyes: noisy states, and an estimator on the noisy messages."""
 
-    def __init__(self, law: TrackingController, scenario: ArmScenario, robot: RobotModel) -> None:
+    def __init__(self, law: TrackingController, scenario: ArmScenario, robot: RobotModel, delay: float) -> None:
         self._law, self._scenario = law, scenario
         self._noise = np.random.default_rng(np.random.SeedSequence(scenario.seed).spawn(3)[2])
         self._limit = robot.effort_limit
+        # the law's answer to one state acts until the next, so a period is there without it
+        self._late: deque[FloatArray] = deque(maxlen=max(1, round(delay * CONTROL_RATE)))
         self.clipped = 0
         self.wanted = np.zeros(robot.n)
 
@@ -75,7 +79,8 @@ class _Tracked:
         self.wanted = reference.q
         allowed = np.clip(tau, -self._limit, self._limit)
         self.clipped += bool(np.any(allowed != tau))
-        return np.asarray(allowed)
+        self._late.append(allowed)
+        return self._late[0]
 
 
 def track(
@@ -88,7 +93,8 @@ def track(
     """Let a law follow the scenario's motion.
 
     Args:
-        law: one of :data:`LAWS`. scenario: of finite duration. settings: of the law. known: the identified model that law and
+        law: one of :data:`LAWS`. scenario: of finite duration. settings: of the law; its ``loop_delay``
+            is that of the simulated loop too, 1 ms at least and by default. known: the identified model that law and
             estimator have; None: the URDF.
         progress: called with the number of new messages now and then.
 
@@ -98,13 +104,13 @@ def track(
     if law not in LAWS:
         raise SettingsError(f"the law is {law!r}; it must be one of {', '.join(LAWS)}.")
     scenario = replace(scenario, rate=CONTROL_RATE)
-    settings = settings or ControlSettings()
+    settings = settings or ControlSettings(loop_delay=1.0 / CONTROL_RATE)
     probe = ArmSimulation(scenario)
     probe.close()
     robot, frame = probe.robot, probe.frame
     arm = ArmTorque(robot, known.known_effects(robot) if known else (), frame)
     controller = _law(law, arm, settings)
-    tracked = _Tracked(controller, scenario, robot)
+    tracked = _Tracked(controller, scenario, robot, settings.loop_delay)
     simulation = ArmSimulation(scenario, tracked.command)
     listens = law in ("certainty_equivalence", "composite")
     estimation = OnlineEstimation(robot, OnlineSettings(frame_id=frame), known) if listens else None
@@ -131,11 +137,13 @@ def track(
     finally:
         simulation.close()
     t, error, tip_error, mass, tau = (np.array(column) for column in zip(*rows, strict=True))
-    return TrackingRun(law, t, error, tip_error, mass, tau, tracked.clipped, lost)
+    return TrackingRun(law, t, error, tip_error, mass, tau, tracked.clipped, lost, controller.feedback.notes)
 
 
 def _law(name: str, arm: ArmTorque, settings: ControlSettings) -> TrackingController:
     if name in ("slotine_li", "composite"):
         return SlotineLi(arm, settings, composite=name == "composite")
+    if name == "pd_gravity":
+        return PdGravity(arm, settings)
     law = ComputedTorque(arm, settings)
     return CertaintyEquivalence(law) if name == "certainty_equivalence" else law

@@ -1,0 +1,74 @@
+"""Feedback: how firm a loop may be that answers late."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid_ros.control.arm_torque import ArmTorque
+from sysid_ros.control.settings import ControlSettings
+from sysid_ros.sample import FloatArray
+
+_POSTURES = 50
+_FIRMEST = 0.5
+"""Largest rate of damping times delay. A damped mass whose damper answers late swings up from pi / 2 on."""
+
+
+class Feedback:
+    """The inertia M_e = M + alpha M_p that all laws weight their feedback by, and their bandwidth w.
+
+    M_p is what the usual payload adds. An arm without it that obeys ``M a = -2 w M_e v`` a delay T late is damped at rates up to
+    ``2 w (1 + alpha lambda)``, lambda the largest eigenvalue of M^-1 M_p over all postures; alpha is the largest up to 1 for
+    which that is at most 0.5 / T, and w is lowered only where alpha = 0 is not enough.
+
+    Args:
+        arm: the model. settings: bandwidth, usual payload and delay of the loop.
+
+    Attributes:
+        bandwidth: w [rad/s]. share: alpha. delay: T [s]. notes: what was lowered, a sentence each.
+    """
+
+    def __init__(self, arm: ArmTorque, settings: ControlSettings) -> None:
+        self._arm, self.delay = arm, settings.loop_delay
+        most = _FIRMEST / (2.0 * settings.loop_delay)
+        self.bandwidth = min(settings.bandwidth, most)
+        heaviest = _largest_added(arm, settings.expected_payload)
+        self.share = float(np.clip((most / self.bandwidth - 1.0) / max(heaviest, 1e-12), 0.0, 1.0))
+        self._added: FloatArray = self.share * settings.expected_payload
+        self.notes: tuple[str, ...] = ()
+        if self.bandwidth < settings.bandwidth:
+            self.notes = (
+                f"With a loop_delay of {1e3 * settings.loop_delay:g} ms the bandwidth is {self.bandwidth:.1f} rad/s and not "
+                f"{settings.bandwidth:g}. Shorten the delay: a higher rate of the joint states, a free processor.",
+            )
+        elif self.share < 0.5:
+            self.notes = (
+                f"With a loop_delay of {1e3 * settings.loop_delay:g} ms the feedback counts on {100 * self.share:.0f} % of the "
+                "usual payload's inertia, or the lightest joint would tremble. Shorten the delay for firmer joints, or give the "
+                "rotors' inertia in model.yaml.",
+            )
+
+    def weighted(self, q: FloatArray, x: FloatArray) -> FloatArray:
+        """``M_e(q) x``, shape (n,)."""
+        return self._arm.inertial_torque(q, x, self._added)
+
+    def matrix(self, q: FloatArray) -> FloatArray:
+        """M_e(q), shape (n, n)."""
+        return np.column_stack([self.weighted(q, unit) for unit in np.eye(len(q))])
+
+
+def postures(arm: ArmTorque) -> FloatArray:
+    """Random postures within the arm's ranges, shape (m, n)."""
+    robot = arm.robot
+    low, high = np.maximum(robot.position_lower, -np.pi), np.minimum(robot.position_upper, np.pi)
+    return np.random.default_rng(0).uniform(low, high, (_POSTURES, robot.n))
+
+
+def _largest_added(arm: ArmTorque, payload: FloatArray) -> float:
+    """Largest eigenvalue of M^-1 M_p over the postures."""
+    nothing, largest = np.zeros(10), 0.0
+    for q in postures(arm):
+        units = np.eye(len(q))
+        bare = np.column_stack([arm.inertial_torque(q, unit, nothing) for unit in units])
+        loaded = np.column_stack([arm.inertial_torque(q, unit, payload) for unit in units])
+        largest = max(largest, float(np.abs(np.linalg.eigvals(np.linalg.solve(bare, loaded - bare))).max()))
+    return largest
