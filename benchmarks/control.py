@@ -1,4 +1,4 @@
-"""Tracking while a payload is picked up that no law knows: the laws of sysid_ros beside PD with gravity compensation.
+"""Tracking while a payload is picked up that no law knows, beside computed torque without and with the truth.
 
 Each seed draws another motion, payload (0.5 to 4 kg, up to 0.1 m off the flange) and noise; all laws follow the same. Three arms:
 an ideal one; one with friction that the URDF does not tell; the same with the model that 'sysid identify' made of 40 s without
@@ -20,9 +20,10 @@ from rich.console import Console
 from rich.table import Table
 
 from sysid_ros.cli.main import run
+from sysid_ros.control.tracking_run import TrackingRun
 from sysid_ros.model_file import ModelFile
 from sysid_ros.simulation import ArmScenario
-from sysid_ros.simulation.tracking import LAWS, TrackingRun, track
+from sysid_ros.simulation.tracking import TRACKED, track
 
 PICK, DROP, END = 6.0, 12.0, 15.0
 PHASES = {
@@ -73,7 +74,7 @@ def main() -> None:
         for name in (*PHASES, "mass error while carrying, %", "lost"):
             table.add_column(name, justify="right")
         rows = {}
-        for law in LAWS:
+        for law in TRACKED:
             runs = [(case, track(law, case, known=model)) for case in cases]
             kept = [(case, r) for case, r in runs if r.lost is None]
             errors = {name: [1e3 * r.tip_rms(*phase) for _, r in kept] for name, phase in PHASES.items()}

@@ -63,7 +63,12 @@ def test_package_xml_is_valid() -> None:
 
 def test_entry_points_can_be_imported(setup_arguments: dict[str, Any]) -> None:
     scripts = setup_arguments["entry_points"]["console_scripts"]
-    assert {script.split(" = ")[0] for script in scripts} == {"sysid", "online_payload_estimator", "simulated_robot"}
+    assert {script.split(" = ")[0] for script in scripts} == {
+        "sysid",
+        "online_payload_estimator",
+        "adaptive_controller",
+        "simulated_robot",
+    }
     missing = []
     for script in scripts:
         module, function = script.split(" = ")[1].split(":")

@@ -20,6 +20,7 @@ import pytest
 from sysid_ros import effects, estimators
 from sysid_ros.cli import main as cli
 from sysid_ros.commit_gate import CommitSettings
+from sysid_ros.control.settings import ControlSettings, SafetySettings
 from sysid_ros.payload_estimate import STATUSES
 from sysid_ros.settings import OnlineSettings
 
@@ -82,7 +83,7 @@ def test_the_documents_hold_what_is_tested_here() -> None:
 
 @pytest.mark.parametrize("arguments", starting_with("sysid"))
 def test_sysid_command_parses(arguments: list[str]) -> None:
-    if arguments[0] == "simulate":
+    if arguments[0] in ("simulate", "control"):
         pytest.importorskip("pybullet", reason="pybullet is not installed (extra sim)")
     command: click.Command = cli.sysid
     rest = list(arguments)
@@ -194,6 +195,16 @@ def test_every_parameter_stands_in_the_readme_with_its_default() -> None:
         from sysid_ros.nodes.parameters import NodeSettings
 
         expected |= {f.name: getattr(NodeSettings(), f.name) for f in fields(NodeSettings)}
+    stated = {name: rows.get(name, ["not there"])[0].strip("`") for name in expected}
+    assert stated == {name: in_yaml(value) for name, value in expected.items()}
+
+
+def test_every_parameter_of_the_controller_stands_in_its_page_with_its_default() -> None:
+    pytest.importorskip("rclpy", reason="rclpy is not installed (extra ros)")
+    from sysid_ros.nodes.controller_settings import ControllerSettings
+
+    rows = rows_of(ROOT / "docs" / "control.md")
+    expected = {f.name: getattr(c(), f.name) for c in (ControllerSettings, ControlSettings, SafetySettings) for f in fields(c)}
     stated = {name: rows.get(name, ["not there"])[0].strip("`") for name in expected}
     assert stated == {name: in_yaml(value) for name, value in expected.items()}
 

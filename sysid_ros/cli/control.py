@@ -13,6 +13,7 @@ from rich.table import Table
 
 from sysid_ros.cli.output import ManyValues, note, progress_bar, report, write_json
 from sysid_ros.control.settings import ControlSettings
+from sysid_ros.control.tracking_run import TrackingRun
 from sysid_ros.exceptions import SettingsError, SysidError
 from sysid_ros.model_file import ModelFile
 from sysid_ros.plots import check_plot_path
@@ -21,7 +22,7 @@ try:
     from sysid_ros.cli.simulate import joint_values
     from sysid_ros.cli.simulate_output import named_option
     from sysid_ros.simulation import ArmScenario
-    from sysid_ros.simulation.tracking import LAWS, TrackingRun, track
+    from sysid_ros.simulation.tracking import TRACKED, track
 except ModuleNotFoundError as missing:
     if not (missing.name or "").startswith("pybullet"):
         raise
@@ -49,7 +50,7 @@ def _settings_options(command: Any) -> Any:
 
 @click.command(cls=ManyValues)
 @click.option(
-    "--law", "laws", multiple=True, type=click.Choice(LAWS), metavar="LAW...", help=f"Of {', '.join(LAWS)}.  [default: all]"
+    "--law", "laws", multiple=True, type=click.Choice(TRACKED), metavar="LAW...", help=f"Of {', '.join(TRACKED)}.  [default: all]"
 )
 @click.option("--payload-mass", type=float, default=3.0, show_default=True, help="Picked up by the arm. [kg]")
 @click.option(
@@ -82,7 +83,6 @@ def command(
     """Compare control laws on a simulated arm that picks up a payload which none of them knows.
 
     \b
-    pd_gravity             PD with gravity compensation: what most robots do
     computed_torque        the model of the empty arm: never learns
     certainty_equivalence  computed torque with the payload of the online estimator
     slotine_li             adaptive: learns from the tracking error
@@ -112,7 +112,7 @@ def command(
         if not np.isfinite(scenario.duration):
             raise SettingsError("duration is inf; the comparison must end. Give a number of seconds.")
         known = ModelFile.read(model_path) if model_path is not None else None
-        chosen = tuple(dict.fromkeys(laws)) or LAWS
+        chosen = tuple(dict.fromkeys(laws)) or TRACKED
         with progress_bar("Simulating", len(chosen) * round(scenario.duration * 1000)) as advance:
             runs = [track(law, scenario, settings, known, advance) for law in chosen]
     except SettingsError as error:

@@ -53,7 +53,7 @@ class Feedback:
 
     def matrix(self, q: FloatArray) -> FloatArray:
         """M_e(q), shape (n, n)."""
-        return np.column_stack([self.weighted(q, unit) for unit in np.eye(len(q))])
+        return inertia(self._arm, q, self._added)
 
 
 def postures(arm: ArmTorque) -> FloatArray:
@@ -65,10 +65,14 @@ def postures(arm: ArmTorque) -> FloatArray:
 
 def _largest_added(arm: ArmTorque, payload: FloatArray) -> float:
     """Largest eigenvalue of M^-1 M_p over the postures."""
-    nothing, largest = np.zeros(10), 0.0
+    largest = 0.0
     for q in postures(arm):
-        units = np.eye(len(q))
-        bare = np.column_stack([arm.inertial_torque(q, unit, nothing) for unit in units])
-        loaded = np.column_stack([arm.inertial_torque(q, unit, payload) for unit in units])
-        largest = max(largest, float(np.abs(np.linalg.eigvals(np.linalg.solve(bare, loaded - bare))).max()))
+        bare = inertia(arm, q, np.zeros(10))
+        added = np.linalg.solve(bare, inertia(arm, q, payload) - bare)
+        largest = max(largest, float(np.abs(np.linalg.eigvals(added)).max()))
     return largest
+
+
+def inertia(arm: ArmTorque, q: FloatArray, payload: FloatArray) -> FloatArray:
+    """M(q) with a payload, shape (n, n)."""
+    return np.column_stack([arm.inertial_torque(q, unit, payload) for unit in np.eye(len(q))])

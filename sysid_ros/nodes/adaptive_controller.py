@@ -18,9 +18,8 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from sysid_ros.control import ArmTorque, CertaintyEquivalence, ComputedTorque, ControlSettings, SlotineLi, TrackingController
+from sysid_ros.control import ArmTorque, ControlSettings, Reference, make_law
 from sysid_ros.control.live_control import LiveControl
-from sysid_ros.control.reference import Reference
 from sysid_ros.control.settings import SafetySettings
 from sysid_ros.exceptions import SysidError
 from sysid_ros.input_gate import InputGate, Level
@@ -136,8 +135,9 @@ class AdaptiveController(LifecycleNode):
         arm = ArmTorque(robot, known.known_effects(robot) if known else (), settings.frame_id)
         still = np.zeros(robot.n)
         # compiles now and not at the first message; the law that is used has seen nothing
-        self._law(settings.law, arm).torque(still, still, Reference(still, still + 1.0, still), 0.001)
-        live = LiveControl(self._law(settings.law, arm), arm, self._parameter_source.read(SafetySettings))
+        gains = self._parameter_source.read(ControlSettings)
+        make_law(settings.law, arm, gains).torque(still, still, Reference(still, still + 1.0, still), 0.001)
+        live = LiveControl(make_law(settings.law, arm, gains), arm, self._parameter_source.read(SafetySettings))
         gate = OnlineSettings(
             gravity=settings.gravity, effort_type="external", velocity_source="message", sensor_timeout=live.safety.state_timeout
         )
@@ -149,13 +149,8 @@ class AdaptiveController(LifecycleNode):
             f"{robot.name}: {settings.law} on joints {', '.join(self._names)}; payload in {arm.payload.frame}. Efforts go to "
             f"{self.resolve_topic_name('effort_commands')} while the node is active."
         )
-
-    def _law(self, name: str, arm: ArmTorque) -> TrackingController:
-        settings = self._parameter_source.read(ControlSettings)
-        if name in ("slotine_li", "composite"):
-            return SlotineLi(arm, settings, composite=name == "composite")
-        law = ComputedTorque(arm, settings)
-        return CertaintyEquivalence(law) if name == "certainty_equivalence" else law
+        for sentence in live.law.feedback.notes:
+            self.get_logger().warning(sentence)
 
     def _on_description(self, message: String) -> None:
         self._description = message.data
@@ -266,7 +261,7 @@ class AdaptiveController(LifecycleNode):
         if live is None or self._state != "active":
             level = Level.ERROR if self._problem else Level.STALE
             return status_message("controller", level, self._problem or f"The node is {self._state}.", {"state": self._state})
-        level, texts = Level.OK, ["Following a motion." if live.following else "Holding the arm."]
+        level, texts = Level.OK, ["Yielding." if live.yields else "Following a motion." if live.following else "Holding the arm."]
         if live.clipped.any():
             where = ", ".join(name for name, k in zip(live.robot.joint_names, live.clipped, strict=True) if k)
             level, texts = Level.WARN, [*texts, f"Efforts reached their limit since the last report on {where}."]

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from sysid_ros.control.tracking_run import TrackingRun
 from sysid_ros.plots import palette
 from sysid_ros.plots.payload_plot import PAGE_SUFFIXES, check_plot_path
-from sysid_ros.simulation.tracking import TrackingRun
 
-COLOURS = ("#B8B8B8", "#555555", "#0072B2", "#D55E00", "#009E73", "#CC79A7")
+COLOURS = ("#555555", "#0072B2", "#D55E00", "#009E73", "#CC79A7")
 _LEAST = 1e-3
 """Errors below this are drawn there, on a logarithmic axis [mm]."""
 
@@ -44,7 +44,7 @@ def _carried(events: Sequence[tuple[float, str]], mass: float, end: float) -> tu
 
 
 def _label(law: str) -> str:
-    return law.replace("_", " ").replace("slotine li", "Slotine-Li").replace("pd gravity", "PD with gravity")
+    return law.replace("_", " ").replace("slotine li", "Slotine-Li")
 
 
 def _figure(

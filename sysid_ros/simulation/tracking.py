@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from sysid_ros.control import ArmTorque, CertaintyEquivalence, ComputedTorque, ControlSettings, PdGravity, Reference, SlotineLi
-from sysid_ros.control.belief import believed_payload
+from sysid_ros.control import LAWS, ArmTorque, ComputedTorque, ControlSettings, Reference, believed_payload, make_law
 from sysid_ros.control.controller import TrackingController
+from sysid_ros.control.tracking_run import TrackingRun
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.model_file import ModelFile
 from sysid_ros.online import OnlineEstimation
@@ -28,35 +28,8 @@ _KEPT_EVERY = 10
 _BELIEVED_STD = 0.2
 """Largest standard deviation of a mass that a law believes [kg]."""
 
-LAWS = ("pd_gravity", "computed_torque", "certainty_equivalence", "slotine_li", "composite", "informed")
+TRACKED = (*reversed(LAWS), "informed")
 """``informed`` is computed torque that is told the true payload at the pick: what no other can beat."""
-
-
-@dataclass(frozen=True, slots=True)
-class TrackingRun:
-    """How a law did, at 100 Hz.
-
-    Attributes:
-        law: its name. t: shape (N,) [s]. error: wanted minus true positions, shape (N, n) [rad].
-        tip_error: distance of the tip from where it should be, shape (N,) [m]. mass: that the law believed in, shape (N,) [kg].
-        tau: torques, shape (N, n) [N m]. clipped: steps in which a torque was at its limit. lost: time at which the motion was
-        lost [s], None where it was not; the run ends there. notes: of the law's feedback.
-    """
-
-    law: str
-    t: FloatArray
-    error: FloatArray
-    tip_error: FloatArray
-    mass: FloatArray
-    tau: FloatArray
-    clipped: int
-    lost: float | None
-    notes: tuple[str, ...] = ()
-
-    def tip_rms(self, begin: float, end: float) -> float:
-        """Of the tip's error from ``begin`` to ``end`` [s], NaN where the run has no sample there [m]."""
-        part = self.tip_error[(self.t >= begin) & (self.t < end)]
-        return float(np.sqrt(np.mean(part**2))) if part.size else float("nan")
 
 
 class _Tracked:
@@ -93,7 +66,7 @@ def track(
     """Let a law follow the scenario's motion.
 
     Args:
-        law: one of :data:`LAWS`. scenario: of finite duration. settings: of the law; its ``loop_delay``
+        law: one of :data:`TRACKED`. scenario: of finite duration. settings: of the law; its ``loop_delay``
             is that of the simulated loop too, 1 ms at least and by default. known: the identified model that law and
             estimator have; None: the URDF.
         progress: called with the number of new messages now and then.
@@ -101,15 +74,15 @@ def track(
     Raises:
         SettingsError: there is no such law. ModelFileError: the model does not fit the arm.
     """
-    if law not in LAWS:
-        raise SettingsError(f"the law is {law!r}; it must be one of {', '.join(LAWS)}.")
+    if law not in TRACKED:
+        raise SettingsError(f"the law is {law!r}; it must be one of {', '.join(TRACKED)}.")
     scenario = replace(scenario, rate=CONTROL_RATE)
     settings = settings or ControlSettings(loop_delay=1.0 / CONTROL_RATE)
     probe = ArmSimulation(scenario)
     probe.close()
     robot, frame = probe.robot, probe.frame
     arm = ArmTorque(robot, known.known_effects(robot) if known else (), frame)
-    controller = _law(law, arm, settings)
+    controller = make_law("computed_torque" if law == "informed" else law, arm, settings)
     tracked = _Tracked(controller, scenario, robot, settings.loop_delay)
     simulation = ArmSimulation(scenario, tracked.command)
     listens = law in ("certainty_equivalence", "composite")
@@ -138,12 +111,3 @@ def track(
         simulation.close()
     t, error, tip_error, mass, tau = (np.array(column) for column in zip(*rows, strict=True))
     return TrackingRun(law, t, error, tip_error, mass, tau, tracked.clipped, lost, controller.feedback.notes)
-
-
-def _law(name: str, arm: ArmTorque, settings: ControlSettings) -> TrackingController:
-    if name in ("slotine_li", "composite"):
-        return SlotineLi(arm, settings, composite=name == "composite")
-    if name == "pd_gravity":
-        return PdGravity(arm, settings)
-    law = ComputedTorque(arm, settings)
-    return CertaintyEquivalence(law) if name == "certainty_equivalence" else law

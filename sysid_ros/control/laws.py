@@ -1,0 +1,28 @@
+"""The control laws by their names."""
+
+from __future__ import annotations
+
+from sysid_ros.control.arm_torque import ArmTorque
+from sysid_ros.control.certainty_equivalence import CertaintyEquivalence
+from sysid_ros.control.computed_torque import ComputedTorque
+from sysid_ros.control.controller import TrackingController
+from sysid_ros.control.settings import ControlSettings
+from sysid_ros.control.slotine_li import SlotineLi
+from sysid_ros.exceptions import SettingsError
+
+LAWS = ("composite", "slotine_li", "certainty_equivalence", "computed_torque")
+
+
+def make_law(name: str, arm: ArmTorque, settings: ControlSettings) -> TrackingController:
+    """A law that has seen nothing yet.
+
+    Raises:
+        SettingsError: there is no such law.
+    """
+    if name in ("slotine_li", "composite"):
+        return SlotineLi(arm, settings, composite=name == "composite")
+    if name == "certainty_equivalence":
+        return CertaintyEquivalence(ComputedTorque(arm, settings))
+    if name == "computed_torque":
+        return ComputedTorque(arm, settings)
+    raise SettingsError(f"the law is {name!r}; it must be one of {', '.join(LAWS)}.")
