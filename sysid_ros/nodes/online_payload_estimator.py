@@ -207,6 +207,8 @@ class OnlinePayloadEstimator(LifecycleNode):
         try:
             take(live, message)
         except Exception as error:  # noqa: BLE001 - one message must not end the node; it is counted and shown
+            if not self.context.ok():
+                return
             kind = type(error).__name__
             self._troubles[kind] = self._troubles.get(kind, 0) + 1
             self.get_logger().error(f"A message was not handled: {kind}: {error}", throttle_duration_sec=5.0)

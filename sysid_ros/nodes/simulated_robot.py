@@ -12,6 +12,7 @@ import numpy as np
 import rclpy
 from geometry_msgs.msg import InertiaStamped
 from rcl_interfaces.msg import ParameterDescriptor
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -225,6 +226,10 @@ def main(args: list[str] | None = None) -> int:
         node.run(executor)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except RCLError:
+        # the context may end between two looks for requests
+        if rclpy.ok():
+            raise
     except SysidError as error:
         rclpy.logging.get_logger("simulated_robot").fatal(str(error))
         code = 2
