@@ -2,7 +2,7 @@
 
 Example: ros2 launch sysid_ros adaptive_controller.launch.py effort_commands:=/forward_effort_controller/commands
 
-The controller sends no effort before it is activated: ros2 lifecycle set /adaptive_controller activate
+The controller sends no effort before it is active: ros2 lifecycle set /adaptive_controller configure, then activate
 """
 
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction

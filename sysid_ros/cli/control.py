@@ -87,7 +87,7 @@ def command(
     certainty_equivalence  computed torque with the payload of the online estimator
     slotine_li             adaptive: learns from the tracking error
     composite              adaptive, and drawn towards the online estimator
-    informed               computed torque that is told the truth at the pick: no other can beat it
+    informed               computed torque that is told the truth at the pick, to compare with
 
     All see the same noise, obey the same effort limits, have the same gains, and run at 1 kHz in PyBullet; each effort acts
     --loop-delay after the state that it answers, less the period of 1 ms.

@@ -29,7 +29,7 @@ _BELIEVED_STD = 0.2
 """Largest standard deviation of a mass that a law believes [kg]."""
 
 TRACKED = (*reversed(LAWS), "informed")
-"""``informed`` is computed torque that is told the true payload at the pick: what no other can beat."""
+"""``informed`` is computed torque that is told the true payload at the pick, to compare with."""
 
 
 class _Tracked:
