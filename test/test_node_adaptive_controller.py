@@ -205,9 +205,10 @@ def test_a_committed_payload_is_taken_over(bench: Callable[..., Bench]) -> None:
         ({"t": [0.0, 1.0], "q": np.ones((2, 7))}, "start_tolerance"),
         ({"t": [1.0, 0.5], "q": np.zeros((2, 7))}, "ascend"),
         ({"q": np.full((1, 7), np.nan)}, "not finite"),
+        ({"v": np.full((1, 7), 0.3)}, "end at rest"),
         ({"q": np.zeros((1, 6))}, "has 6 positions"),
     ],
-    ids=["joints", "range", "speed", "start", "times", "nan", "length"],
+    ids=["joints", "range", "speed", "start", "times", "nan", "end", "length"],
 )
 def test_a_motion_that_may_not_be_is_refused_in_words(bench: Callable[..., Bench], change: dict[str, Any], words: str) -> None:
     one = bench("refuses")

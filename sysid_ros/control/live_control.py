@@ -176,6 +176,9 @@ class LiveControl:
                 "allowed (start_tolerance). Give its first point a later time, in which the arm comes there."
             )
         t, q, v = motion.along(_GRID)
+        if np.abs(v[-1]).max() > _NEARLY:
+            worst = int(np.argmax(np.abs(v[-1])))
+            raise DataError(f"the motion ends with {names[worst]} at {v[-1, worst]:.3f} a second; it must end at rest.")
         beyond = np.maximum(q - robot.position_upper, robot.position_lower - q).max(axis=0)
         if beyond.max() > _NEARLY:
             worst = int(np.argmax(beyond))
