@@ -30,7 +30,7 @@ LEVELS = (
     {"judgement", "identification"},
     {"online"},
     {"live_estimation", "replay", "warm_up"},
-    {"control"},
+    {"control", "frequency"},
     {"simulation"},
     {"diagnosis"},
     {"plots", "sources"},

@@ -10,6 +10,7 @@ from rich.table import Table
 from sysid_ros.cli.output import report
 from sysid_ros.frequency import FrequencyCheck, JointCheck
 from sysid_ros.frequency.causes import NEGLIGIBLE, Cause
+from sysid_ros.frequency.verdict import MOSTLY_SMOOTH
 
 
 def show(result: FrequencyCheck) -> None:
@@ -17,9 +18,8 @@ def show(result: FrequencyCheck) -> None:
     console = report()
     _show_joints(console, result)
     console.print("[bold]Findings[/bold]")
-    for check in result.joints:
-        for sentence in check.sentences:
-            console.print(f"- {escape(sentence)}", highlight=False, soft_wrap=False)
+    for sentence in (*result.sentences, *(s for check in result.joints for s in check.sentences)):
+        console.print(f"- {escape(sentence)}", highlight=False)
     _show_modes(console, result)
     console.print("[bold]Assumed[/bold]")
     for sentence in result.assumptions:
@@ -48,7 +48,8 @@ def _row(check: JointCheck) -> tuple[str, ...]:
     near = min(range(len(r.windows)), key=lambda i: abs(r.windows[i].f - 1.0), default=None)
     noise = "" if near is None else f"{r.density[near]:.2g}"
     periods = ", ".join(f"{n} x {p:.3g} s" for p, n in r.periods) or "–"
-    return holds, fails, told, f"{r.seconds:.0f}", periods, noise, _missed(r.cause)
+    missed = _missed(r.cause) if check.friction is None else f"dry friction, {check.friction.coulomb:.2g} N m"
+    return holds, fails, told, f"{r.seconds:.0f}", periods, noise, missed
 
 
 def _missed(cause: Cause | None) -> str:
@@ -56,6 +57,10 @@ def _missed(cause: Cause | None) -> str:
         return "not told"
     if cause.name == "nothing" or cause.effect < NEGLIGIBLE:
         return "nothing"
+    if cause.share < MOSTLY_SMOOTH:
+        return "not told (dry friction)"
+    if not cause.explains:
+        return "not explained"
     words = []
     for p in cause.parameters:
         if p.name == "zero_ratio" or (p.name == "gain" and cause.name != "gain"):
@@ -70,7 +75,7 @@ def _show_modes(console: Console, result: FrequencyCheck) -> None:
     if made:
         table = Table(title="State-space check: torque to velocity", title_justify="left", box=box.SIMPLE)
         table.add_column("joint", no_wrap=True)
-        headings = ("band\nHz", "order", "motion", "rigid poles\n1/s", "pair", "frequency\nHz", "damping", "found\nagain", "")
+        headings = ("band\nHz", "order", "rigid poles\n1/s", "pair", "frequency\nHz", "damping", "found\nagain", "")
         for heading in headings:
             table.add_column(heading, justify="right", no_wrap=True)
         for check in made:
@@ -89,17 +94,16 @@ def _add_modes(table: Table, check: JointCheck) -> None:
         check.joint,
         f"{m.band[0]:.2g} to {m.band[1]:.2g}",
         str(m.order),
-        "small" if m.small else "deviation",
         rigid,
     )
     if not m.modes:
         table.add_row(*first, "none", "", "", "", "")
     for i, x in enumerate(m.modes):
         table.add_row(
-            *(first if i == 0 else ("",) * 5),
+            *(first if i == 0 else ("",) * 4),
             f"{x.kind}s",
             f"{x.frequency:.3g} ± {1.96 * x.frequency_std:.2g}",
             f"{x.damping:.2g} ± {1.96 * x.damping_std:.1g}",
             f"{100.0 * x.found_again:.0f} %",
-            "not in the rigid model" if x.unmodelled else "not sure",
+            "unmodelled" if x.unmodelled else "not sure",
         )

@@ -4,7 +4,7 @@ Each seed draws another motion, payload (0.5 to 4 kg, up to 0.1 m off the flange
 an ideal one; one with friction that the URDF does not tell; the same with the model that 'sysid identify' made of 40 s without
 payload.
 
-    python benchmarks/control.py --seeds 10 --json control.json
+    python benchmarks/tracking.py --seeds 10 --json tracking.json
 """
 
 from __future__ import annotations

@@ -1,0 +1,233 @@
+"""check_frequency: up to which frequency a model holds, joint by joint, and what it misses beyond."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sysid_ros.exceptions import DataError
+from sysid_ros.frequency.causes import find_cause
+from sysid_ros.frequency.distortion import distortion
+from sysid_ros.frequency.forms import FORMS, Form
+from sysid_ros.frequency.linearised import linearised
+from sysid_ros.frequency.lines import Channel, Record, joint_records, rests
+from sysid_ros.frequency.local_fit import local_fit
+from sysid_ros.frequency.missing_friction import missing_friction
+from sysid_ros.frequency.modes import Modes, find_modes
+from sysid_ros.frequency.result import FrequencyCheck, JointCheck, Response
+from sysid_ros.frequency.sentences import together, with_sentences
+from sysid_ros.frequency.stretches import SHORTEST, Stretch, stretches_of, top_frequency
+from sysid_ros.frequency.verdict import MOSTLY_SMOOTH, verdict
+from sysid_ros.identification.channel_checks import check_channels
+from sysid_ros.identification.recording import Recording
+from sysid_ros.known_effect import KnownEffect
+from sysid_ros.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+
+ASSUMPTIONS = (
+    "Velocities and accelerations come from the positions by filters without phase that are flat below the top frequency; "
+    "measured torques go through the same ones.",
+    "The noise of the positions is white in the band (it is read from the spectrum above); its part of the model's torque is "
+    "taken out of the response, and frequencies where it is more than a tenth are not judged.",
+    "What disturbs the torque is small beside what the controller asks for: in closed loop the disturbance moves the joint, too.",
+    "The model's dry friction has a response of its own beside the one that is judged, since no model is right where a velocity "
+    "changes its sign; it is 10 % of both together that the model is held to.",
+    "Where a joint rests, its torque is taken from the model if dry friction hides it.",
+)
+_CHANNEL_FORMS = ("nothing", "gain", "delay", "low_pass")
+_TURNS = (0.003, 0.08)
+"""Speeds at which dry friction may turn beside that of the model [rad/s], a tenth of it for slides."""
+_CLEAR = 0.7
+"""Coherence from which on a frequency carries a state-space model."""
+_MOSTLY = 0.6
+_LEAST_TOP = 3.0
+_LEAST_LOW = 1.0
+"""The state-space check needs a band from 1 to 3 Hz or more [Hz]."""
+
+
+def check_frequency(
+    robot: RobotModel,
+    recordings: Sequence[Recording],
+    known: Sequence[KnownEffect] = (),
+    top_hz: float = 0.0,
+    max_gap: float = 0.1,
+    progress: Callable[[int], None] = lambda steps: None,
+    provenance: dict[str, Any] | None = None,
+) -> FrequencyCheck:
+    """Compare the model's torque with the measured one in the frequency domain.
+
+    Args:
+        robot: the URDF's model. recordings: of it, raw. known: effects of a model.yaml, else the URDF's links and
+            ``<dynamics>`` are the model. top_hz: upper end of the band [Hz]; 0: a fifth of the rate, 40 Hz at most.
+        max_gap: a longer gap between samples is not bridged [s]. progress: told of each joint that is done.
+
+    Raises:
+        DataError: the recordings can't tell anything, and why.
+    """
+    top = top_frequency(recordings, top_hz)
+    checked = [check_channels(robot, r, max_gap) for r in recordings]
+    warnings = [f"{p.bag}: {p.text}" for c in checked for p in c.problems]
+    parts = [stretches_of(robot, c, known, top, max_gap) for c in checked]
+    stretches = [s for part in parts for s in part]
+    if not stretches:
+        raise DataError(_too_short(recordings, max_gap))
+    for recording, part in zip(recordings, parts, strict=True):
+        if not part:
+            warnings.append(f"{recording.name}: no stretch of {SHORTEST:g} s without a gap; it is left out.")
+    _require_motion(robot, stretches)
+    out = []
+    for j in range(robot.n):
+        out.append(_joint(robot, stretches, known, j, top))
+        progress(1)
+    lengths = tuple((r.name, float(sum(len(s.motion.t) * s.period for s in p))) for r, p in zip(recordings, parts, strict=True))
+    return FrequencyCheck(with_sentences(out), top, lengths, tuple(warnings), ASSUMPTIONS, together(out), provenance or {})
+
+
+def _too_short(recordings: Sequence[Recording], max_gap: float) -> str:
+    spans = [float(r.t[part][-1] - r.t[part][0]) for r in recordings for part in r.stretches(max_gap) if part.stop > part.start]
+    return (
+        f"{recordings[0].name}: the longest stretch without a gap of {max_gap:g} s lasts {max(spans, default=0.0):.1f} s; "
+        f"{SHORTEST:g} s and the length of the filters are the least that can be used. Record 20 s or more without loss."
+    )
+
+
+def _require_motion(robot: RobotModel, stretches: Sequence[Stretch]) -> None:
+    moved = [_moved(stretches, j) for j in range(robot.n)]
+    if max(moved) <= 0.0:
+        raise DataError(
+            f"{stretches[0].name}: no joint moves in it; nothing is excited. Record a motion, such as one of 'sysid excite', a "
+            "chirp or a multisine."
+        )
+
+
+def _moved(stretches: Sequence[Stretch], joint: int) -> float:
+    """Most of the time that a joint moves in any stretch, as a part."""
+    prismatic = bool(stretches[0].motion.robot.is_prismatic[joint])
+    shares = []
+    for s in stretches:
+        whole, _, part = rests(s.motion.v[:, joint], s.period, prismatic)
+        shares.append(float(part * (whole.stop - whole.start) / len(s.motion.t)))
+    return max(shares)
+
+
+def _joint(robot: RobotModel, stretches: Sequence[Stretch], known: Sequence[KnownEffect], j: int, top: float) -> JointCheck:
+    weights = np.array([len(s.motion.t) for s in stretches], dtype=float)
+    mean = np.average([s.inertia[0, j] for s in stretches], weights=weights)
+    spread = np.sqrt(np.average([s.inertia[1, j] ** 2 + (s.inertia[0, j] - mean) ** 2 for s in stretches], weights=weights))
+    gravity = float(np.average([_gravity_stiffness(s, j) for s in stretches], weights=weights))
+    torque_channels = [
+        Channel(
+            s.model[:, j],
+            s.motion.tau[:, j],
+            lambda f, s=s: s.torque_noise(f)[:, j],  # type: ignore[misc]
+            _dry(s, j),
+        )
+        for s in stretches
+    ]
+    records = joint_records(stretches, j, torque_channels, top)
+    if not records:
+        why = (
+            f"it moves {100.0 * _moved(stretches, j):.0f} % of the time of any stretch at most; {SHORTEST:g} s and 30 % are the "
+            "least that can be used. Record a motion of this joint."
+        )
+        return JointCheck(robot.joint_names[j], None, None, None, why, why, (float(mean), float(spread)), gravity, False)
+    torque = _response(records, top, FORMS, _position_power(stretches, j, records, top))
+    friction = missing_friction(stretches, j)
+    if friction is not None:
+        torque = replace(torque, cause=None)
+        modes, why_no_modes = None, "the model lacks dry friction. Identify it first, with 'sysid identify'."
+    else:
+        modes, why_no_modes = _modes(stretches, known, j, torque)
+    velocity = None
+    published = [s for s in stretches if s.published is not None]
+    if published:
+        velocity_channels = [
+            Channel(s.motion.v[:, j], s.published[:, j], lambda f, s=s: s.velocity_noise(f)[:, j])  # type: ignore[misc, index]
+            for s in published
+        ]
+        lines = joint_records(published, j, velocity_channels, top, bridge=False)
+        simple = [f for f in FORMS if f.name in _CHANNEL_FORMS]
+        velocity = _response(lines, top, simple, None) if lines else None
+    return JointCheck(
+        robot.joint_names[j],
+        torque,
+        velocity,
+        modes,
+        "",
+        why_no_modes,
+        (float(mean), float(spread)),
+        gravity,
+        bool(robot.is_prismatic[j]),
+        friction,
+    )
+
+
+def _dry(stretch: Stretch, joint: int) -> FloatArray | None:
+    """Dry friction of the model, and the same sharper and softer where the velocity changes its sign, shape (N, 3)."""
+    own = stretch.model[:, joint] - stretch.smooth[:, joint]
+    if not own.any():
+        return None
+    unit = 0.1 if stretch.motion.robot.is_prismatic[joint] else 1.0
+    return np.column_stack([own, *(np.tanh(stretch.motion.v[:, joint] / (w * unit)) for w in _TURNS)])
+
+
+def _gravity_stiffness(stretch: Stretch, joint: int) -> float:
+    robot = stretch.motion.robot
+    some = stretch.motion.q[:: max(1, len(stretch.motion.q) // 50)]
+    by_q, _, _ = robot.rnea_derivatives_along(some, np.zeros_like(some), np.zeros_like(some))
+    return float(np.mean(by_q[:, joint, joint]))
+
+
+def _response(records: list[Record], top: float, forms: Sequence[Form], positions: FloatArray | None) -> Response:
+    windows = local_fit(records, top)
+    step = records[0].period
+    density = np.array([np.sqrt(2.0 * step * w.noise) for w in windows])
+    cause = find_cause(records, windows, forms)
+    return Response(
+        tuple(windows),
+        density,
+        verdict(windows),
+        cause,
+        distortion(records, windows, positions, cause),
+        float(sum(r.seconds for r in records)),
+        tuple((r.seconds / r.spread.shape[1], r.spread.shape[1]) for r in records if r.spread is not None),
+    )
+
+
+def _position_power(stretches: Sequence[Stretch], joint: int, records: Sequence[Record], top: float) -> FloatArray | None:
+    """Power of all joints' positions on the lines of the first periodic record, where that is the first of all."""
+    first = records[0]
+    if first.spread is None:
+        return None
+    n = stretches[0].motion.robot.n
+    total = np.zeros(len(first.f))
+    for j in range(n):
+        channels = [Channel(s.motion.a[:, j], s.motion.q[:, j], np.zeros_like) for s in stretches]
+        own = joint_records(stretches, j, channels, top, bridge=False)
+        if own and own[0].spread is not None and len(own[0].f) == len(total):
+            total += np.abs(own[0].Y) ** 2
+    return total
+
+
+def _modes(stretches: Sequence[Stretch], known: Sequence[KnownEffect], joint: int, torque: Response) -> tuple[Modes | None, str]:
+    carried = np.array([w.clear and w.coherence > _CLEAR for w in torque.windows], dtype=float)
+    share = np.cumsum(carried) / np.arange(1, len(carried) + 1)
+    enough = np.flatnonzero((share >= _MOSTLY) & (carried > 0.0))
+    top = torque.windows[enough[-1]].high if enough.size else 0.0
+    if top < _LEAST_TOP:
+        return None, (
+            f"measured and modelled torque go together up to {top:.2g} Hz only; {_LEAST_TOP:g} Hz are needed. Record a chirp or "
+            "a multisine of this joint."
+        )
+    smooth = float(np.sqrt(np.mean([w.share**2 for w in torque.windows if w.high <= top])))
+    if smooth < MOSTLY_SMOOTH:
+        return None, (
+            f"dry friction makes {100.0 * np.sqrt(1.0 - smooth**2):.0f} % of its torque up to {top:.2g} Hz and moves the joint "
+            "itself where the velocity changes its sign. Record a faster motion of this joint."
+        )
+    signals = linearised(stretches, joint, known, top)
+    modes = None if signals is None else find_modes(signals, _LEAST_LOW, top)
+    return modes, "" if modes else "the recording is too short to hold parts of it out. Record 20 s or more."

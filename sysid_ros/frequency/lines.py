@@ -1,0 +1,192 @@
+"""Lines: input and output of one joint in the frequency domain, record after record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from sysid_ros.frequency.periods import Periods, bridged, find_periods
+from sysid_ros.frequency.stretches import SHORTEST, Stretch
+from sysid_ros.sample import FloatArray
+
+ComplexArray = NDArray[np.complex128]
+
+_STANDS, _STANDS_SLIDE = 0.004, 0.001
+"""Speeds below which dry friction leaves the torque undetermined [rad/s], [m/s]."""
+_REST = 0.15
+"""Shorter rests are reversals, and not bridged [s]."""
+_LEAST = 0.3
+"""Part of the time that a joint must move for a record to be used."""
+_MORE = 4.0
+"""Power of the misfit at rest over that in motion, from which on it is dry friction."""
+_EXCITED = 10.0
+"""Power of a line over that of its noise, from which on it is excited."""
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Lines of one stretch (or of its periodic part) of one joint, ``Y = H U + Hd D + T + noise``.
+
+    Attributes:
+        f: frequencies, ascending, without 0, shape (K,) [Hz]. U, Y: orthonormal transforms, shape (K,).
+        transient: whether T, smooth in f, stands for what begins before and ends after the record (Pintelon, Schoukens 2012,
+            section 6.3.2); of whole periods there is none.
+        D: of the model's dry friction, which is no part of U: where the velocity changes its sign no model is right, and D has
+            responses Hd of its own, so that H is not blamed for it, shape (K, c); None where the model has none.
+        input_noise: E|noise of U|^2, shape (K,).
+        spread: of whole periods: U and Y of each, over sqrt(periods), shape (2, P, K); else None.
+        period: of the grid [s]. seconds: that the record covers.
+    """
+
+    f: FloatArray
+    U: ComplexArray
+    Y: ComplexArray
+    D: ComplexArray | None
+    transient: bool
+    input_noise: FloatArray
+    spread: ComplexArray | None
+    period: float
+    seconds: float
+
+    @property
+    def spacing(self) -> float:
+        """Of the lines [Hz]."""
+        return (1.0 if self.spread is None else self.spread.shape[1]) / self.seconds
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """What goes in and what comes out, of one stretch: shapes (N,), noise of the input as a function of f (K,) -> (K,).
+
+    ``dry`` is what the input may have of dry friction, shape (N, c), the model's own in the first column, or None.
+    """
+
+    model: FloatArray
+    measured: FloatArray
+    noise: Callable[[FloatArray], FloatArray]
+    dry: FloatArray | None = None
+
+
+def rests(v: FloatArray, period: float, prismatic: bool) -> tuple[slice, FloatArray, float]:
+    """Where a joint with velocity v (N,) moves at all; its rests in there, shape (r, 2); the part of the time that it moves."""
+    limit = _STANDS_SLIDE if prismatic else _STANDS
+    # a reversal is no rest, however slow it is: the speed is that of a short while
+    width = max(1, round(0.5 * _REST / period))
+    speed = np.sqrt(np.convolve(v**2, np.ones(width) / width, "same"))
+    moving = np.flatnonzero(speed > limit)
+    if not moving.size:
+        return slice(0, 0), np.zeros((0, 2)), 0.0
+    whole = slice(int(moving[0]), int(moving[-1]) + 1)
+    still = np.concatenate([[False], speed[whole] <= limit, [False]])
+    edges = np.flatnonzero(np.diff(still.astype(int)))
+    spans = edges.reshape(-1, 2).astype(float)
+    spans = spans[(spans[:, 1] - spans[:, 0]) * period > _REST]
+    part = 1.0 - float(np.sum(spans[:, 1] - spans[:, 0])) / (whole.stop - whole.start)
+    return whole, spans, part
+
+
+def joint_records(
+    stretches: Sequence[Stretch], joint: int, channels: Sequence[Channel], top_hz: float, bridge: bool = True
+) -> list[Record]:
+    """Records of one joint; stretches in which it hardly moves are left out.
+
+    Args:
+        channels: of the joint, one a stretch. top_hz: lines above are left out. bridge: whether dry friction may hide the output.
+    """
+    out = []
+    for stretch, channel in zip(stretches, channels, strict=True):
+        prismatic = bool(stretch.motion.robot.is_prismatic[joint])
+        whole, still, part = rests(stretch.motion.v[:, joint], stretch.period, prismatic)
+        if part < _LEAST or (whole.stop - whole.start) * stretch.period < SHORTEST:
+            continue
+        dry = np.zeros((len(channel.model), 1)) if channel.dry is None else channel.dry
+        both = np.column_stack([channel.model, channel.measured, dry])
+        periods = find_periods(stretch.motion.q, stretch.period, _all_moving(stretch))
+        if bridge:
+            both[whole, 1] = _without_stiction(both[whole, :2], still)
+        both[:, 0] -= dry[:, 0]
+        if periods is not None:
+            record = _periodic(both, periods, stretch, channel, top_hz)
+            if np.sum(np.abs(record.U) ** 2 > _EXCITED * record.input_noise) > 8:
+                out.append(record)
+                continue
+        count = whole.stop - whole.start
+        spectrum = fft.rfft(both[whole.start : whole.start + count] - both[whole].mean(axis=0), axis=0, norm="ortho")
+        f = fft.rfftfreq(count, stretch.period)
+        used = (f > 0.0) & (f <= top_hz)
+        out.append(
+            Record(
+                f[used],
+                spectrum[used, 0],
+                spectrum[used, 1],
+                spectrum[used, 2:] if dry.any() else None,
+                True,
+                channel.noise(f[used]),
+                None,
+                stretch.period,
+                count * stretch.period,
+            )
+        )
+    return out
+
+
+def cleaned_torque(stretch: Stretch, joint: int) -> FloatArray:
+    """Measured torque of a joint, shape (N,), without what dry friction makes of its rests, as in :func:`joint_records`."""
+    motion = stretch.motion
+    whole, still, _ = rests(motion.v[:, joint], stretch.period, bool(motion.robot.is_prismatic[joint]))
+    both = np.stack([stretch.model[:, joint], motion.tau[:, joint]], axis=1)
+    both[whole, 1] = _without_stiction(both[whole], still)
+    return np.asarray(both[:, 1])
+
+
+def _without_stiction(both: FloatArray, still: FloatArray) -> FloatArray:
+    """Measured torque, shape (N,), whose difference from the model's runs straight over the rests of the joint.
+
+    Only where the rests disagree clearly more with the model than the motion does: else there is no dry friction to hide.
+    """
+    rest = both[:, 1] - both[:, 0]
+    straight = bridged(rest[:, None], still)[:, 0]
+    at_rest = np.zeros(len(rest), dtype=bool)
+    for a, b in still.astype(int):
+        at_rest[a:b] = True
+    if not at_rest.any():
+        return np.asarray(both[:, 1])
+    moving = rest[~at_rest]
+    hidden = np.mean((rest[at_rest] - moving.mean()) ** 2) > _MORE * np.var(moving)
+    return np.asarray(both[:, 0] + (straight if hidden else rest))
+
+
+def _all_moving(stretch: Stretch) -> slice:
+    robot = stretch.motion.robot
+    spans = [rests(stretch.motion.v[:, j], stretch.period, bool(robot.is_prismatic[j]))[0] for j in range(robot.n)]
+    spans = [s for s in spans if s.stop > s.start]
+    return slice(min((s.start for s in spans), default=0), max((s.stop for s in spans), default=0))
+
+
+def _periodic(both: FloatArray, periods: Periods, stretch: Stretch, channel: Channel, top_hz: float) -> Record:
+    """Lines of the mean period: noise of both sides, also what is correlated between them, falls with their number."""
+    cut = periods.cut(both, stretch.period)
+    points = cut.shape[1]
+    step = periods.period / points
+    spectra = np.moveaxis(fft.rfft(cut - cut.mean(axis=(0, 1)), axis=1, norm="ortho"), 2, 0)
+    f = fft.rfftfreq(points, step)
+    used = (f > 0.0) & (f <= top_hz)
+    root = np.sqrt(periods.count)
+    spread = spectra[:2, :, used] / root
+    # as if the mean period were a record of its own
+    U, Y, *D = spectra.mean(axis=1)[:, used]
+    return Record(
+        f[used],
+        U,
+        Y,
+        np.stack(D, axis=1) if cut[..., 2].any() else None,
+        False,
+        channel.noise(f[used]) / periods.count,
+        spread,
+        step,
+        periods.count * periods.period,
+    )

@@ -1,0 +1,211 @@
+"""Oscillations in the motion of a joint that the rigid model lacks, by a state-space model of torque and velocity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid_ros.frequency.linearised import Linearised
+from sysid_ros.frequency.lines import ComplexArray
+from sysid_ros.frequency.subspace import Moments, StateSpace
+from sysid_ros.sample import FloatArray
+
+_PAST = 0.5
+"""Length of the past that predicts [s], and its bounds in samples."""
+_STEPS = (12, 30)
+_HIGHEST_ORDER = 8
+_BLOCKS = 32
+_NEAR = 3
+"""Blocks on each side that a block may be drawn from: a chirp is not the same everywhere."""
+_FOLDS = 4
+_DRAWS = 100
+_LIGHT = 0.5
+"""Damping above which a pair of poles is no oscillation."""
+_SAME = 0.2
+"""Relative distance within which two frequencies of redrawn data are the same mode."""
+_OFTEN = 0.9
+"""Part of the redrawn data in which a mode must be found again."""
+_CANCELS = 0.03
+"""Relative distance of a pole and a zero that take each other away."""
+_STD = 0.15
+"""Relative standard deviation of a frequency above which it is no finding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """A pair of poles, or of zeros, of torque to velocity.
+
+    Attributes:
+        kind: "pole" or "zero". frequency, frequency_std: undamped [Hz]. damping, damping_std: relative. found_again: part of the
+            redrawn data that has it. unmodelled: the rigid model lacks it, and it is no accident of the data.
+    """
+
+    kind: str
+    frequency: float
+    frequency_std: float
+    damping: float
+    damping_std: float
+    found_again: float
+    unmodelled: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """The state-space check of one joint.
+
+    Attributes:
+        order: of the model of H, see :mod:`.linearised`; 0 where the rigid model needs nothing more.
+        singular_values: of past to future, over the largest. errors: held-out error of prediction for orders 0, 1, 2, ..., over
+            that of the first.
+        modes: pairs in the band. rigid: poles of the rigid model [1/s]. poles: all from torque to velocity: those of the rigid
+            model and what comes to them [1/s].
+        small: the motion was small about the posture. band: [Hz].
+    """
+
+    order: int
+    singular_values: FloatArray
+    errors: FloatArray
+    modes: tuple[Mode, ...]
+    rigid: ComplexArray
+    poles: ComplexArray
+    small: bool
+    band: tuple[float, float]
+
+    @property
+    def unmodelled(self) -> tuple[Mode, ...]:
+        """Modes that the rigid model lacks."""
+        return tuple(m for m in self.modes if m.unmodelled)
+
+
+def find_modes(signals: Linearised, low_hz: float, top_hz: float, seed: int = 0) -> Modes | None:
+    """Modes of a joint; None where the recording is too short for blocks.
+
+    An encoder on the link's side sees the link's motion, from which the torque follows only a step ahead: where the first search
+    finds nothing, a second one gives the measured torque a step.
+    """
+    first = _find(signals, low_hz, top_hz, seed)
+    if first is None or first.unmodelled:
+        return first
+    later = replace(signals, u=tuple(u[1:] for u in signals.u), y=tuple(y[:-1] for y in signals.y))
+    second = _find(later, low_hz, top_hz, seed)
+    return second if second is not None and second.unmodelled else first
+
+
+def _find(signals: Linearised, low_hz: float, top_hz: float, seed: int) -> Modes | None:
+    """The model whose order predicts held-out blocks best, its modes, and their spread over blocks drawn again from their
+    neighbours (local block bootstrap, Paparoditis, Politis 2002).
+    """
+    p = int(np.clip(_PAST / signals.period, *_STEPS))
+    moments = Moments(p, 1, 1)
+    blocks, pieces = _blocks(signals, moments)
+    if len(blocks) < 2 * _FOLDS:
+        return None
+    orders = list(range(_HIGHEST_ORDER + 1))
+    errors = np.zeros((_FOLDS, len(orders)))
+    for fold in range(_FOLDS):
+        own = np.arange(len(blocks)) % _FOLDS == fold
+        found = moments.models(blocks[~own].sum(axis=0), orders, signals.period)
+        held = [piece for piece, here in zip(pieces, own, strict=True) if here]
+        errors[fold] = [_error(model, held, p) for model, _ in found]
+    total = errors.sum(axis=0)
+    best = int(np.argmin(total))
+    # within one standard error of the best the smallest order is taken (Breiman et al. 1984)
+    order = best
+    for i in range(best):
+        apart = errors[:, i] - errors[:, best]
+        if apart.sum() < max(np.std(apart) * np.sqrt(_FOLDS), 0.01 * total[best]):
+            order = i
+            break
+    n = orders[order]
+    G = blocks.sum(axis=0)
+    model, values = moments.model(G, n, signals.period)
+    rng = np.random.default_rng(seed)
+    drawn = [moments.model(blocks[_drawn(len(blocks), rng)].sum(axis=0), n, signals.period)[0] for _ in range(_DRAWS)]
+    rigid = signals.rigid_poles
+    features, again = _features(model, low_hz, top_hz), [_features(m, 0.5 * low_hz, 2.0 * top_hz) for m in drawn]
+    poles = np.concatenate([rigid, model.zeros])
+    modes = tuple(_mode(kind, pole, again) for kind, pole in features)
+    return Modes(n, values / values[0], total / total[0], modes, rigid, poles, signals.small, (low_hz, top_hz))
+
+
+def _blocks(signals: Linearised, moments: Moments) -> tuple[FloatArray, list[tuple[FloatArray, FloatArray]]]:
+    """Moments of blocks of about equal length, shape (b, w, w), and their signals with the past that they begin with."""
+    total = sum(len(u) for u in signals.u)
+    length = max(total // _BLOCKS, 3 * moments.p)
+    out, pieces = [], []
+    for u, y in zip(signals.u, signals.y, strict=True):
+        count = max(len(u) // length, 1) if len(u) > 2 * moments.p else 0
+        edges = np.linspace(moments.p, len(u), count + 1).astype(int) if count else np.zeros(1, dtype=int)
+        for a, b in pairwise(edges):
+            part = slice(int(a) - moments.p, int(b))
+            out.append(moments.of(u[part, None], y[part, None]))
+            pieces.append((u[part], y[part]))
+    return np.array(out), pieces
+
+
+def _drawn(count: int, rng: np.random.Generator) -> NDArray[np.intp]:
+    """For each block one of its neighbours, or itself."""
+    at = np.arange(count) + rng.integers(-_NEAR, _NEAR + 1, count)
+    # mirrored at the ends
+    return np.asarray(np.where(at < 0, -at - 1, np.where(at >= count, 2 * count - 1 - at, at)), dtype=np.intp)
+
+
+def _error(model: StateSpace, pieces: list[tuple[FloatArray, FloatArray]], p: int) -> float:
+    """Mean square error of the measured torque predicted from the past and the model's torque over the next 1 to p steps."""
+    total, count = 0.0, 0
+    for u, y in pieces:
+        starts = np.arange(p, len(y) - p, 2)
+        if not starts.size:
+            continue
+        past = np.stack([u, y], axis=1)
+        windows = np.lib.stride_tricks.sliding_window_view(past, p, axis=0)[starts - p]
+        x = model.state @ np.swapaxes(windows, 1, 2).reshape(len(starts), -1).T
+        for step in range(p):
+            at = u[starts + step]
+            rest = y[starts + step] - (model.C @ x)[0] - model.D[0, 0] * at
+            total += float(np.sum(np.minimum(rest**2, 1e12)))
+            count += len(rest)
+            x = model.A @ x + model.B * at
+    return total / max(count, 1)
+
+
+def _features(model: StateSpace, low_hz: float, top_hz: float) -> list[tuple[str, complex]]:
+    """Lightly damped poles and zeros of torque to velocity in a band, without those that cancel."""
+    out = []
+    # the response of the measured torque to the model's is the inverse
+    sets = {"pole": model.zeros, "zero": model.poles}
+    for kind, values in sets.items():
+        others = sets["zero" if kind == "pole" else "pole"]
+        for value in values[values.imag > 0.0]:
+            f, damping = abs(value) / (2.0 * np.pi), -value.real / abs(value)
+            cancelled = bool(np.any(np.abs(others - value) < _CANCELS * abs(value)))
+            if low_hz <= f <= top_hz and abs(damping) < _LIGHT and not cancelled:
+                out.append((kind, complex(value)))
+    return out
+
+
+def _mode(kind: str, value: complex, again: list[list[tuple[str, complex]]]) -> Mode:
+    f = abs(value) / (2.0 * np.pi)
+    near = []
+    for features in again:
+        own = [x for k, x in features if k == kind]
+        if own:
+            closest = min(own, key=lambda x: abs(x - value))
+            if abs(abs(closest) - abs(value)) < _SAME * abs(value):
+                near.append(closest)
+    found = len(near) / len(again)
+    frequencies, dampings = np.abs(near) / (2.0 * np.pi), [-x.real / abs(x) for x in near]
+    f_std = float(np.std(frequencies)) if len(near) > 2 else float("inf")
+    d_std = float(np.std(dampings)) if len(near) > 2 else float("inf")
+    return Mode(
+        kind,
+        float(f),
+        f_std,
+        float(-value.real / abs(value)),
+        d_std,
+        found,
+        found >= _OFTEN and f_std < _STD * f,
+    )

@@ -1,0 +1,196 @@
+"""What a check in the frequency domain found, in plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from sysid_ros.frequency.causes import Cause
+from sysid_ros.frequency.distortion import Distortion
+from sysid_ros.frequency.local_fit import Window
+from sysid_ros.frequency.missing_friction import MissingFriction
+from sysid_ros.frequency.modes import Modes
+from sysid_ros.frequency.verdict import TOLERANCE, Verdict
+from sysid_ros.plain_json import plain
+from sysid_ros.sample import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """One response: from the model's torque to the measured one, or from dq/dt to the published velocity.
+
+    Attributes:
+        windows: responses of :mod:`.local_fit`, with the noise of a line. density: of that noise, of each window, shape (w,), in
+            the output's unit over the root of Hz. verdict, cause, distortion: what they say; None where they say nothing.
+        seconds: that were used. periods: (period [s], count) of records that are whole periods.
+    """
+
+    windows: tuple[Window, ...]
+    density: FloatArray
+    verdict: Verdict
+    cause: Cause | None
+    distortion: Distortion | None
+    seconds: float
+    periods: tuple[tuple[float, int], ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For machines."""
+        v, cause, d = self.verdict, self.cause, self.distortion
+        return {
+            "seconds": self.seconds,
+            "periodic": [{"period_s": p, "periods": n} for p, n in self.periods],
+            "holds_from_hz": v.holds_from,
+            "holds_to_hz": v.holds_to,
+            "fails_from_hz": v.fails_from,
+            "told_to_hz": v.told_to,
+            "fails_below_hz": v.fails_below,
+            "bands": [
+                {"low_hz": b.low, "high_hz": b.high, "real": b.H.real, "imag": b.H.imag, "radius95": b.radius, "says": b.says}
+                for b in v.bands
+            ],
+            "cause": None
+            if cause is None
+            else {
+                "name": cause.name,
+                "parameters": [
+                    {"name": p.name, "value": p.value, "std": p.std, "ci95": [p.low, p.high], "unit": p.unit}
+                    for p in cause.parameters
+                ],
+                "delta_bic": cause.delta_bic,
+                "held_out_gain": cause.held_out_gain,
+                "cannot_be_told_from": list(cause.cannot_be_told_from),
+                "misfit": cause.misfit,
+                "named": cause.named,
+                "share_beside_dry_friction": cause.share,
+            },
+            "distortion": None
+            if d is None
+            else {
+                "noise_rms": d.noise,
+                "nonlinear_rms": d.nonlinear,
+                "p_value": d.p_value,
+                "periods": d.periods,
+                "found": d.found,
+                "even_rms": d.even,
+                "odd_rms": d.odd,
+            },
+            "response": {
+                "frequency_hz": [w.f for w in self.windows],
+                "real": [w.H.real for w in self.windows],
+                "imag": [w.H.imag for w in self.windows],
+                "radius95": [w.radius for w in self.windows],
+                "coherence": [w.coherence for w in self.windows],
+                "noise_density": self.density,
+                "input_noise": [w.input_noise for w in self.windows],
+                "clear": [w.clear for w in self.windows],
+            },
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class JointCheck:
+    """What was found on one joint.
+
+    Attributes:
+        joint: its name. torque, velocity: responses; None where there is none, for the reason in ``why_not``. modes: of the
+            state-space check; None with the reason in ``why_no_modes``. inertia: of the links about the joint, mean and standard
+            deviation over the motion [kg m^2]. stiffness: of gravity about it, mean [N m/rad].
+        friction: dry friction that the model lacks; no cause is named beside it. sentences: for an engineer.
+    """
+
+    joint: str
+    torque: Response | None
+    velocity: Response | None
+    modes: Modes | None
+    why_not: str
+    why_no_modes: str
+    inertia: tuple[float, float]
+    stiffness: float
+    prismatic: bool
+    friction: MissingFriction | None = None
+    sentences: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """For machines."""
+        m = self.modes
+        return {
+            "joint": self.joint,
+            "sentences": list(self.sentences),
+            "why_not": self.why_not or None,
+            "missing_friction": None
+            if self.friction is None
+            else {"coulomb": self.friction.coulomb, "viscous": self.friction.viscous, "part": self.friction.part},
+            "torque": self.torque.as_dict() if self.torque else None,
+            "velocity": self.velocity.as_dict() if self.velocity else None,
+            "link_inertia": {"mean": self.inertia[0], "std": self.inertia[1]},
+            "gravity_stiffness": self.stiffness,
+            "why_no_modes": self.why_no_modes or None,
+            "modes": None
+            if m is None
+            else {
+                "order": m.order,
+                "small_motion": m.small,
+                "band_hz": list(m.band),
+                "singular_values": m.singular_values,
+                "held_out_errors": m.errors,
+                "poles": _complex(m.poles),
+                "rigid_poles": _complex(m.rigid),
+                "pairs": [
+                    {
+                        "kind": x.kind,
+                        "frequency_hz": x.frequency,
+                        "frequency_std": x.frequency_std,
+                        "damping": x.damping,
+                        "damping_std": x.damping_std,
+                        "found_again": x.found_again,
+                        "unmodelled": x.unmodelled,
+                    }
+                    for x in m.modes
+                ],
+            },
+        }
+
+
+def _complex(values: Sequence[complex] | np.ndarray[Any, Any]) -> list[list[float]]:
+    return [[float(np.real(x)), float(np.imag(x))] for x in values]
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyCheck:
+    """What was found on a robot.
+
+    Attributes:
+        joints: one a joint, in the model's order. top_hz: upper end of the band that was looked at [Hz].
+        recordings: names and seconds.
+        sentences: what several joints say together. warnings: what the user should know of the recordings. assumptions: under
+            which all of it is true.
+    """
+
+    joints: tuple[JointCheck, ...]
+    top_hz: float
+    recordings: tuple[tuple[str, float], ...]
+    warnings: tuple[str, ...]
+    assumptions: tuple[str, ...]
+    sentences: tuple[str, ...] = ()
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For machines."""
+        document: dict[str, Any] = plain(
+            {
+                "format": 1,
+                "tolerance": TOLERANCE,
+                "level": 0.95,
+                "top_hz": self.top_hz,
+                "recordings": [{"name": n, "seconds": s} for n, s in self.recordings],
+                "joints": [j.as_dict() for j in self.joints],
+                "sentences": list(self.sentences),
+                "warnings": list(self.warnings),
+                "assumptions": list(self.assumptions),
+                "provenance": self.provenance,
+            }
+        )
+        return document
