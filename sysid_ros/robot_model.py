@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -146,6 +147,16 @@ class RobotModel:
     def pi(self) -> FloatArray:
         """The URDF's link inertials, shape (10 n,), a body of ``body_names`` after the other, about its joint frame."""
         return self._pi
+
+    def with_links(self, change: FloatArray) -> RobotModel:
+        """The same robot with ``change``, shape (10 n,), added to its link inertials."""
+        other = copy(self)
+        other.model = self.model.copy()
+        other._pi = self._pi + change
+        for j in np.flatnonzero(np.any(np.reshape(change, (-1, 10)) != 0.0, axis=1)):
+            other.model.inertias[int(j) + 1] = pin.Inertia.FromDynamicParameters(other._pi[10 * j : 10 * j + 10])
+        other.data, other._aside = other.model.createData(), other.model.createData()
+        return other
 
     def frame_id(self, frame: str) -> int:
         """Pinocchio's index of a frame.

@@ -10,7 +10,10 @@ from motions import Motion as Path_
 from robots import robot
 
 from sysid_ros.diagnosis import Diagnosis, Recording, diagnose
+from sysid_ros.diagnosis.compliant import settle
 from sysid_ros.diagnosis.conditioning import clear_band
+from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.term import COMPANIONS
 from sysid_ros.effects import Backlash, JointElasticity, Motion
 from sysid_ros.effects.compliance import deflection, torque_of
@@ -151,6 +154,23 @@ def behind(kind: str, seed: int, seconds: float) -> Recording:
     tau[:, joint] += 0.2 * a[:, joint]
     tau += 0.03 * rng.normal(size=tau.shape)
     return Recording(f"seed {seed}", t, np.round(q / 2e-5) * 2e-5, v + 1e-3 * rng.normal(size=v.shape), tau)
+
+
+@pytest.mark.parametrize("factor", [0.6, 1.0, 1.6])
+def test_a_stiff_joint_on_a_slow_arm_is_found_from_any_first_value(factor: float) -> None:
+    """Its deflection is the load over the stiffness: far from where the columns were made as good a measure as near it."""
+    model, rng = robot(ARM), np.random.default_rng(0)
+    t = np.arange(round(14.0 * RATE)) / RATE
+    q, v, a = Path_(model, 3, speed=0.5)(t)
+    motion = Motion(model, t, q, v, a, np.zeros_like(q))
+    spring = JointElasticity(model, [model.joint_names[JOINT]], around=1.0 / (3.0 * SPRING), damping=0.05)
+    tau = motion.link_torque + spring.torque_along(motion, np.array([1.0 / (3.0 * SPRING)])) + 0.003 * rng.normal(size=q.shape)
+    train = prepare(model, [Recording("slow", t, q, None, tau)], [])
+    library = Library(model, train.band)
+    term = library.whole("joint_elasticity", (JOINT,), around=factor / (3.0 * SPRING), damping=0.05, exact=False)
+    fit, found = settle(train.problem, library, train.problem.fit([term]), term)
+    assert 1.0 / found.effect.settings["around"] == pytest.approx(3.0 * SPRING, rel=0.1)
+    assert fit.terms == (found,)
 
 
 @cache

@@ -11,7 +11,11 @@ from robots import robot
 from test_diagnosis import ARM, record
 
 from sysid_ros.diagnosis import Recording, diagnose
+from sysid_ros.diagnosis.backward import prune
+from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.result import Diagnosis
+from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
@@ -54,6 +58,31 @@ def test_pick_and_place_are_two_events_dated_in_the_fitted_recording_alone() -> 
     assert placed["mass"] == pytest.approx(-1.5, rel=0.03)
     assert (picked["t0"], placed["t0"]) == (pytest.approx(6.0, abs=0.03), pytest.approx(13.0, abs=0.03))
     assert result.verdict == "explained"
+
+
+@pytest.mark.parametrize(("until", "seed"), [(7.1, 3), (7.2, 1)])
+def test_a_payload_that_is_set_down_early_stays_one(until: float, seed: int) -> None:
+    """The moment that it is carried in the second segment tells too little to predict the first; the third tells nothing."""
+    model = robot(ARM)
+    train = prepare(model, [record(changes((-1.0, 0.3), (until, -0.3)), seed, 21.0, colour=0.5)], [])
+    library = Library(model, train.band)
+    terms = [library.whole("payload"), library.whole("payload_change", t0=until)]
+    kept = prune(train.problem, train.problem.fit(terms), lambda term: 10.0)
+    assert {t.id for t in kept.terms} == {"payload", "payload_change"}
+    assert kept.theta_of(terms[0])[0] == pytest.approx(0.3, abs=0.05)
+
+
+def test_two_events_that_come_together_are_one() -> None:
+    """Looked for from two sides, a change is found twice; dated anew, both are at the same moment."""
+    model = robot(ARM)
+    train = prepare(model, [record(changes((7.6, 1.2)), 1, 14.0)], [])
+    selection = Selection(train.problem, Library(model, train.band), train.nominal)
+    terms = [selection.library.whole("payload_change", t0=t0) for t0 in (6.7, 8.5)]
+    selection.fit = train.problem.fit(terms)
+    selection.date()
+    (event,) = selection.fit.terms
+    assert event.effect.settings["t0"] == pytest.approx(7.6, abs=0.03)
+    assert selection.fit.theta_of(event)[0] == pytest.approx(1.2, rel=0.03)
 
 
 @pytest.mark.parametrize("second", [10.0, None], ids=["in both", "in one"])

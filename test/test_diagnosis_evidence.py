@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from motions import Motion as Path_
@@ -12,6 +14,10 @@ from sysid_ros.diagnosis import diagnose
 from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.block_scatter import BlockScatter
 from sysid_ros.diagnosis.conditioning import motions
+from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.prepare import prepare
+from sysid_ros.diagnosis.rivals import rivals
+from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.effects import EFFECTS, Motion
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.sample import FloatArray
@@ -118,3 +124,21 @@ def test_masses_off_by_what_any_urdf_is_are_told_but_no_cause() -> None:
     result = diagnose(model, [record(inexact, 1, 30.0)], [record(inexact, 2, 10.0)])
     assert result.verdict == "nothing_wrong"
     assert any("inexact" in note for note in result.notes)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_wrong_zero_by_half_a_gap_is_not_told_from_a_play_under_a_load_of_one_sign(sign: float) -> None:
+    """The motor is ahead of the link under the load: measured less true position has the sign of the torque."""
+    model = robot(ARM)
+    train = prepare(model, [record(None, 1, 12.0)], [])
+    selection = Selection(train.problem, Library(model, train.band), train.nominal)
+    term = selection.library.whole("joint_offset", (1,), around=sign * 0.02)
+    load = [np.abs(m.link_torque) + 0.1 for m in selection.library.motions]
+    for torque, same in ((load, sign > 0.0), ([-x for x in load], sign < 0.0), ([x - x.mean(axis=0) for x in load], False)):
+        selection.library.update(torque, torque)
+        fit = train.problem.fit([term])
+        selection.fit = replace(fit, theta=np.array([sign * 0.02]))
+        assert ("backlash" in rivals(selection, [term], search=False)) == same
+    selection.library.update([sign * x for x in load], load)
+    selection.fit = replace(selection.fit, theta=np.array([sign * 0.2]))
+    assert "backlash" not in rivals(selection, [term], search=False)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from robots import ROBOTS, random_body, urdf, with_body
+from robots import ROBOTS, random_body, robot, urdf, with_body
 
 from sysid_ros import inertial_parameters
 from sysid_ros.effects import EFFECTS, CoulombFriction, Effect, LinkInertia, RotorInertia, ViscousFriction
@@ -41,6 +41,16 @@ def identified(robot: RobotModel, seed: int = 0) -> ModelFile:
 
 def loaded(text: str, robot: RobotModel) -> RobotModel:
     return RobotModel.from_urdf(text, robot.joint_names)
+
+
+def test_a_frame_without_mass_keeps_its_inertia() -> None:
+    """As the hand and the grasp frame of some arms have it: not that of a body, but what simulators add to the link."""
+    text = with_body(urdf("small_arm"), robot("small_arm").default_frame, 0.0, np.zeros(3), 0.1 * np.eye(3))
+    model = RobotModel.from_urdf(text)
+    file = model_file(model, [(LinkInertia(model), model.pi.copy())])
+    made, _ = identified_urdf(model, file)
+    check_urdf(model, file, made)
+    np.testing.assert_allclose(loaded(made, model).pi, model.pi, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ROBOTS)

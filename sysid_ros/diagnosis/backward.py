@@ -24,7 +24,7 @@ _EDGE = 0.1
 _ELSEWHERE = 3.0
 """Likelihood that a term must gain on segments that it was not fitted to."""
 _ON_EVENTS = ("payload_change", "torque_saturation")
-"""Effects that happen once: the segments before tell nothing of those after."""
+"""Effects that happen once: the segments before tell nothing of those after. A payload that is set down is one of them."""
 _SURELY = 20.0
 """A usual term whose significance is so many times its price need not be left out to see what it is worth."""
 
@@ -58,11 +58,12 @@ def prune(problem: Problem, fit: Fit, price: Callable[[Term], float]) -> Fit:
     while fit.terms:
         worst, margin, without = None, 0.0, fit
         elsewhere = worth(problem, fit)
+        once = (*_ON_EVENTS, "payload") if any(t.id == "payload_change" for t in fit.terms) else _ON_EVENTS
         for term in fit.terms:
             theta, std = fit.theta_of(term), fit.std_of(term)
             significance = 0.5 * float(np.sum((theta / np.maximum(std, 1e-30)) ** 2))
             impossible = not allowed(term, theta, std) or not visible(problem, fit, term)
-            impossible = impossible or (elsewhere[term] < _ELSEWHERE and term.id not in _ON_EVENTS)
+            impossible = impossible or (elsewhere[term] < _ELSEWHERE and term.id not in once)
             if significance > _SURELY * price(term) and term.id in EXPECTED and not impossible:
                 continue
             rest = problem.fit([t for t in fit.terms if t is not term], fit.noise, inexact=fit.inexact)

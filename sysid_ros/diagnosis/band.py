@@ -42,7 +42,7 @@ class Band:
     Attributes:
         f: frequency of each coefficient, shape (K,) [Hz]. segment: which segment it belongs to, shape (K,).
         moving: a motion, shape (N, n) each, bool.
-        active: joints that move enough to be judged, shape (n,).
+        moves: part of the time that each joint moves, shape (n,). active: joints that move enough to be judged, shape (n,).
         seconds: time that the rows cover [s].
     """
 
@@ -52,7 +52,8 @@ class Band:
         self.n = robot.n
         stands = np.where(robot.is_prismatic, _STANDS_SLIDE, _STANDS)
         self.moving = [_without_twitches(np.abs(m.v) > stands, m.period) for m in self.motions]
-        self.active = np.mean(np.concatenate(self.moving), axis=0) > _FEWEST
+        self.moves = np.mean(np.concatenate(self.moving), axis=0)
+        self.active = self.moves > _FEWEST
         self._bridges = [
             [_Bridge(moving[:, j], round(_ANCHOR / m.period)) for j in range(self.n)]
             for m, moving in zip(self.motions, self.moving, strict=True)

@@ -15,12 +15,13 @@ from sysid_ros.sample import FloatArray
 _RESONANCES = np.geomspace(0.8, 25.0, 80)
 """Of elastic joints [Hz]: 4 % apart, as a spring that is hardly damped shows in a narrow line."""
 _DAMPING = 0.05
-_GAPS = np.geomspace(2e-3, 0.06, 8)
-"""[rad]"""
+WIDEST = 0.06
+"""Of a gap [rad]."""
+_GAPS = np.geomspace(2e-3, WIDEST, 8)
 _PAYS = 12.0
 """Likelihood that a compliance must gain on its joint's rows. Nothing but this sees the loads without the noise of the positions,
 which an elastic joint takes away from all rows as a filter does, so it is the one that decides."""
-_BOTH_SIDES = 0.02
+BOTH_SIDES = 0.02
 """Least part of the time that a link with play lies on each side: on one flank alone it is a wrong zero and an elastic joint."""
 _AS_MADE_FOR = 0.2, 3.0
 """The fitted compliance over that of the columns."""
@@ -81,7 +82,7 @@ class ComplianceScreen:
             effects = [_EFFECTS[e](robot, [name], **s) for e, s in settings]
             own = np.stack([x[:, joint, joint] for x in motion.sensitivity], axis=1)
             lags = [e.lag(motion, joint) for e in effects]
-            reverses = [bool(min(np.mean(x[:, 0] > 0.0), np.mean(x[:, 0] < 0.0)) > _BOTH_SIDES) for x in lags]
+            reverses = [bool(min(np.mean(x[:, 0] > 0.0), np.mean(x[:, 0] < 0.0)) > BOTH_SIDES) for x in lags]
             shown = [e.id != Backlash.id or r for e, r in zip(effects, reverses, strict=True)]
             curves.append(
                 np.stack([-np.sum(own * x, axis=1) / e.around * s for e, x, s in zip(effects, lags, shown, strict=True)])

@@ -23,6 +23,7 @@ _FIRST = {
 _SCAN = {"joint_elasticity": 1.1, "backlash": 1.5}
 _SCANNED = 11
 _NARROWED = 7
+_FOLLOWED = 4
 _SLOPES = 3
 _PROBE = 0.005
 _LONGEST = 0.3
@@ -56,6 +57,17 @@ class _Search:
         if cost < self.cost:
             self.cost, self.fit, self.term, self.settings = cost, fit, term, settings
         return cost
+
+    def follow(self) -> None:
+        """Take the parameter that the fit asks for as long as that is likelier: a joint that is stiff for its motion shows in its
+        deflection under the load alone, which is linear in it and as good for one value that the columns are made for as another.
+        """
+        for _ in range(_FOLLOWED):
+            cost, asked = self.cost, float(self.fit.theta_of(self.term)[0])
+            if asked > 0.0:
+                self.attempt(around=asked)
+            if self.cost >= cost:
+                break
 
     def scan(self, name: str, ratio: float) -> None:
         """Try values from one ratio below to one above."""
@@ -102,6 +114,7 @@ def settle(problem: Problem, library: Library, fit: Fit, term: Term) -> tuple[Fi
     search = _Search(problem, library, fit, term)
     first = not term.effect.settings["exact"]
     if first:
+        search.follow()
         search.scan("around", _SCAN[term.id])
         for name, ratio in _FIRST[term.id]:
             if name == "side":

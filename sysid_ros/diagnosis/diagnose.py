@@ -78,7 +78,7 @@ def diagnose(
     effects = known.known_effects(robot) if known else []
     progress("looking for faults of units, signs and order")
     faults = [] if known else find_faults(robot, fitted)
-    raw = prepare(robot, judged, effects)
+    published = judged
     signals = [
         *signal_findings(fitted, judged, robot.joint_names),
         *message_finding([f for _, f in ordered], robot.joint_names),
@@ -103,11 +103,10 @@ def diagnose(
         search = _search(robot, prepare(robot, fitted, effects), progress)
     train, library, selection, fit = search.train, search.library, search.selection, search.fit
     progress("judging on held-out data")
-    held = HeldOut.of(robot, prepare(robot, judged, effects) if faults else raw, fit)
+    held = HeldOut.of(robot, prepare(robot, judged, effects, train.turns), fit)
     if later := contacts_held_out(robot, held, fit):
         judged = [without(r, later) for r in judged]
-        held = HeldOut.of(robot, prepare(robot, judged, effects), fit)
-        raw = held.prepared
+        held = HeldOut.of(robot, prepare(robot, judged, effects, train.turns), fit)
         notes += tuple(f"{c.recording}: {in_words(c)}, and is left out of what the models are judged on." for c in later)
     fit = better_drift(train.problem, library, paying(train.problem, library, fit, held), held)
     fit = prune(train.problem, fit, selection.price)
@@ -120,6 +119,7 @@ def diagnose(
         told, rest = with_scales(faults, found.findings, robot.joint_names)
         found = replace(found, findings=tuple(rest))
         first = [finding_of(f, robot.joint_names, len(train.band.f)) for f in told]
+        raw = prepare(robot, published, effects) if faults and not later else held.prepared
         found = with_faults(found, first, signals, faults, raw, held, fit)
     model = extended_model(robot, known, fit, values, train, {r.name: r.start for r in fitted}, provenance or {})
     urdf_model, changes = urdf_part(robot, model, train)

@@ -99,7 +99,8 @@ def _frozen(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
             same = np.mean(np.diff(values) == 0.0) if len(values) > 1 else 1.0
             if moving[j] and (np.ptp(values) == 0.0 or same > 0.98):
                 return (
-                    f"{r.name}: the effort of {name} stays at {values[-1]:.4g} while the joint moves; the channel is frozen "
-                    "or not measured. Correct the driver, or leave the joint out (joint_names)."
+                    f"{r.name}: the effort of {name} stays at {values[-1]:.4g} while the joint moves; the channel is "
+                    "frozen, not measured, or in steps larger than the torque. Correct the driver, or leave the joint out "
+                    "(joint_names)."
                 )
     return None

@@ -35,12 +35,12 @@ def leftovers(train: Prepared, fit: Fit, held: Prepared, residual: FloatArray) -
     there = [features(m, names, warm) for m in held.motions]
     labels = list(here[0])
     out = []
-    for j in train.problem.active:
-        X = train.band.joint_curves(int(j), [np.stack(list(f.values())) for f in here])
-        Z = held.band.joint_curves(int(j), [np.stack(list(f.values())) for f in there])
+    for j in (int(j) for j in train.problem.active if held.band.active[j]):
+        X = train.band.joint_curves(j, [np.stack(list(f.values())) for f in here])
+        Z = held.band.joint_curves(j, [np.stack(list(f.values())) for f in there])
         root = 1.0 / np.sqrt(fit.variance[:, j])
         root_there = 1.0 / np.sqrt(fit.noise.variance(held.band.f)[:, j])
-        found = _greedy(X * root[:, None], fit.residual[:, j] * root)
+        found = _greedy(X * root[:, None], fit.residual[:, j] * root, len(root) * float(train.band.moves[j]))
         if not found:
             continue
         theta = np.linalg.lstsq(X[:, found] * root[:, None], fit.residual[:, j] * root, rcond=1e-9)[0]
@@ -103,8 +103,12 @@ def features(motion: Motion, names: Sequence[str], warm: Mapping[int, float] | N
     return out
 
 
-def _greedy(X: FloatArray, r: FloatArray) -> list[int]:
-    """Columns that gain enough, one after the other."""
+def _greedy(X: FloatArray, r: FloatArray, count: float) -> list[int]:
+    """Columns that gain enough, one after the other.
+
+    Args:
+        X: whitened, shape (K, c). r: whitened, shape (K,). count: rows that are independent.
+    """
     found: list[int] = []
     scale = np.sqrt(np.sum(X**2, axis=0))
     usable = scale > 1e-6 * scale.max()
@@ -116,7 +120,7 @@ def _greedy(X: FloatArray, r: FloatArray) -> list[int]:
         drop = np.where(usable & (size > 1e-4 * scale**2), (left.T @ rest) ** 2 / np.maximum(size, 1e-30), 0.0)
         best = int(np.argmax(drop))
         power = float(rest @ rest)
-        if 0.5 * len(r) * float(np.log(power / max(power - drop[best], 1e-9 * power))) < _PAYS_HERE:
+        if 0.5 * count * float(np.log(power / max(power - drop[best], 1e-9 * power))) < _PAYS_HERE:
             break
         found.append(best)
         direction = left[:, best] / np.sqrt(size[best])

@@ -40,6 +40,8 @@ ON_LOAD = ("load_dependent_friction", "joint_elasticity", "backlash")
 """Effects whose columns depend on the torque of the links."""
 ON_DRIVE = ("torque_scale", "torque_saturation", "joint_coupling", "time_delay")
 """Effects whose columns depend on the torque of the drives."""
+ON_LINKS = ("base_tilt", "joint_offset")
+"""Effects of where the links are, in proportion to what they weigh."""
 LINK_SIDE = ("payload", "payload_change", "link_inertia", "base_tilt", "external_force", "joint_offset", "spring")
 """Effects whose torque goes through the gears."""
 MEASUREMENT = ("torque_scale", "torque_saturation", "time_delay", "torque_offset", "torque_offset_drift")

@@ -17,8 +17,9 @@ from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque_model import TorqueModel
 
-_TURNS = 0.004
-"""Speed at which the dry friction that a URDF declares has turned [rad/s]."""
+_TURNS = np.geomspace(0.004, 0.15, 18)
+"""Speeds at which the dry friction that a URDF declares may have turned [rad/s]: a URDF does not say, and gears and simulators
+differ."""
 INEXACT = 0.02
 """What no URDF's masses are better than, as a part."""
 
@@ -30,6 +31,7 @@ class Prepared:
     Attributes:
         motions: without gaps. nominal: torque of the nominal model on their grids, shape (N, n) each.
         band: their rows in the frequency domain. problem: the rows to explain. names: recording of each motion.
+        turns: speed at which the dry friction that the URDF declares turns, of each joint, shape (n,) [rad/s].
     """
 
     motions: tuple[Motion, ...]
@@ -37,16 +39,24 @@ class Prepared:
     band: Band
     problem: Problem
     names: tuple[str, ...] = ()
+    turns: FloatArray | None = None
 
 
-def prepare(robot: RobotModel, recordings: Sequence[Recording], known: Sequence[KnownEffect]) -> Prepared:
-    """Smooth motions of recordings and what the nominal model (URDF, or the known effects) leaves of their torque."""
+def prepare(
+    robot: RobotModel, recordings: Sequence[Recording], known: Sequence[KnownEffect], turns: FloatArray | None = None
+) -> Prepared:
+    """Smooth motions of recordings and what the nominal model (URDF, or the known effects) leaves of their torque.
+
+    Args:
+        turns: as :class:`Prepared` has it, where it was found before.
+    """
     named = [(recording.name, motion) for recording in recordings for motion in motions(robot, recording)]
     found = [motion for _, motion in named]
     model = TorqueModel(robot, [], known)
-    nominal = [_nominal(model, motion) for motion in found]
+    turns = _turns(robot, found) if turns is None else turns
+    nominal = [_nominal(model, motion, turns) for motion in found]
     prepared = assemble(robot, [m.with_torques(m.link_torque, t) for m, t in zip(found, nominal, strict=True)], nominal)
-    return replace(prepared, names=tuple(name for name, _ in named))
+    return replace(prepared, names=tuple(name for name, _ in named), turns=turns)
 
 
 def assemble(robot: RobotModel, found: Sequence[Motion], nominal: Sequence[FloatArray]) -> Prepared:
@@ -59,10 +69,23 @@ def assemble(robot: RobotModel, found: Sequence[Motion], nominal: Sequence[Float
     return Prepared(tuple(found), tuple(nominal), band, Problem(band, y, links, np.full(robot.n, INEXACT)))
 
 
-def _nominal(model: TorqueModel, motion: Motion) -> FloatArray:
+def _nominal(model: TorqueModel, motion: Motion, turns: FloatArray) -> FloatArray:
     robot = model.robot
     if model.known:
         return np.stack([model.known_torque(sample) for sample in motion.samples()])
-    # rows in which a joint hardly moves are not judged: elsewhere dry friction has turned
-    dry = robot.friction * np.tanh(motion.v / _TURNS)
+    dry = robot.friction * np.tanh(motion.v / turns)
     return np.asarray(motion.link_torque + robot.damping * motion.v + as_measured(dry, motion.period))
+
+
+def _turns(robot: RobotModel, found: Sequence[Motion]) -> FloatArray:
+    """The speeds with which declared friction leaves the least of each joint's torque, whatever its level, shape (n,)."""
+    out = np.full(robot.n, _TURNS[0])
+    for j in np.flatnonzero(robot.friction > 0.0):
+        rest = np.concatenate([m.tau[:, j] - m.link_torque[:, j] for m in found])
+        left: list[float] = []
+        for speed in _TURNS:
+            dry = np.concatenate([as_measured(np.tanh(m.v[:, [j]] / speed), m.period) for m in found])
+            X = np.column_stack([dry, np.concatenate([m.v[:, j] for m in found]), np.ones(len(rest))])
+            left.append(float(np.sum((rest - X @ np.linalg.lstsq(X, rest, rcond=None)[0]) ** 2)))
+        out[j] = _TURNS[int(np.argmin(left))]
+    return out

@@ -36,6 +36,9 @@ _SAMPLING = 3e-3
 """Shorter delays come from sampling [s]."""
 _LEFT, _LEFT_SEEN = 0.1, 0.005
 """Part of the nominal residual's power that may be left where it counts as explained, and where it is seen to be no noise."""
+_BEYOND = 4.0
+"""Held-out error of a joint over its noise floor, in all and each frequency over its own, that is no noise. A floor learned on
+other motion may be off by much: what coarse encoders cost in acceleration depends on the speed."""
 _WORSE = 1.2
 """Error on held-out data, over that of the nominal model and over the noise floor, from which a joint's model is called worse."""
 
@@ -117,9 +120,10 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
         lost = sum(x.share * rms[x.joint] ** 2 * weight[x.joint] for x in follows)
         unexplained = min(1.0, max(unexplained, float(lost) / max(power_before, 1e-12)))
     worse = _worse(robot, held.rms(before), held.rms(after), floor)
+    beyond = _beyond(held, after, noise)
     verdict = (
         "nothing_wrong"
-        if not findings and not follows
+        if not findings and not follows and not beyond
         else "unexplained"
         if not findings
         else "explained"
@@ -134,7 +138,7 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
         findings=tuple(findings),
         torque=TorqueRmse(robot.joint_names, held.rms(before), held.rms(after), floor, torque),
         unexplained_fraction=unexplained,
-        unexplained=_in_words(robot, follows),
+        unexplained=_in_words(robot, follows) or _beyond_in_words(robot, beyond, held.rms(after), floor),
         record_next=(*_record_next(findings), *([RECORD_NEXT] if undecided else [])),
         predictions=predictions,
         temperature=correlations(predictions),
@@ -192,6 +196,20 @@ def _in_words(robot: RobotModel, follows: Sequence[Leftover]) -> str:
         return ""
     parts = [f"on {robot.joint_names[x.joint]} it follows the {', the '.join(x.follows[:2])}" for x in follows[:3]]
     return f"What is left still depends on the motion: {'; '.join(parts)}. No effect that is known here describes it."
+
+
+def _beyond(held: HeldOut, after: FloatArray, noise: FloatArray) -> list[int]:
+    """Joints whose held-out rows have far more than noise, of rows and variances of shape (K, n)."""
+    in_all = np.sum(after**2, axis=0) > _BEYOND**2 * np.sum(noise, axis=0)
+    in_each = np.mean(after**2 / noise, axis=0) > _BEYOND**2
+    return [int(j) for j in held.prepared.problem.active if in_all[j] and in_each[j]]
+
+
+def _beyond_in_words(robot: RobotModel, beyond: Sequence[int], after: FloatArray, floor: FloatArray) -> str:
+    if not beyond:
+        return ""
+    parts = [f"{after[j]:.3g} N m on {robot.joint_names[j]} (noise floor {floor[j]:.3g} N m)" for j in beyond[:3]]
+    return f"On held-out data more is left than noise: {', '.join(parts)}. No effect that is known here describes it."
 
 
 def _record_next(findings: Sequence[Finding]) -> tuple[str, ...]:

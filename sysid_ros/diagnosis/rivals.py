@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from sysid_ros.diagnosis.compliance_screen import BOTH_SIDES, WIDEST
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.selection import EXPECTED, Selection
 from sysid_ros.diagnosis.term import Term
+from sysid_ros.effects import Backlash, JointOffset
 
 _TOLD = 5.0
 """Log-likelihood by which a rival must be worse to be told from a finding."""
@@ -19,7 +23,7 @@ def rivals(selection: Selection, terms: Sequence[Term], search: bool = True) -> 
     Args:
         terms: of the finding, all of them in the selection's fit. search: False asks only what is the same while a joint moves.
     """
-    names = list(_same_while_moving(selection, terms))
+    names = [*_same_while_moving(selection, terms), *_same_on_one_flank(selection, terms)]
     if search and not (terms[0].id in EXPECTED and len(terms) > 2):
         names += [
             p.terms[0].id
@@ -48,6 +52,16 @@ def _same_while_moving(selection: Selection, terms: Sequence[Term]) -> tuple[str
         return ()
     other = [local(_ASYMMETRIC, a.joints[0], **a.effect.settings) for a, _ in both]
     return (_ASYMMETRIC,) if _as_likely(selection, [t for pair in both for t in pair], other) else ()
+
+
+def _same_on_one_flank(selection: Selection, terms: Sequence[Term]) -> tuple[str, ...]:
+    """A play whose one flank bears all the time is a wrong zero by half the gap, the motor ahead of the link under the load."""
+    if terms[0].id != JointOffset.id or len(terms) > 1:
+        return ()
+    joint, offset = terms[0].joints[0], float(selection.fit.theta_of(terms[0])[0])
+    load = np.concatenate([m.link_torque[:, joint] for m in selection.library.motions])
+    ahead = float(np.mean(load * offset > 0.0))
+    return (Backlash.id,) if ahead > 1.0 - BOTH_SIDES and abs(offset) <= 0.5 * WIDEST else ()
 
 
 def _as_likely(selection: Selection, terms: Sequence[Term], others: Sequence[Term]) -> bool:

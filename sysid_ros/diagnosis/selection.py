@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -11,17 +12,20 @@ from sysid_ros.diagnosis.backward import EXPECTED, prune, visible, without_nuisa
 from sysid_ros.diagnosis.compliance_screen import ComplianceScreen
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.friction_forms import simplify
-from sysid_ros.diagnosis.library import LOCAL, ON_DRIVE, ON_LOAD, Library
+from sysid_ros.diagnosis.library import LOCAL, ON_DRIVE, ON_LINKS, ON_LOAD, Library
 from sysid_ros.diagnosis.physics import allowed
 from sysid_ros.diagnosis.refine import refine, remake
 from sysid_ros.diagnosis.scoring import Score, Scorer
 from sysid_ros.diagnosis.term import Term, best_of_each, joined
-from sysid_ros.diagnosis.torques import torques
+from sysid_ros.diagnosis.torques import links_changed, torques
 from sysid_ros.sample import FloatArray
 
 Key = tuple[str, tuple[int, ...]]
 
 _TRIED_IN_FULL = 10
+_WORTH_A_TRY = 0.5
+"""Part of its price that a term must seem to gain with the noise as it is: what no term explains was taken for slow noise, and a
+term gains more once the noise is found anew."""
 _REFINED = 4
 _MOST_STEPS = 24
 _SURELY = 2.0
@@ -110,19 +114,34 @@ class Selection:
 
     def date(self) -> None:
         """Find the times of events anew, with all that was found after them."""
-        dated = refine(self.problem, self.library, self.fit, [t for t in self.fit.terms if "t0" in t.effect.settings])
+        dated = self._dated(self.fit)
         if dated.loglik > self.fit.loglik:
             self.fit = dated
+        # two that were apart may have come together: they are one
+        while pair := next(
+            (p for p in combinations(self.fit.terms, 2) if "t0" in p[0].effect.settings and p[0].excludes(p[1])), None
+        ):
+            alone = [[t for t in self.fit.terms if t is not x] for x in pair]
+            fits = [self.problem.fit(terms, self.fit.noise, inexact=self.fit.inexact) for terms in alone]
+            self.fit = max((self._dated(fit) for fit in fits), key=lambda fit: fit.loglik)
+
+    def _dated(self, fit: Fit) -> Fit:
+        return refine(self.problem, self.library, fit, [t for t in fit.terms if "t0" in t.effect.settings])
 
     def refresh(self) -> None:
-        """Make anew the columns that depend on torques, with those of the present fit."""
+        """Make anew the columns that depend on torques or on what the links weigh, with those of the present fit."""
         link, drive = torques(self.library, self.fit, self._links, self._nominal)
         self.library.update(link, drive)
         self._whole = [remake(self.library, t, t.effect.settings) if t.id in ON_LOAD + ON_DRIVE else t for t in self._whole]
-        if any(t.id in ON_LOAD + ON_DRIVE for t in self.fit.terms):
-            terms = [remake(self.library, t, t.effect.settings) if t.id in ON_LOAD + ON_DRIVE else t for t in self.fit.terms]
-            self.fit = self.problem.fit(terms, self.fit.noise, inexact=self.fit.inexact)
-            self.fit = refine(self.problem, self.library, self.fit, [t for t in terms if t.id in ON_LOAD + ON_DRIVE])
+        carried = links_changed(self.library.robot, self.fit)
+        again = {t: dict(t.effect.settings) for t in self.fit.terms if t.id in ON_LOAD + ON_DRIVE}
+        for t in self.fit.terms:
+            if t.id in ON_LINKS and (carried.any() or t.effect.settings.get("links")):
+                again[t] = {**t.effect.settings, "links": carried.tolist() if carried.any() else []}
+        if again:
+            made = {t: remake(self.library, t, settings) for t, settings in again.items()}
+            self.fit = self.problem.fit([made.get(t, t) for t in self.fit.terms], self.fit.noise, inexact=self.fit.inexact)
+            self.fit = refine(self.problem, self.library, self.fit, list(made.values()))
 
     def propose(self, before: Collection[Key] = ()) -> Proposal | None:
         """The best step forward, or None where nothing is worth its price.
@@ -169,14 +188,16 @@ class Selection:
                 continue
             joints = [j for j in self._joints if (name, (j,)) not in before]
             scores = [s for j in joints if (s := self._best_option(scorer, name, j)) is not None and s.term.key not in before]
-            if scores:
-                groups.append((sum(s.gain - self.price(s.term) for s in scores), [s.term for s in scores]))
+            gains = [(s.gain - self.price(s.term), s.term) for s in scores]
+            if any(gain > 0.0 for gain, _ in gains):
+                groups.append((sum(max(gain, 0.0) for gain, _ in gains), [term for gain, term in gains if gain > 0.0]))
+            groups += [(gain, [term]) for gain, term in gains if gain <= 0.0]
         for term in [*self._whole, *self._screen.terms(self.fit)]:
             if term.id == without or term.key in before or any(_same(term, t) for t in self.fit.terms):
                 continue
             group = self.library.together(term, self.fit.terms)
             score, price = scorer.whole(joined(group)), sum(map(self.price, group))
-            if score.gain > price and allowed(term, score.theta[: term.p], score.std[: term.p]):
+            if score.gain > _WORTH_A_TRY * price and allowed(term, score.theta[: term.p], score.std[: term.p]):
                 groups.append((score.gain - price, group))
         groups = best_of_each(groups)
         proposals = [p for _, terms in groups[:_TRIED_IN_FULL] if (p := self._try(terms)) is not None]
@@ -188,7 +209,9 @@ class Selection:
         if not options:
             return None
         scores = [
-            s for s in scorer.local(options) if s.gain > self.price(s.term) and (self._replaces(s.term) or self._possible(s))
+            s
+            for s in scorer.local(options)
+            if s.gain > _WORTH_A_TRY * self.price(s.term) and (self._replaces(s.term) or self._possible(s))
         ]
         return max(scores, key=lambda s: s.gain, default=None)
 

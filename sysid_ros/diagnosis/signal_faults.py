@@ -30,34 +30,38 @@ class Lag:
 
 
 def velocity_lag(recordings: Sequence[Recording]) -> Lag | None:
-    """The low-pass that the published velocity went through, where there is one."""
+    """The low-pass that the published velocity went through, where there is one.
+
+    A velocity that is the difference of two messages, ``(q(t) - q(t - T)) / T``, is late too, by half of T, and no low-pass.
+    """
     pairs = [p for r in recordings if (p := _velocities(r)) is not None]
     if not pairs:
         return None
 
     def left(tau: float) -> float:
-        return float(sum(np.sum((_lagged(true, tau, period) - published) ** 2) for true, published, period in pairs))
+        return float(sum(np.sum((_lagged(true, tau, period) - published) ** 2) for true, _, published, period in pairs))
 
     found = optimize.minimize_scalar(lambda x: left(float(np.exp(x))), bounds=(np.log(2e-4), np.log(0.3)), method="bounded")
     tau = float(np.exp(found.x))
-    without = left(0.0)
+    differences = float(sum(np.sum((differs - published) ** 2) for _, differs, published, _ in pairs))
+    without = min(left(0.0), differences)
     share = 1.0 - left(tau) / max(without, 1e-30)
     if tau < _LEAST_LAG or share < _PAYS:
         return None
     step = 0.02 * tau
     curvature = (left(tau + step) - 2.0 * left(tau) + left(tau - step)) / step**2
     # rows below the band's edge are independent; those of the fine grid are not
-    independent = sum(2.0 * _BAND * period * true.size for true, _, period in pairs)
-    count = sum(true.size for true, _, _ in pairs)
+    independent = sum(2.0 * _BAND * period * true.size for true, _, _, period in pairs)
+    count = sum(true.size for true, _, _, _ in pairs)
     variance = 2.0 * (left(tau) / count) / max(curvature, 1e-30) * count / independent
     # by half a sample the driver's own filter may be early or late, depending on how it was discretised
-    variance += (0.5 * max(period for _, _, period in pairs) / 1.96) ** 2
+    variance += (0.5 * max(period for *_, period in pairs) / 1.96) ** 2
     cutoff = 1.0 / (2.0 * np.pi * tau)
     return Lag(cutoff, float(cutoff * np.sqrt(variance) / tau), share)
 
 
-def _velocities(r: Recording) -> tuple[FloatArray, FloatArray, float] | None:
-    """True and published velocity in the same band, on an even grid."""
+def _velocities(r: Recording) -> tuple[FloatArray, FloatArray, FloatArray, float] | None:
+    """True velocity, differences of messages, and published velocity in the same band, on an even grid, and its spacing [s]."""
     if r.v is None or len(r.t) < 50 or not np.isfinite(r.v).all():
         return None
     moving = np.ptp(r.q, axis=0) > _MOVES
@@ -72,8 +76,9 @@ def _velocities(r: Recording) -> tuple[FloatArray, FloatArray, float] | None:
     sections = signal.butter(3, min(_BAND, rate / 5.0), fs=rate, output="sos")
     q, v = (signal.sosfiltfilt(sections, x, axis=0) for x in (q, v))
     true = interpolate.make_interp_spline(grid, q, k=5)(grid, nu=1)
+    differs = np.diff(q, axis=0, prepend=q[:1]) * rate
     edge = int(0.5 * rate)
-    return true[edge:-edge], v[edge:-edge], 1.0 / rate
+    return true[edge:-edge], differs[edge:-edge], v[edge:-edge], 1.0 / rate
 
 
 def _lagged(v: FloatArray, tau: float, period: float) -> FloatArray:

@@ -45,38 +45,41 @@ def unsteady(train: Prepared, fit: Fit, held: Prepared, residual: FloatArray) ->
         residual: held-out rows that the fit leaves, shape (K, n).
     """
     out = []
-    for j in (int(j) for j in train.problem.active):
+    for j in (int(j) for j in train.problem.active if held.band.active[j]):
         here = train.band, fit.residual[:, j], 1.0 / np.sqrt(fit.variance[:, j])
         there = held.band, residual[:, j], 1.0 / np.sqrt(fit.noise.variance(held.band.f)[:, j])
         f, gain, share = _beat(*here, j)
         if gain > _PAYS and share > _LEAST:
-            part, gain = _explained(*there, _waves(held.band, j, f))
-            if part > _LEAST and gain > _price(2, len(residual)):
+            part, gain = _explained(*there, _waves(held.band, j, f), j)
+            if part > _LEAST and gain > _price(2, held.band, j):
                 out.append(Leftover(j, part, (f"time, with a beat of {f:.1f} Hz",)))
                 continue
         for words in ("load", "direction", "speed"):
             parts = []
             for band, rows, root in (here, there):
                 X = _changing(band, j, words)
-                part, gain = _explained(band, rows, root, X)
-                parts.append(part if gain > _price(X.shape[1], len(rows)) else 0.0)
+                part, gain = _explained(band, rows, root, X, j)
+                parts.append(part if gain > _price(X.shape[1], band, j) else 0.0)
             if min(parts) > _LEAST:
                 out.append(Leftover(j, parts[1], (f"{words} by a factor that changes with time",)))
                 break
     return out
 
 
-def _price(parameters: int, rows: int) -> float:
+def _price(parameters: int, band: Band, joint: int) -> float:
     """Likelihood that columns must gain (BIC), on each of two sets of rows."""
-    return 0.5 * parameters * float(np.log(rows)) + float(np.log(20.0))
+    return 0.5 * parameters * float(np.log(len(band.f) * band.moves[joint])) + float(np.log(20.0))
 
 
-def _explained(band: Band, rows: FloatArray, root: FloatArray, X: FloatArray) -> tuple[float, float]:
-    """Part of the whitened power of rows that columns take, and the likelihood that they gain."""
+def _explained(band: Band, rows: FloatArray, root: FloatArray, X: FloatArray, joint: int) -> tuple[float, float]:
+    """Part of the whitened power of rows that columns take, and the likelihood that they gain.
+
+    Only while the joint moves do rows say anything of it: where it stands, they hold a straight line.
+    """
     z, C = rows * root, X * root[:, None]
     left = z - C @ np.linalg.lstsq(C, z, rcond=1e-9)[0]
     part = 1.0 - float(left @ left) / max(float(z @ z), 1e-300)
-    return part, -0.5 * len(z) * float(np.log(max(1.0 - part, 1e-12)))
+    return part, -0.5 * len(z) * float(band.moves[joint]) * float(np.log(max(1.0 - part, 1e-12)))
 
 
 def _beat(band: Band, rows: FloatArray, root: FloatArray, joint: int) -> tuple[float, float, float]:
@@ -86,7 +89,7 @@ def _beat(band: Band, rows: FloatArray, root: FloatArray, joint: int) -> tuple[f
     best = (0.0, 0.0, 0.0)
     for f in np.unique(np.round(band.f[np.argsort(power)[-_LOOKED_AT:]] / step)) * step:
         for near in f + step * np.arange(-4.0, 5.0):
-            part, gain = _explained(band, rows, root, _waves(band, joint, float(near)))
+            part, gain = _explained(band, rows, root, _waves(band, joint, float(near)), joint)
             if gain > best[1]:
                 best = (float(near), gain, part)
     return best

@@ -16,6 +16,8 @@ from sysid_ros.sample import FloatArray
 _ROWS = 500
 _NEAR = 0.1
 """Part of the torque, or of what friction, rotors and offsets alone leave of it, that a right URDF leaves (median)."""
+_MOST = 0.05
+"""The same of the squared torque of all joints together, N m for N m: a robot whose large ones are explained is no other one."""
 _HELPS, _HELPS_ALL = 0.6, 0.7
 """A right URDF lowers what is left to less than this part: in the median of the joints, or in their mean of logarithms."""
 _EXPLAINED, _LOADED = 0.2, 0.25
@@ -28,6 +30,11 @@ _CURRENT = 3.3
 _FITS = 0.05
 _SIGN = 0.02
 _OWN = 4
+_BLOCKS, _FOLDS, _CUT = 12, 4, 1e-3
+_BODIES = 0.5
+"""Part of the torque beyond friction, rotor and offset that is left where no bodies on the links explain it."""
+_MEANT = 0.02
+"""Part of that torque's power that the URDF's own has at least on a joint whose torque is not noise alone."""
 
 
 def wrong_robot(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
@@ -35,9 +42,11 @@ def wrong_robot(robot: RobotModel, recordings: Sequence[Recording]) -> str | Non
 
     A payload, a force on the tool, gravity that is missing or doubled, and friction, rotor and offset of each joint are fitted
     twice: to what the URDF leaves of the torque, and to the torque itself. The right URDF, wrong as it may be, leaves much less;
-    that of another robot leaves as much as none at all. Where friction is most of the torque, both leave the same of a right one
-    too; but then a payload, one that is picked up or set down, a force or gravity alone bring the joints that bear a load down to
-    their friction.
+    that of another robot leaves as much as none at all. A joint whose torque is mostly noise is not asked: it is far more
+    than the URDF's own, and no bodies on this robot's links explain it, whatever they weigh.
+
+    Where friction is most of the torque, both leave the same of a right one too; but then a payload, one that is picked up or set
+    down, a force or gravity alone bring the joints that bear a load down to their friction.
 
     Args:
         recordings: after the faults of units, signs and order were undone.
@@ -52,18 +61,26 @@ def wrong_robot(robot: RobotModel, recordings: Sequence[Recording]) -> str | Non
     size = np.maximum(np.mean(tau**2, axis=0), 1e-12)
     own = _own(v, a)
     left, alone = (np.array([_left(own[:, j], y[:, j]) for j in range(robot.n)]) / size for y in (tau - nominal, tau))
-    loaded = alone > _LOADED
+    told = _by_bodies(robot.regressor_along(q, v, a), tau, own) < _BODIES * alone * size
+    told |= np.array([_left(own[:, j], nominal[:, j]) for j in range(robot.n)]) > _MEANT * alone * size
+    if not told.any():
+        told[:] = True
+    loaded = (alone > _LOADED) & told
+    if _without_gravity(robot, q, tau, nominal, own):
+        return None
+    if float(left @ size) < _MOST * float(alone @ size):
+        return None
     if not loaded.any() or np.median(left) < _NEAR or np.median((left / alone)[loaded]) < _NEAR:
         return None
     arm = _whole_arm(robot, q, v, a, own)
-    if _one_cause(arm, tau, nominal, alone, loaded) < _EXPLAINED or _helps(arm, tau, nominal):
+    if _one_cause(arm, tau, nominal, alone, loaded) < _EXPLAINED or _helps(arm[:, told], tau[:, told], nominal[:, told]):
         return None
     late = np.concatenate([m.t[every] / max(float(m.t[-1]), 1e-9) for m in parts])
     owner = np.concatenate([np.full(len(m.t[every]), i) for i, m in enumerate(parts)])
     if _event(arm[:, :, :10], np.concatenate([own, _drift(own, late)], axis=2), tau, nominal, alone, loaded, owner) < _EXPLAINED:
         return None
     gains = _gains_of_currents(own, tau, nominal, size)
-    if gains is not None and _helps(arm, tau / gains, nominal):
+    if gains is not None and _helps(arm[:, told], (tau / gains)[:, told], nominal[:, told]):
         return None
     worst = ", ".join(f"{robot.joint_names[j]} {100 * np.sqrt(left[j]):.0f} %" for j in np.argsort(-left)[:3])
     return (
@@ -131,6 +148,38 @@ def _own(v: FloatArray, a: FloatArray) -> FloatArray:
 def _left(X: FloatArray, y: FloatArray) -> float:
     theta = np.linalg.lstsq(X, y, rcond=None)[0]
     return float(np.mean((y - X @ theta) ** 2))
+
+
+def _by_bodies(regressor: FloatArray, tau: FloatArray, own: FloatArray) -> FloatArray:
+    """Mean square of each joint's torque that bodies on the links, whatever they weigh, leave beside the joint's own, shape (n,).
+
+    Each block of rows is predicted from the others: what is only noise is not explained by fitting many columns to it.
+    """
+    blocks = np.arange(len(tau)) * _BLOCKS // len(tau) % _FOLDS
+    left = np.zeros(tau.shape[1])
+    for j in range(tau.shape[1]):
+        X = np.concatenate([own[:, j], regressor[:, j]], axis=1)
+        X /= np.maximum(np.sqrt(np.mean(X**2, axis=0)), 1e-9)
+        for fold in range(_FOLDS):
+            judged = blocks == fold
+            theta = np.linalg.lstsq(X[~judged], tau[~judged, j], rcond=_CUT)[0]
+            left[j] += float(np.sum((tau[judged, j] - X[judged] @ theta) ** 2)) / len(tau)
+    return left
+
+
+def _without_gravity(robot: RobotModel, q: FloatArray, tau: FloatArray, nominal: FloatArray, own: FloatArray) -> bool:
+    """True where the efforts hold no weight of any link, and the URDF's gravity is all that keeps it from them.
+
+    Then no more than small inertial torques are left to compare, which may be as large as the noise.
+    """
+    still = np.zeros_like(q)
+    gravity = robot.rnea_along(q, still, still)
+    if np.median(np.sum((tau - nominal + gravity) ** 2, axis=0) / np.sum((tau - nominal) ** 2, axis=0)) > _NEAR:
+        return False
+    alone = np.array([_left(own[:, j], tau[:, j]) for j in range(robot.n)])
+    left = _by_bodies(robot.regressor_along(q, still, still), tau, own)
+    borne = np.mean(gravity**2, axis=0) > alone
+    return bool(borne.any() and np.median((left / alone)[borne]) > _BODIES)
 
 
 def _whole_arm(robot: RobotModel, q: FloatArray, v: FloatArray, a: FloatArray, own: FloatArray) -> FloatArray:

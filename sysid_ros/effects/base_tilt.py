@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import Effect
+from sysid_ros.effects.effect import Effect, carrying
 from sysid_ros.effects.motion import Motion
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -28,6 +28,7 @@ class BaseTilt(Effect):
     Args:
         robot: the model. joints: unused, the whole arm is concerned.
         around: roll and pitch at which the columns are exact [rad].
+        links: what the links' inertials, with all that they carry, differ by from the URDF's, shape (10 n,); empty for nothing.
     """
 
     id: ClassVar[str] = "base_tilt"
@@ -36,14 +37,22 @@ class BaseTilt(Effect):
     look_alikes: ClassVar[tuple[str, ...]] = ("joint_offset", "external_force", "link_inertia")
     separated_by: ClassVar[str] = "a sweep of the first joint over 90 degrees or more with the arm stretched out"
 
-    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), around: Sequence[float] = (0.0, 0.0)) -> None:
+    def __init__(
+        self,
+        robot: RobotModel,
+        joints: Sequence[str] = (),
+        around: Sequence[float] = (0.0, 0.0),
+        links: Sequence[float] = (),
+    ) -> None:
         super().__init__(robot, joints)
+        self.links = [float(x) for x in links]
+        self._arm = carrying(robot, self.links, self.id)
         self.around = [float(x) for x in around]
         self.parameter_names, self.units = ("roll", "pitch"), ("rad", "rad")
 
     @property
     def settings(self) -> dict[str, Any]:
-        return {"around": self.around}
+        return {"around": self.around, **({"links": self.links} if self.links else {})}
 
     def _directions(self) -> FloatArray:
         gravity = self.robot.gravity
@@ -54,7 +63,7 @@ class BaseTilt(Effect):
 
     def _columns(self, q: FloatArray) -> FloatArray:
         still = np.zeros_like(q)
-        return np.stack([self.robot.rnea_along(q, still, still, g) for g in self._directions()], axis=-1)
+        return np.stack([self._arm.rnea_along(q, still, still, g) for g in self._directions()], axis=-1)
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         out[:] = self._columns(sample.q[None])[0]

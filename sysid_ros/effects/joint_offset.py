@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import Effect
+from sysid_ros.effects.effect import Effect, carrying
 from sysid_ros.effects.motion import Motion
 from sysid_ros.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -19,6 +19,7 @@ class JointOffset(Effect):
     Args:
         robot: the model. joints: joints whose zero is wrong; empty for all.
         around: offset at which the columns are exact, ``(ID(q - around) - ID(q)) / around`` [rad].
+        links: what the links' inertials, with all that they carry, differ by from the URDF's, shape (10 n,); empty for nothing.
     """
 
     id: ClassVar[str] = "joint_offset"
@@ -27,27 +28,29 @@ class JointOffset(Effect):
     look_alikes: ClassVar[tuple[str, ...]] = ("base_tilt", "backlash", "link_inertia", "joint_elasticity")
     separated_by: ClassVar[str] = "motion of the other joints over 60 degrees or more; on a vertical first joint nothing shows it"
 
-    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), around: float = 0.0) -> None:
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), around: float = 0.0, links: Sequence[float] = ()) -> None:
         super().__init__(robot, joints)
+        self.links = [float(x) for x in links]
+        self._arm = carrying(robot, self.links, self.id)
         self.around = float(around)
         self.parameter_names = tuple(f"delta[{name}]" for name in self.joint_names)
         self.units = tuple("m" if robot.is_prismatic[j] else "rad" for j in self.joints)
 
     @property
     def settings(self) -> dict[str, Any]:
-        return {"around": self.around}
+        return {"around": self.around, **({"links": self.links} if self.links else {})}
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         out[:] = self._columns(sample.q[None], sample.v[None], sample.a[None])[0]
 
     def columns_along(self, motion: Motion) -> FloatArray:
-        if not self.around:
+        if not self.around and not self.links:
             return np.asarray(-motion.sensitivity[0][:, :, self.joints])
         return self._columns(motion.q, motion.v, motion.a)
 
     def _columns(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         if not self.around:
-            return np.asarray(-self.robot.rnea_derivatives_along(q, v, a)[0][:, :, self.joints])
-        here = self.robot.rnea_along(q, v, a)
+            return np.asarray(-self._arm.rnea_derivatives_along(q, v, a)[0][:, :, self.joints])
+        here = self._arm.rnea_along(q, v, a)
         moved = self.around * np.eye(self.robot.n)[self.joints]
-        return np.stack([(self.robot.rnea_along(q - d, v, a) - here) / self.around for d in moved], axis=-1)
+        return np.stack([(self._arm.rnea_along(q - d, v, a) - here) / self.around for d in moved], axis=-1)

@@ -153,7 +153,7 @@ def _known(robot: RobotModel, model: ModelFile) -> tuple[FloatArray, FloatArray,
 
 
 def _attached(robot: RobotModel, root: ElementTree.Element, joint: int) -> list[_Attached]:
-    """The other links with mass that a joint carries."""
+    """The other links with mass or inertia that a joint carries: some URDFs give a massless frame the inertia of a body."""
     above = {e.find("child").get("link"): e for e in root.findall("joint")}  # type: ignore[union-attr]
     body, out = robot.body_names[joint], []
     for link in root.findall("link"):
@@ -180,15 +180,17 @@ def _kept(theta: FloatArray, attached: list[_Attached]) -> list[_Attached]:
 
 
 def _inertial(link: ElementTree.Element) -> FloatArray | None:
-    """Theta of a link in its own frame, shape (10,); None where it has no mass."""
+    """Theta of a link in its own frame, shape (10,); None where it has neither mass nor inertia."""
     inertial = link.find("inertial")
     mass = None if inertial is None else inertial.find("mass")
-    if inertial is None or mass is None or not float(mass.get("value", "0")) > 0.0:
+    if inertial is None or mass is None:
         return None
     origin, tensor = inertial.find("origin"), inertial.find("inertia")
     xyz = [float(x) for x in (origin.get("xyz", "0 0 0") if origin is not None else "0 0 0").split()]
     rpy = [float(x) for x in (origin.get("rpy", "0 0 0") if origin is not None else "0 0 0").split()]
     values = [float(tensor.get(a, "0")) if tensor is not None else 0.0 for a in _AXES]
+    if not float(mass.get("value", "0")) > 0.0 and not any(values):
+        return None
     rotation = _rotation(*rpy)
     inertia = rotation @ inertial_parameters.inertia_matrix(np.array([0.0] * 4 + values)) @ rotation.T
     return inertial_parameters.from_com(float(mass.get("value", "0")), np.array(xyz), inertia)
