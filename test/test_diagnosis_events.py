@@ -85,7 +85,7 @@ def test_two_events_that_come_together_are_one() -> None:
     assert selection.fit.theta_of(event)[0] == pytest.approx(1.2, rel=0.03)
 
 
-@pytest.mark.parametrize("second", [10.0, None], ids=["in both", "in one"])
+@pytest.mark.parametrize("second", [pytest.param(10.0, marks=pytest.mark.slow), None], ids=["in both", "in one"])
 def test_each_recording_has_its_own_event(second: float | None) -> None:
     other = changes((second, 1.5)) if second else changes()
     fitted = [named("first", record(changes((7.0, 1.5)), 1, 14.0)), named("second", record(other, 2, 14.0, start=90.0))]
@@ -103,6 +103,7 @@ def test_each_recording_has_its_own_event(second: float | None) -> None:
 WHEN = {"before it": (-1.0, "before it begins"), "within it": (4.0, "at 4.0"), "after it": (99.0, "never")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("at", "words"), WHEN.values(), ids=WHEN)
 def test_the_event_may_be_anywhere_in_the_recording_that_judges_and_that_is_said(at: float, words: str) -> None:
     result, events = found([record(changes((7.0, 1.5)), 1, 14.0)], [record(changes((at, 1.5)), 3, 9.0)])

@@ -149,7 +149,7 @@ def bench(tmp_path: Any) -> Iterator[Callable[..., Bench]]:
         one.close()
 
 
-@pytest.mark.parametrize("law", ["composite", "computed_torque"])
+@pytest.mark.parametrize("law", ["composite", pytest.param("computed_torque", marks=pytest.mark.slow)])
 def test_holds_follows_and_learns_what_is_picked_up(bench: Callable[..., Bench], law: str) -> None:
     one = bench(f"moves_{law}", law=law)
     held = one.run(0.3)
@@ -196,6 +196,7 @@ def test_a_committed_payload_is_taken_over(bench: Callable[..., Bench]) -> None:
     assert one.node.live.law.payload == pytest.approx(body.theta)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -284,6 +285,7 @@ def test_nothing_is_sent_before_it_is_activated(bench: Callable[..., Bench]) -> 
     assert not one.call("hold").success
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
