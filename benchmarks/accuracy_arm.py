@@ -37,8 +37,8 @@ from rich.console import Console
 from rich.table import Table
 from verdict import Target, conclude
 
-from sysid_ros.robot_model import RobotModel
-from sysid_ros.settings import OnlineSettings
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation import ArmScenario, simulate_arm
 
 _SETTINGS = {

@@ -9,13 +9,13 @@ from functools import lru_cache
 import numpy as np
 
 from sysid_ros.identification import collect_rows, free_model, identify
-from sysid_ros.model_file import ModelFile
-from sysid_ros.online import OnlineEstimation
-from sysid_ros.payload_estimate import PayloadEstimate
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online.payload_estimate import PayloadEstimate
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement
-from sysid_ros.settings import OnlineSettings
 from sysid_ros.simulation import ArmRecord, ArmScenario, simulate_arm
+from sysid_ros.torque.model_file import ModelFile
 
 VISCOUS = (2.0, 2.0, 1.5, 1.5, 0.8, 0.5, 0.3)
 COULOMB = (1.5, 1.5, 1.0, 1.0, 0.6, 0.4, 0.3)

@@ -30,15 +30,15 @@ from rich.console import Console
 from rich.table import Table
 from verdict import Target, conclude
 
-from sysid_ros.collision_model import CollisionModel
+from sysid_ros.excitation.criteria import ExcitationCriteria
+from sysid_ros.excitation.excitation_settings import ExcitationSettings
+from sysid_ros.excitation.excite import Excitation, excite
+from sysid_ros.excitation.fourier_trajectory import FourierTrajectory
+from sysid_ros.excitation.motion_limits import KINDS
 from sysid_ros.identification import free_model
-from sysid_ros.identification.excitation import Excitation, excite
-from sysid_ros.identification.excitation_criteria import ExcitationCriteria
-from sysid_ros.identification.excitation_limits import KINDS
-from sysid_ros.identification.excitation_settings import ExcitationSettings
-from sysid_ros.identification.fourier_trajectory import FourierTrajectory
-from sysid_ros.mesh_files import MeshFiles
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.collision_model import CollisionModel
+from sysid_ros.robot.mesh_files import MeshFiles
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 ARMS = {

@@ -44,7 +44,7 @@ from verdict import Target, conclude
 
 from sysid_ros.identification import Recording, free_model, identify_recordings
 from sysid_ros.identification.base_groups import group_matrix
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation import ArmScenario, simulate_arm
 

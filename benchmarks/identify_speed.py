@@ -31,10 +31,10 @@ from rich.console import Console
 from rich.table import Table
 from verdict import Target, conclude
 
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, JointStateRecord
+from sysid_ros.simulation.bag_and_truth import START_TIME
 from sysid_ros.simulation.description import arm_description
-from sysid_ros.simulation.recording import START_TIME
 from sysid_ros.sources import BagRecorder
 
 _COMMAND = "from sysid_ros.cli.main import main; main()"

@@ -44,7 +44,7 @@ from rich.progress import Progress  # noqa: E402
 from rich.table import Table  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 
-from sysid_ros.robot_model import RobotModel  # noqa: E402
+from sysid_ros.robot.robot_model import RobotModel  # noqa: E402
 
 URDF = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
 DISCOVERY = 60.0

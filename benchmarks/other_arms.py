@@ -31,10 +31,10 @@ from rich.table import Table
 from verdict import Target, conclude
 
 from sysid_ros.input_gate import InputGate, Rejection
-from sysid_ros.online import OnlineEstimation
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, JointStateRecord
-from sysid_ros.settings import OnlineSettings
 
 # path below share/example-robot-data/robots, joints that move (part of the name), largest payload [kg]
 ARMS = {

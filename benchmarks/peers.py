@@ -10,11 +10,11 @@ from padasip.filters import FilterRLS
 
 from sysid_ros.effects import Payload
 from sysid_ros.estimators import ConstantForgetting
-from sysid_ros.front_end import FrontEnd
-from sysid_ros.model_file import ModelFile
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online.front_end import FrontEnd
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement, Sample
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.model_file import ModelFile
+from sysid_ros.torque.torque_model import TorqueModel
 
 PRIOR_STD = np.array([2.0, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
 MEMORY = 0.3

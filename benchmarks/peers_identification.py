@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy import ndimage, signal
 
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 CUTOFF = 10.0

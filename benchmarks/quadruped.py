@@ -30,15 +30,15 @@ from rich.progress import track
 from rich.table import Table
 from verdict import Target, conclude
 
-from sysid_ros.contact_projection import ContactProjection
 from sysid_ros.estimators import kernels
-from sysid_ros.floating_derivative import FloatingDerivative
+from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.input_gate import gate_for
-from sysid_ros.online import OnlineEstimation
-from sysid_ros.payload_estimate import PayloadEstimate
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online.payload_estimate import PayloadEstimate
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement, TrunkReading
-from sysid_ros.settings import OnlineSettings
+from sysid_ros.signals.floating_derivative import FloatingDerivative
 from sysid_ros.simulation.quadruped_record import QuadrupedRecord, simulate_quadruped
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 

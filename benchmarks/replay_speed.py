@@ -37,12 +37,12 @@ from rich.table import Table
 from verdict import Target, conclude
 
 from sysid_ros.input_gate import InputGate
-from sysid_ros.online import OnlineEstimation
-from sysid_ros.replay import Replay, replay
-from sysid_ros.robot_model import RobotModel
-from sysid_ros.settings import OnlineSettings
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online.replay import Replay, replay
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation import ArmScenario, simulate_arm
-from sysid_ros.simulation.recording import START_TIME, write_recording
+from sysid_ros.simulation.bag_and_truth import START_TIME, write_recording
 from sysid_ros.sources import BagRecorder, BagSource
 
 _COMMAND = "from sysid_ros.cli.main import main; main()"

@@ -38,11 +38,11 @@ from rich.console import Console
 from rich.table import Table
 from verdict import Target, conclude
 
-from sysid_ros.online import OnlineEstimation
-from sysid_ros.payload_estimate import PayloadEstimate
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online.payload_estimate import PayloadEstimate
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement
-from sysid_ros.settings import OnlineSettings
 from sysid_ros.simulation import ArmRecord, ArmScenario, simulate_arm
 from sysid_ros.simulation.payload import urdf_with_payload
 

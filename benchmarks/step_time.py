@@ -37,13 +37,13 @@ from verdict import Target, conclude
 
 from sysid_ros.effects import Payload
 from sysid_ros.estimators import ConstantForgetting, JumpRule, VariableForgetting, kernels
-from sysid_ros.front_end import FrontEnd, Rows
-from sysid_ros.online import OnlineEstimation
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online.front_end import FrontEnd, Rows
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement
-from sysid_ros.settings import OnlineSettings
 from sysid_ros.simulation import ArmScenario, simulate_arm
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.torque_model import TorqueModel
 
 PRIOR_STD = np.array([2.0, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
 ROW_STD = 0.03

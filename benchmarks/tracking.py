@@ -21,9 +21,9 @@ from rich.table import Table
 
 from sysid_ros.cli.main import run
 from sysid_ros.control.tracking_run import TrackingRun
-from sysid_ros.model_file import ModelFile
 from sysid_ros.simulation import ArmScenario
 from sysid_ros.simulation.tracking import TRACKED, track
+from sysid_ros.torque.model_file import ModelFile
 
 PICK, DROP, END = 6.0, 12.0, 15.0
 PHASES = {

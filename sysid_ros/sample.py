@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+FREE = 6
+"""Joints of the trunk of a floating base: three slides, three turns."""
+
 
 @dataclass(frozen=True, slots=True)
 class JointStateRecord:

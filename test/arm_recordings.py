@@ -10,7 +10,7 @@ from scipy import signal
 
 from sysid_ros.effects import LinkInertia
 from sysid_ros.identification import Recording
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 START = 100.0

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from sysid_ros.effects import Effect
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement, Sample
 
 Torque = Callable[[float], FloatArray]

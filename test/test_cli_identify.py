@@ -12,8 +12,8 @@ import yaml
 from robots import urdf
 
 from sysid_ros.cli.main import run
-from sysid_ros.model_file import ModelFile, urdf_digest
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.torque.model_file import ModelFile, urdf_digest
 
 BAGS = Path(__file__).parents[1] / "bags"
 EMPTY = BAGS / "arm_empty"

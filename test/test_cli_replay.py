@@ -16,14 +16,14 @@ import pytest
 import yaml
 from robots import urdf
 
-from sysid_ros import inertial_parameters
 from sysid_ros.cli.main import run
 from sysid_ros.input_gate import InputGate
-from sysid_ros.online import OnlineEstimation
-from sysid_ros.payload_estimate import STATUSES
-from sysid_ros.replay import as_json, replay
-from sysid_ros.robot_model import RobotModel
-from sysid_ros.settings import OnlineSettings
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online.payload_estimate import STATUSES
+from sysid_ros.online.replay import as_json, replay
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sources import BagSource
 
 BAGS = Path(__file__).parents[1] / "bags"

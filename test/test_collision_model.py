@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from robots import robot
 
-from sysid_ros.collision_model import FLOOR, CollisionModel
 from sysid_ros.exceptions import RobotModelError
-from sysid_ros.mesh_files import MeshFiles
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.collision_model import FLOOR, CollisionModel
+from sysid_ros.robot.mesh_files import MeshFiles
+from sysid_ros.robot.robot_model import RobotModel
 
 BALL = '<sphere radius="0.05"/>'
 LENGTHS = (0.3, 0.4, 0.3)

@@ -11,13 +11,13 @@ from robots import robot
 
 from sysid_ros.diagnosis import Diagnosis, Recording, diagnose
 from sysid_ros.diagnosis.compliant import settle
-from sysid_ros.diagnosis.conditioning import clear_band
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.term import COMPANIONS
 from sysid_ros.effects import Backlash, JointElasticity, Motion
 from sysid_ros.effects.compliance import deflection, torque_of
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.conditioning import clear_band
 
 ARM, JOINT = "small_arm", 1
 RATE = 250.0

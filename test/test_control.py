@@ -9,7 +9,6 @@ import pinocchio as pin
 import pytest
 from robots import ROBOTS, random_body, random_sample, robot, urdf, with_body
 
-from sysid_ros import inertial_parameters
 from sysid_ros.control import (
     ArmTorque,
     CertaintyEquivalence,
@@ -22,9 +21,10 @@ from sysid_ros.control import (
 from sysid_ros.control.feedback import Feedback, postures
 from sysid_ros.effects import CoulombFriction, Payload, RotorInertia, ViscousFriction
 from sysid_ros.exceptions import ModelFileError, SettingsError
-from sysid_ros.known_effect import KnownEffect
-from sysid_ros.payload_estimate import PayloadEstimate
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online.payload_estimate import PayloadEstimate
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.torque.known_effect import KnownEffect
 
 SETTINGS = ControlSettings()
 

@@ -15,13 +15,13 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
-from sysid_ros import inertial_parameters
 from sysid_ros.cli.demo import demo
 from sysid_ros.cli.demo_display import Display, Picture, panel
 from sysid_ros.cli.demo_processes import DemoProcess, ProcessFailed, ros_arguments
 from sysid_ros.cli.demo_verdict import compare, objections
-from sysid_ros.payload_estimate import PayloadEstimate, PayloadEvent
-from sysid_ros.plots import TruthSegment
+from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
+from sysid_ros.pages import TruthSegment
+from sysid_ros.robot import inertial_parameters
 
 COM = np.array([0.03, -0.02, 0.08])
 INERTIA = np.diag([0.002, 0.003, 0.004])

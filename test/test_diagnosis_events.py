@@ -16,7 +16,7 @@ from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.result import Diagnosis
 from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 BODY = np.array([1.0, 0.02, 0.01, 0.05, 0.004, 0.0, 0.004, 0.0, 0.0, 0.003])

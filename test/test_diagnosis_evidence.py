@@ -13,7 +13,6 @@ from test_diagnosis import ARM, RATE, record
 from sysid_ros.diagnosis import diagnose
 from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.block_scatter import BlockScatter
-from sysid_ros.diagnosis.conditioning import motions
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.rivals import rivals
@@ -21,6 +20,7 @@ from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.effects import EFFECTS, Motion
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.conditioning import motions
 
 
 @pytest.fixture(scope="module")

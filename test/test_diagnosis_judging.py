@@ -21,7 +21,7 @@ from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.signal_faults import velocity_lag
 from sysid_ros.diagnosis.wrong_robot import wrong_robot
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 
 
 def with_velocities(rate: float, smooth: float = 0.0) -> Recording:

@@ -14,16 +14,16 @@ from diagnosis_bags import ARM, bag, messages
 from motions import Motion as Path_
 from robots import DATA, robot
 
-from sysid_ros import inertial_parameters
 from sysid_ros.cli.main import run
 from sysid_ros.diagnosis import Diagnosis, JointSide, Recording, diagnose, missing_joints, read_messages
 from sysid_ros.diagnosis.message_faults import find_message_faults
 from sysid_ros.diagnosis.trajectories import simulated_trajectories
 from sysid_ros.exceptions import ModelFileError
-from sysid_ros.model_file import ModelFile
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.settings import OnlineSettings
+from sysid_ros.torque.model_file import ModelFile
 
 FORCE, START, END = np.array([12.0, 5.0, -20.0]), 7.0, 7.6
 
@@ -134,8 +134,8 @@ def test_links_that_are_no_bodies_become_the_nearest_ones_in_the_urdf(tmp_path: 
     from sysid_ros.diagnosis.prepare import prepare
     from sysid_ros.diagnosis.urdf_part import urdf_part
     from sysid_ros.effects import LinkInertia, Payload
-    from sysid_ros.identification.urdf_export import export_urdf
-    from sysid_ros.model_file import EffectBlock, urdf_digest
+    from sysid_ros.torque.model_file import EffectBlock, urdf_digest
+    from sysid_ros.torque.urdf_export import export_urdf
 
     model = robot(ARM)
     train = prepare(model, [recording("fit", 0, 8.0, False)], [])

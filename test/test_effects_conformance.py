@@ -10,10 +10,11 @@ import yaml
 from motions import Motion as Motion_
 from robots import ROBOTS, random_body, random_sample, robot, urdf, with_body
 
-from sysid_ros import effects, inertial_parameters
+from sysid_ros import effects
 from sysid_ros.effects import EFFECTS, Effect, LinkInertia, Motion, Payload
 from sysid_ros.exceptions import ModelFileError, RobotModelError
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import Sample
 
 every_effect = pytest.mark.parametrize("effect_id", EFFECTS)

@@ -17,7 +17,7 @@ from exam.case import LEVELS, draw_case
 from exam.scoring import COMPANIONS, EQUIVALENT, score
 from exam.table import failed_targets, measures, render
 
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation.hidden_effects import (
     DRAWS,
     Circumstances,

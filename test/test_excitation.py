@@ -9,16 +9,16 @@ import pytest
 from robots import robot
 from test_collision_model import chain, kuka
 
-from sysid_ros.collision_model import CollisionModel
 from sysid_ros.exceptions import DataError, SettingsError
+from sysid_ros.excitation.excitation_settings import ExcitationSettings
+from sysid_ros.excitation.excite import Excitation, excite, steps
 from sysid_ros.identification import free_model
-from sysid_ros.identification.excitation import Excitation, excite, steps
-from sysid_ros.identification.excitation_settings import ExcitationSettings
-from sysid_ros.mesh_files import MeshFiles
-from sysid_ros.plots.excitation_plot import write_excitation_plot
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.pages.excitation_plot import write_excitation_plot
+from sysid_ros.robot.collision_model import CollisionModel
+from sysid_ros.robot.mesh_files import MeshFiles
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.torque_model import TorqueModel
 
 QUICK = ExcitationSettings(duration=4.0, harmonics=3, starts=1, comparison=3, floor=-0.4, clearance=0.01, seed=3)
 

@@ -9,19 +9,19 @@ import pytest
 from robots import ROBOTS, robot
 from test_collision_model import chain
 
-from sysid_ros.collision_model import CollisionModel
 from sysid_ros.exceptions import DataError, SettingsError
+from sysid_ros.excitation.constraints import MotionConstraints
+from sysid_ros.excitation.criteria import ExcitationCriteria, random_states
+from sysid_ros.excitation.excitation_settings import ExcitationSettings
+from sysid_ros.excitation.feasibility import Feasibility
+from sysid_ros.excitation.fourier_trajectory import FourierBasis, FourierTrajectory
+from sysid_ros.excitation.joint_limits_file import read_joint_limits
+from sysid_ros.excitation.motion_limits import JointLimit, MotionLimits
 from sysid_ros.identification import BaseParameters, free_model
-from sysid_ros.identification.excitation_constraints import MotionConstraints
-from sysid_ros.identification.excitation_criteria import ExcitationCriteria, random_states
-from sysid_ros.identification.excitation_feasibility import Feasibility
-from sysid_ros.identification.excitation_limits import JointLimit, MotionLimits
-from sysid_ros.identification.excitation_settings import ExcitationSettings
-from sysid_ros.identification.fourier_trajectory import FourierBasis, FourierTrajectory
-from sysid_ros.identification.joint_limits_file import read_joint_limits
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.collision_model import CollisionModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import Sample
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.torque_model import TorqueModel
 
 SETTINGS = ExcitationSettings(position_scale=0.9, velocity_scale=0.5, effort_scale=0.25, acceleration_limit=4.0)
 

@@ -7,17 +7,17 @@ import pinocchio as pin
 import pytest
 from robots import urdf
 
-from sysid_ros.contact_projection import ContactProjection
 from sysid_ros.effects import AccelerometerBias
 from sysid_ros.exceptions import RobotModelError
-from sysid_ros.floating_base import FREE, FloatingBase, floating_base_of, is_legged
-from sysid_ros.floating_derivative import FloatingDerivative
+from sysid_ros.floating.contact_projection import ContactProjection
+from sysid_ros.floating.floating_base import FloatingBase, floating_base_of, is_legged
+from sysid_ros.floating.standing_columns import StandingColumns
 from sysid_ros.input_gate import FloatingGate
 from sysid_ros.input_gate.health import Level
-from sysid_ros.robot_model import RobotModel
-from sysid_ros.sample import ContactRecord, FloatArray, ImuRecord, JointStateRecord, Measurement, Sample, TrunkReading
-from sysid_ros.settings import OnlineSettings
-from sysid_ros.standing_columns import StandingColumns
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FREE, ContactRecord, FloatArray, ImuRecord, JointStateRecord, Measurement, Sample, TrunkReading
+from sysid_ros.signals.floating_derivative import FloatingDerivative
 
 pytest.importorskip("pybullet_data", reason="PyBullet, which brings the quadruped, is not installed (extra sim)")
 
@@ -121,7 +121,7 @@ def test_a_bias_of_the_accelerometer_costs_what_the_inverse_dynamics_say(frame: 
 def test_the_specific_force_is_moved_from_the_imu_to_the_trunk() -> None:
     """A trunk that turns about its origin at a growing rate: the IMU beside it feels the lever, the origin only gravity."""
     place, h = np.array([0.1, -0.05, 0.03]), 0.002
-    derivative = FloatingDerivative(BASE, h, 5)
+    derivative = FloatingDerivative(BASE.robot.n, h, 5)
     samples: list[Sample] = []
     q = np.zeros(LEGS.n) + 0.5 * (np.clip(LEGS.position_lower, -1, 1) + np.clip(LEGS.position_upper, -1, 1))
     for k in range(60):

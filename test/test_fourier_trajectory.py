@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.identification.fourier_trajectory import FourierBasis, FourierTrajectory
+from sysid_ros.excitation.fourier_trajectory import FourierBasis, FourierTrajectory
 
 
 def motion(

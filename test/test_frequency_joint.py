@@ -12,8 +12,8 @@ from sysid_ros.effects import CoulombFriction
 from sysid_ros.exceptions import DataError
 from sysid_ros.frequency import JointCheck, check_frequency
 from sysid_ros.identification import Recording
-from sysid_ros.known_effect import KnownEffect
 from sysid_ros.sample import FloatArray
+from sysid_ros.torque.known_effect import KnownEffect
 
 ELASTIC = TwoMass(stiffness=4000.0, spring_damping=4.0, damping=0.2)
 RIGID = TwoMass()

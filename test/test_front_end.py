@@ -7,13 +7,13 @@ import pytest
 from motions import Motion, measurements
 from robots import random_body, robot
 
-from sysid_ros import inertial_parameters
 from sysid_ros.effects import CoulombFriction, LinkInertia, Payload, TorqueOffset, ViscousFriction
-from sysid_ros.front_end import FrontEnd, Rows, white_noise_variance
-from sysid_ros.model_check import ModelCheck
-from sysid_ros.payload_events import EventLog
+from sysid_ros.online.front_end import FrontEnd, Rows, white_noise_variance
+from sysid_ros.online.model_check import ModelCheck
+from sysid_ros.online.payload_events import EventLog
+from sysid_ros.robot import inertial_parameters
 from sysid_ros.sample import Measurement
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.torque_model import TorqueModel
 
 
 def rows_of(front_end: FrontEnd, stream: list[Measurement]) -> list[Rows]:

@@ -12,7 +12,7 @@ pytest.importorskip("pybullet", reason="the simulation needs PyBullet: pip insta
 from robots import ROBOTS, robot
 from scipy.signal import butter, sosfiltfilt
 
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation.hidden_effects import (
     DRAWS,
     OUTSIDE,

@@ -24,7 +24,7 @@ from sysid_ros.identification import (
     identify_recordings,
 )
 from sysid_ros.identification.least_squares import fit, noise_density
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 
 MODEL = robot("iiwa")
@@ -151,7 +151,7 @@ def test_what_is_found_is_consistent(result: Identification) -> None:
 
 
 def test_the_model_file_explains_the_torque_of_the_robot(result: Identification) -> None:
-    from sysid_ros.torque_model import TorqueModel
+    from sysid_ros.torque.torque_model import TorqueModel
 
     known = TorqueModel(MODEL, [Payload(MODEL)], result.model.known_effects(MODEL))
     motion = Motion(MODEL, 9, speed=0.8)

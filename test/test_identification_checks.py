@@ -15,7 +15,7 @@ from sysid_ros.identification.channel_checks import check_channels
 from sysid_ros.identification.from_recordings import prepared_rows
 from sysid_ros.identification.plausibility import check_plausible
 from sysid_ros.identification.spectrum import choose_cutoff
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 
 MODEL = robot("iiwa")
 TRUTH = hidden_parameters(MODEL, 1)

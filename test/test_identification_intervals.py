@@ -13,7 +13,7 @@ from sysid_ros.identification.coloured_noise import whiteness
 from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.least_squares import METHODS, fit
 from sysid_ros.identification.spectrum import choose_cutoff
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 MODEL = robot("iiwa")

@@ -13,13 +13,13 @@ import pytest
 from arm_recordings import hidden_parameters, recorded
 from robots import robot
 
-from sysid_ros import inertial_parameters
 from sysid_ros.identification import Choices, Identification, identify_recordings
 from sysid_ros.identification.payload_difference import PayloadDifference
-from sysid_ros.identification.report import report_page, write_report
-from sysid_ros.identification.report_tables import number
-from sysid_ros.identification.residual_curves import class_means, spectrum
 from sysid_ros.identification.result import Problem, ResidualSeries
+from sysid_ros.pages.identification_page import report_page, write_report
+from sysid_ros.pages.identification_tables import number
+from sysid_ros.pages.residual_curves import class_means, spectrum
+from sysid_ros.robot import inertial_parameters
 
 ARM = robot("small_arm")
 PROVENANCE = {"bags": ["a.mcap", "b.mcap"], "command": "sysid identify 'a & b'", "version": "1.2.3"}

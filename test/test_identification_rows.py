@@ -12,7 +12,7 @@ from robots import ROBOTS, random_sample, robot
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification import Recording, collect_rows, free_model, rows
 from sysid_ros.identification.base_groups import base_of_range, determined_by, group_matrix, in_words
-from sysid_ros.identification.zero_phase import GaussianLowPass, KinematicFilter, on_even_grid
+from sysid_ros.signals.zero_phase import GaussianLowPass, KinematicFilter, on_even_grid
 
 MODEL = robot("iiwa")
 TRUTH = hidden_parameters(MODEL, 2)

@@ -12,35 +12,28 @@ PACKAGE = Path(__file__).resolve().parents[1] / "sysid_ros"
 
 # Each unit (a module of the root, or a sub-package) imports only units of earlier rows, and itself.
 LEVELS = (
-    {"exceptions"},
-    {"ground_contact", "mesh_files", "plain_json", "sample", "settings", "urdf"},
-    {"cadence", "contact_kernels", "inertial_parameters", "joint_choice", "equivalent_box", "rotation"},
-    {"payload_estimate", "physical_projection", "robot_model"},
-    {"effects", "collision_model", "commit_gate", "contact_kinematics", "drive"},
-    {"floating_base"},
-    {"contact_projection"},
-    {"stance_log", "standing_columns"},
-    {"known_effect"},
-    {"known_error"},
-    {"torque_model"},
-    {"estimators", "input_gate", "low_pass", "model_check", "model_file", "payload_events", "signals"},
-    {"floating_derivative", "gravity_row"},
-    {"front_end"},
-    {"free_parameters"},
-    {"judgement", "identification"},
+    {"exceptions", "plain_json", "sample"},
+    {"online_settings"},
+    {"robot"},
+    {"signals"},
+    {"effects"},
+    {"floating"},
+    {"torque"},
+    {"estimators", "excitation", "input_gate"},
     {"online"},
-    {"live_estimation", "replay", "warm_up"},
-    {"control", "frequency"},
+    {"control"},
     {"simulation"},
-    {"diagnosis"},
-    {"plots", "sources"},
+    {"identification"},
+    {"diagnosis", "frequency"},
+    {"sources"},
+    {"pages"},
     {"nodes"},
     {"cli"},
 )
 LEVEL_OF = {unit: level for level, units in enumerate(LEVELS) for unit in units}
 
 # Estimators know no robotics: of the package they see errors, settings and the array type.
-ONLY = {"estimators": {"exceptions", "sample", "settings"}}
+ONLY = {"estimators": {"exceptions", "sample", "online_settings"}}
 
 # Where each foreign package may be imported. Message packages are ROS as much as rclpy is.
 ROS = ("rclpy", "ament_index_python", "builtin_interfaces", "rcl_interfaces", "launch", "launch_ros")
@@ -49,8 +42,8 @@ CONFINED = {
     "pybullet": {"simulation", "nodes"},
     "pybullet_data": {"simulation", "nodes"},
     "pybullet_utils": {"simulation", "nodes"},
-    "pinocchio": {"collision_model", "contact_kinematics", "robot_model"},
-    "coal": {"collision_model"},
+    "pinocchio": {"robot", "floating"},
+    "coal": {"robot"},
     "click": {"cli"},
 }
 

@@ -8,7 +8,7 @@ import pytest
 from robots import random_body
 from scipy.spatial.transform import Rotation
 
-from sysid_ros import inertial_parameters as ip
+from sysid_ros.robot import inertial_parameters as ip
 from sysid_ros.sample import FloatArray
 
 

@@ -12,9 +12,9 @@ import pytest
 
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.input_gate import InputGate, Level, Rejection
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import JointStateRecord, Measurement
-from sysid_ros.settings import OnlineSettings
 from sysid_ros.sources import BagSource
 
 ROBOT = RobotModel.from_urdf((Path(__file__).parent / "data" / "small_arm.urdf").read_text())

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sysid_ros.commit_gate import CommitGate, CommitSettings
-from sysid_ros.equivalent_box import equivalent_box, quaternion
 from sysid_ros.exceptions import RobotModelError
-from sysid_ros.joint_choice import JointChoice
-from sysid_ros.live_estimation import LiveEstimation
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online.commit_gate import CommitGate, CommitSettings
+from sysid_ros.online.live_estimation import LiveEstimation
+from sysid_ros.online.warm_up import warm_up
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.equivalent_box import equivalent_box, quaternion
+from sysid_ros.robot.joint_choice import JointChoice
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import JointStateRecord
-from sysid_ros.settings import OnlineSettings
-from sysid_ros.warm_up import warm_up
 
 URDF = (Path(__file__).parent / "data" / "small_arm.urdf").read_text()
 ROBOT = RobotModel.from_urdf(URDF)

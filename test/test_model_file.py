@@ -13,8 +13,8 @@ from robots import random_sample, robot, urdf
 
 from sysid_ros.effects import EFFECTS
 from sysid_ros.exceptions import ModelFileError
-from sysid_ros.model_file import EffectBlock, ModelFile, urdf_digest
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.torque.model_file import EffectBlock, ModelFile, urdf_digest
 
 
 def example(covariance: bool = True) -> ModelFile:
@@ -114,9 +114,9 @@ def test_the_order_of_the_joints_in_the_file_does_not_matter(tmp_path: Path) -> 
     file, model = ModelFile.read(tmp_path / "model.yaml"), robot("small_arm")
     file.known_effects(model)
     by_joint = dict(zip(file.joints, file.torque_std, strict=True))
-    from sysid_ros.free_parameters import FreeParameters
+    from sysid_ros.online.free_parameters import FreeParameters
+    from sysid_ros.online_settings import OnlineSettings
     from sysid_ros.sample import Measurement
-    from sysid_ros.settings import OnlineSettings
 
     free = FreeParameters(model, OnlineSettings(), file)
     still = [Measurement(0.01 * k, np.zeros(4), None, np.zeros(4)) for k in range(30)]

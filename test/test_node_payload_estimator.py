@@ -35,10 +35,10 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
-from sysid_ros.inertial_parameters import TO_MESSAGE_ORDER
 from sysid_ros.nodes.messages import stamp_of
 from sysid_ros.nodes.online_payload_estimator import OnlinePayloadEstimator
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.inertial_parameters import TO_MESSAGE_ORDER
+from sysid_ros.robot.robot_model import RobotModel
 
 ROOT = Path(__file__).resolve().parents[1]
 URDF = Path(__file__).parent / "data" / "small_arm.urdf"

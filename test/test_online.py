@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 from motions import Motion, measurements
 from robots import random_body, robot, urdf
 
-from sysid_ros import inertial_parameters
 from sysid_ros.effects import CoulombFriction, Effect, Payload, TorqueOffset, ViscousFriction
 from sysid_ros.exceptions import ModelFileError, RobotModelError
-from sysid_ros.model_file import EffectBlock, ModelFile
-from sysid_ros.online import OnlineEstimation
-from sysid_ros.payload_estimate import STATUSES, PayloadEstimate
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online.payload_estimate import STATUSES, PayloadEstimate
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement
-from sysid_ros.settings import OnlineSettings
+from sysid_ros.torque.model_file import EffectBlock, ModelFile
 
 RATE = 250.0
 START = 100.0

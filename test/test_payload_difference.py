@@ -9,15 +9,15 @@ import pytest
 from arm_recordings import hidden_parameters, recorded
 from robots import random_body, robot, urdf, with_body
 
-from sysid_ros import inertial_parameters
 from sysid_ros.exceptions import DataError, RobotModelError
 from sysid_ros.identification import collect_rows, free_model
 from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.least_squares import Fit, fit
 from sysid_ros.identification.payload_difference import PayloadDifference, payload_difference
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.torque_model import TorqueModel
 
 MODEL = robot("iiwa")
 UR10E = Path(__file__).resolve().parents[2] / "shared" / "data" / "ur10e"
@@ -128,8 +128,8 @@ def test_payloads_of_a_real_arm(run: str, mass: float, part: float) -> None:
     from sysid_ros.cli.inputs import open_bag
     from sysid_ros.identification import Recording
     from sysid_ros.input_gate import InputGate
+    from sysid_ros.online_settings import OnlineSettings
     from sysid_ros.sample import Measurement
-    from sysid_ros.settings import OnlineSettings
 
     fits, settings = [], OnlineSettings()
     for names in (("fourier14_noload", "fast20_noload"), (run,)):

@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sysid_ros import inertial_parameters
 from sysid_ros.exceptions import DataError, SettingsError
-from sysid_ros.payload_estimate import PayloadEstimate, PayloadEvent
-from sysid_ros.plots import TruthSegment, check_plot_path, write_payload_plot
-from sysid_ros.plots.payload_curves import (
+from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
+from sysid_ros.pages import TruthSegment, check_plot_path, write_payload_plot
+from sysid_ros.pages.payload_curves import (
     Curve,
     event_text,
     inertia_diagonal_jacobian,
@@ -21,7 +20,8 @@ from sysid_ros.plots.payload_curves import (
     status_spans,
     with_gaps,
 )
-from sysid_ros.plots.payload_figure import payload_figure
+from sysid_ros.pages.payload_figure import payload_figure
+from sysid_ros.robot import inertial_parameters
 
 JOINTS = ("shoulder", "elbow", "wrist")
 COM = np.array([0.03, -0.02, 0.08])

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from robots import ROBOTS, random_body, random_sample, robot, urdf
 
-from sysid_ros import inertial_parameters
 from sysid_ros.effects import LinkInertia
 from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.identification import free_model
 from sysid_ros.identification.physical_consistency import PhysicalProblem, require_physical
 from sysid_ros.identification.prior_weight import WEIGHTS, choose_weights
 from sysid_ros.identification.reference_bodies import reference_bodies
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.torque_model import TorqueModel
 
 
 def truth_of(model: TorqueModel, rng: np.random.Generator) -> FloatArray:

@@ -11,8 +11,8 @@ from robots import robot
 
 from sysid_ros.identification import Choices, Identification, Recording, free_model, identify_recordings
 from sysid_ros.identification.physical_consistency import require_physical
-from sysid_ros.identification.urdf_export import check_model_file, export_urdf
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.torque.urdf_export import check_model_file, export_urdf
 
 UR10E = Path(__file__).resolve().parents[2] / "shared" / "data" / "ur10e"
 
@@ -48,8 +48,8 @@ def test_a_real_arm(tmp_path: Path) -> None:
         pytest.skip("the measured data are not beside the project")
     from sysid_ros.cli.inputs import open_bag
     from sysid_ros.input_gate import InputGate
+    from sysid_ros.online_settings import OnlineSettings
     from sysid_ros.sample import Measurement
-    from sysid_ros.settings import OnlineSettings
 
     recordings, settings = [], OnlineSettings()
     for name in ("fourier14_noload", "fast20_noload"):

@@ -13,11 +13,11 @@ import pytest
 
 from sysid_ros.cli import main
 from sysid_ros.input_gate import gate_for
-from sysid_ros.online import OnlineEstimation
-from sysid_ros.replay import Replay, replay
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online.replay import Replay, replay
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
-from sysid_ros.settings import OnlineSettings
 from sysid_ros.sources import BagRecorder, BagSource, FloatingBagSource
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "quadruped_trot"

@@ -10,14 +10,14 @@ import numpy as np
 import pinocchio
 import pytest
 
-from sysid_ros import inertial_parameters
-from sysid_ros.floating_base import FREE, FloatingBase
+from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.input_gate import gate_for
-from sysid_ros.online import OnlineEstimation
-from sysid_ros.replay import Replay, replay
-from sysid_ros.robot_model import RobotModel
-from sysid_ros.sample import ContactRecord, FloatArray, ImuRecord, JointStateRecord
-from sysid_ros.settings import OnlineSettings
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online.replay import Replay, replay
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FREE, ContactRecord, FloatArray, ImuRecord, JointStateRecord
 
 DESCRIPTIONS = [p / "share/example-robot-data/robots" for p in Path(pinocchio.__file__).parents]
 # where its URDF is; angles of the hip, the thigh and the knee of a front leg [rad]; whether hind legs bend the other way

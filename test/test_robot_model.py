@@ -10,7 +10,7 @@ import pytest
 from robots import ROBOTS, random_sample, robot, urdf
 
 from sysid_ros.exceptions import RobotModelError
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 
 every_robot = pytest.mark.parametrize("robot_name", ROBOTS)
 TREE_JOINTS = ("lift", "left_shoulder", "left_wrist", "grip", "right_shoulder", "right_turn", "right_slide")

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.settings import OnlineSettings
+from sysid_ros.online_settings import OnlineSettings
 
 FIELDS = {f.name: f for f in fields(OnlineSettings)}
 DEFAULTS = OnlineSettings()

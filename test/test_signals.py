@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from sysid_ros.low_pass import LowPassBank, butterworth_sections
 from sysid_ros.sample import FloatArray, Measurement, Sample
-from sysid_ros.signals import CausalDerivative, default_cutoff, slope_weights, value_weights, window_half_width
+from sysid_ros.signals.causal_derivative import CausalDerivative, default_cutoff, slope_weights, value_weights, window_half_width
+from sysid_ros.signals.low_pass import LowPassBank, butterworth_sections
 
 PERIOD = 0.004
 

@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("pybullet", reason="the simulation needs PyBullet: pip install 'sysid_ros[sim]'")
 
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.inertial_parameters import is_physical, to_com
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.inertial_parameters import is_physical, to_com
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation import ArmRecord, ArmScenario, ArmSimulation, ExcitingTrajectory, simulate_arm
 from sysid_ros.simulation.arm import ArmWorld
 from sysid_ros.simulation.description import HOME, TIP_LINK, arm_description

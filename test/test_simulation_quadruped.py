@@ -8,9 +8,9 @@ import pytest
 pytest.importorskip("pybullet", reason="PyBullet is not installed (extra sim)")
 
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.floating_base import FREE, FloatingBase
-from sysid_ros.robot_model import RobotModel
-from sysid_ros.sample import FloatArray
+from sysid_ros.floating.floating_base import FloatingBase
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FREE, FloatArray
 from sysid_ros.simulation.quadruped_description import BACK, FEET, TRUNK, quadruped_description
 from sysid_ros.simulation.quadruped_record import QuadrupedRecord, simulate_quadruped
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario

@@ -12,9 +12,9 @@ from sysid_ros.effects import CoulombFriction, Effect, LinkInertia, Payload, Rot
 from sysid_ros.exceptions import ModelFileError, SysidError
 from sysid_ros.identification import free_model
 from sysid_ros.identification.error_directions import error_directions
-from sysid_ros.known_effect import KnownEffect
 from sysid_ros.sample import Sample
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.known_effect import KnownEffect
+from sysid_ros.torque.torque_model import TorqueModel
 
 BESIDE = (Payload, ViscousFriction, CoulombFriction, RotorInertia, TorqueOffset)
 

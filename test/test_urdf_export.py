@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from robots import ROBOTS, random_body, robot, urdf, with_body
 
-from sysid_ros import inertial_parameters
 from sysid_ros.effects import EFFECTS, CoulombFriction, Effect, LinkInertia, RotorInertia, ViscousFriction
 from sysid_ros.exceptions import ModelFileError
-from sysid_ros.identification.urdf_export import check_model_file, check_urdf, export_urdf, identified_urdf
-from sysid_ros.model_file import EffectBlock, ModelFile, urdf_digest
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.torque.model_file import EffectBlock, ModelFile, urdf_digest
+from sysid_ros.torque.urdf_export import check_model_file, check_urdf, export_urdf, identified_urdf
 
 
 def model_file(robot: RobotModel, parts: list[tuple[Effect, FloatArray]]) -> ModelFile:

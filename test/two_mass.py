@@ -15,9 +15,9 @@ from scipy import linalg, signal
 
 from sysid_ros.effects import RotorInertia, ViscousFriction
 from sysid_ros.identification import Recording
-from sysid_ros.known_effect import KnownEffect
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.torque.known_effect import KnownEffect
 
 FINE = 5e-4
 START = 100.0

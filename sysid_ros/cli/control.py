@@ -12,11 +12,11 @@ from rich import box
 from rich.table import Table
 
 from sysid_ros.cli.output import ManyValues, note, progress_bar, report, write_json
-from sysid_ros.control.settings import ControlSettings
+from sysid_ros.control.control_settings import ControlSettings
 from sysid_ros.control.tracking_run import TrackingRun
 from sysid_ros.exceptions import SettingsError, SysidError
-from sysid_ros.model_file import ModelFile
-from sysid_ros.plots import check_plot_path
+from sysid_ros.pages import check_plot_path
+from sysid_ros.torque.model_file import ModelFile
 
 try:
     from sysid_ros.cli.simulate import joint_values
@@ -123,7 +123,7 @@ def command(
     if json_path is not None:
         write_json(json_path, {"scenario": _plain(scenario), "laws": [_summary(run, scenario) for run in runs]})
     if plot_path is not None:
-        from sysid_ros.plots.tracking_plot import write_tracking_plot
+        from sysid_ros.pages.tracking_plot import write_tracking_plot
 
         write_tracking_plot(plot_path, runs, _events(scenario), options["payload_mass"])
         note(f"Figure written to {plot_path}.")

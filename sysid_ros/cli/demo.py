@@ -18,9 +18,9 @@ from sysid_ros.cli.demo_display import Display, Picture, comparison_table
 from sysid_ros.cli.demo_processes import DemoProcess, ProcessFailed, ros_arguments, write_urdf
 from sysid_ros.cli.demo_verdict import CRITERION, EVENT_DELAY, compare, objections
 from sysid_ros.exceptions import SysidError
-from sysid_ros.payload_estimate import PayloadEvent
-from sysid_ros.plots import TruthSegment, write_payload_plot
-from sysid_ros.plots.payload_curves import event_text
+from sysid_ros.online.payload_estimate import PayloadEvent
+from sysid_ros.pages import TruthSegment, write_payload_plot
+from sysid_ros.pages.payload_curves import event_text
 
 if TYPE_CHECKING:
     from sysid_ros.nodes.demo_monitor import DemoMonitor, Listener

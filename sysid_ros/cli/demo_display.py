@@ -13,9 +13,9 @@ from rich.table import Table
 from rich.text import Text
 
 from sysid_ros.cli.demo_verdict import Comparison, compare
-from sysid_ros.payload_estimate import PayloadEstimate, PayloadEvent
-from sysid_ros.plots import TruthSegment
-from sysid_ros.plots.payload_curves import event_text
+from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
+from sysid_ros.pages import TruthSegment
+from sysid_ros.pages.payload_curves import event_text
 
 _STYLE = {"ok": "green", "no_payload": "bright_black", "warming_up": "yellow", "not_excited": "cyan", "inconsistent": "bold red"}
 _ROWS = ("mass", "com x", "com y", "com z", "Ixx", "Iyy", "Izz")

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros import inertial_parameters
-from sysid_ros.payload_estimate import PayloadEstimate, PayloadEvent
-from sysid_ros.plots import TruthSegment
-from sysid_ros.plots.payload_curves import inertia_diagonal_jacobian
+from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
+from sysid_ros.pages import TruthSegment
+from sysid_ros.pages.payload_curves import inertia_diagonal_jacobian
+from sysid_ros.robot import inertial_parameters
 from sysid_ros.sample import FloatArray
 
 MASS_PART = 0.05

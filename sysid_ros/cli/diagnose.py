@@ -14,10 +14,10 @@ from sysid_ros.cli.inputs import open_bag, read_config, settings_from
 from sysid_ros.cli.output import ManyValues, command_line, note, progress_bar, warn, write_json
 from sysid_ros.diagnosis import Diagnosis, Recording, diagnose, missing_joints, read_messages, with_temperatures
 from sysid_ros.exceptions import DataError, RobotModelError
-from sysid_ros.model_file import ModelFile
-from sysid_ros.robot_model import RobotModel
-from sysid_ros.settings import OnlineSettings
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sources import temperatures
+from sysid_ros.torque.model_file import ModelFile
 
 _PATH = click.Path(path_type=Path)
 BAD_INPUT = 2

@@ -13,9 +13,9 @@ from rich.table import Table
 from sysid_ros.cli.output import note, report, write_json
 from sysid_ros.diagnosis import Diagnosis, JointSide, Trajectories, simulated_trajectories
 from sysid_ros.exceptions import ModelFileError, RobotModelError
-from sysid_ros.identification.urdf_export import export_urdf
-from sysid_ros.model_file import ModelFile
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.torque.model_file import ModelFile
+from sysid_ros.torque.urdf_export import export_urdf
 
 
 def progress_lines() -> Callable[[str], None]:
@@ -28,7 +28,7 @@ def write_files(
     result: Diagnosis, robot: RobotModel | None, folder: Path, provenance: dict[str, object], known: ModelFile | None = None
 ) -> None:
     """Write the report, the document for machines, the extended model and its predictions into a folder."""
-    from sysid_ros.plots.diagnosis_page import diagnosis_page
+    from sysid_ros.pages.diagnosis_page import diagnosis_page
 
     folder.mkdir(parents=True, exist_ok=True)
     write_json(folder / "diagnosis.json", result.as_dict())

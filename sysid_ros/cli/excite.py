@@ -12,15 +12,15 @@ import numpy as np
 from sysid_ros.cli.excite_report import as_json, show
 from sysid_ros.cli.inputs import read_config, settings_from
 from sysid_ros.cli.output import ManyValues, note, progress_bar, warn, write_json
-from sysid_ros.collision_model import CollisionModel
 from sysid_ros.exceptions import BagError, SettingsError
+from sysid_ros.excitation.excitation_settings import ExcitationSettings
+from sysid_ros.excitation.excite import Excitation, excite, steps
+from sysid_ros.excitation.joint_limits_file import read_joint_limits
 from sysid_ros.identification import free_model
-from sysid_ros.identification.excitation import Excitation, excite, steps
-from sysid_ros.identification.excitation_settings import ExcitationSettings
-from sysid_ros.identification.joint_limits_file import read_joint_limits
-from sysid_ros.mesh_files import MeshFiles
-from sysid_ros.plots import check_plot_path
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.pages import check_plot_path
+from sysid_ros.robot.collision_model import CollisionModel
+from sysid_ros.robot.mesh_files import MeshFiles
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.sources import urdf_text
 from sysid_ros.sources.joint_trajectory import JointTrajectory
@@ -163,7 +163,7 @@ def command(
     if json_path is not None:
         write_json(json_path, as_json(result, settings))
     if plot is not None:
-        from sysid_ros.plots.excitation_plot import write_excitation_plot
+        from sysid_ros.pages.excitation_plot import write_excitation_plot
 
         write_excitation_plot(plot, result, f"Exciting motion of {robot.name}")
     show(result)

@@ -10,10 +10,10 @@ from rich import box
 from rich.table import Table
 
 from sysid_ros.cli.output import report
-from sysid_ros.identification.excitation import Excitation
-from sysid_ros.identification.excitation_criteria import Criteria
-from sysid_ros.identification.excitation_limits import KINDS
-from sysid_ros.identification.excitation_settings import ExcitationSettings
+from sysid_ros.excitation.criteria import Criteria
+from sysid_ros.excitation.excitation_settings import ExcitationSettings
+from sysid_ros.excitation.excite import Excitation
+from sysid_ros.excitation.motion_limits import KINDS
 
 _ROWS = (
     ("D", "log det of the information, more is better", "d"),

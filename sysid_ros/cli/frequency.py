@@ -13,9 +13,9 @@ from sysid_ros.cli.output import ManyValues, command_line, note, progress_bar, w
 from sysid_ros.cli.recordings import read_recording
 from sysid_ros.frequency import check_frequency
 from sysid_ros.identification.result import Problem
-from sysid_ros.model_file import ModelFile
-from sysid_ros.plots import check_plot_path
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.pages import check_plot_path
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.torque.model_file import ModelFile
 
 _PATH = click.Path(path_type=Path)
 
@@ -92,7 +92,7 @@ def command(
         write_json(json_path, result.as_dict())
     show(result)
     if plot:
-        from sysid_ros.plots.frequency_plot import write_frequency_plot
+        from sysid_ros.pages.frequency_plot import write_frequency_plot
 
         model = f"{model_path.name}" if model_path else "the URDF"
         write_frequency_plot(plot, result, f"Measured torque over that of {model}: {', '.join(b.name for b in bags)}")

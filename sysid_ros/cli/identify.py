@@ -18,8 +18,8 @@ from sysid_ros.identification.friction_search import FRICTIONS
 from sysid_ros.identification.least_squares import METHODS
 from sysid_ros.identification.result import Problem
 from sysid_ros.identification.rows import FORMS
-from sysid_ros.identification.urdf_export import check_model_file, export_urdf
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.torque.urdf_export import check_model_file, export_urdf
 
 _PATH = click.Path(path_type=Path)
 
@@ -150,7 +150,7 @@ def command(
             note(sentence)
         note(f"URDF written to {urdf_out}.")
     if report_path:
-        from sysid_ros.identification.report import write_report
+        from sysid_ros.pages.identification_page import write_report
 
         write_report(report_path, result, provenance)
         note(f"Report written to {report_path}.")

@@ -15,8 +15,8 @@ from rich.table import Table
 
 from sysid_ros.cli.output import report
 from sysid_ros.identification import Identification
-from sysid_ros.identification.residual_curves import residual_curves
 from sysid_ros.identification.result import Parameter, TorqueError
+from sysid_ros.pages.residual_curves import residual_curves
 from sysid_ros.plain_json import plain
 
 _COLUMNS = {

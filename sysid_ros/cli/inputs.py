@@ -10,8 +10,8 @@ import yaml
 
 from sysid_ros.cli.output import note
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.robot_model import RobotModel
-from sysid_ros.settings import OnlineSettings
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sources import BagSource, urdf_text
 
 

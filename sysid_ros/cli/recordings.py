@@ -10,9 +10,9 @@ from sysid_ros.exceptions import DataError, RobotModelError
 from sysid_ros.identification import Recording
 from sysid_ros.identification.result import Problem
 from sysid_ros.input_gate import InputGate
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import Measurement
-from sysid_ros.settings import OnlineSettings
 
 _MOST_REJECTED = 0.5
 

@@ -11,10 +11,10 @@ from sysid_ros.cli.inputs import open_bag, read_config, settings_from
 from sysid_ros.cli.output import progress_bar, report, warn, write_json
 from sysid_ros.exceptions import BagError
 from sysid_ros.input_gate import gate_for
-from sysid_ros.model_file import ModelFile
-from sysid_ros.online import OnlineEstimation
-from sysid_ros.replay import Replay, as_json, replay, write_series
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online.replay import Replay, as_json, replay, write_series
 from sysid_ros.sources import FloatingBagSource
+from sysid_ros.torque.model_file import ModelFile
 
 _PATH = click.Path(path_type=Path)
 
@@ -74,7 +74,7 @@ def command(
     if series_path:
         write_series(series_path, result.series)
     if plot_path:
-        from sysid_ros.plots import write_payload_plot  # drawing libraries take a second to import
+        from sysid_ros.pages import write_payload_plot  # drawing libraries take a second to import
 
         write_payload_plot(plot_path, result.series, result.events, robot.joint_names, f"Payload in {bag.name}")
     for sentence in result.warnings:

@@ -16,7 +16,7 @@ try:
     from sysid_ros.cli.simulate_output import conclude, prepare, simulated
     from sysid_ros.cli.simulate_quadruped import quadruped
     from sysid_ros.simulation import ArmScenario, simulate_arm
-    from sysid_ros.simulation.recording import write_recording
+    from sysid_ros.simulation.bag_and_truth import write_recording
 except ModuleNotFoundError as missing:
     if not (missing.name or "").startswith("pybullet"):
         raise

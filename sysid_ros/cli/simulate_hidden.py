@@ -17,8 +17,8 @@ from sysid_ros.cli.output import warn
 from sysid_ros.cli.simulate_output import Bar, named_option
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.sample import JointStateRecord
+from sysid_ros.simulation.bag_and_truth import START_TIME, truth_path, write_truth
 from sysid_ros.simulation.description import arm_description
-from sysid_ros.simulation.recording import START_TIME, truth_path, write_truth
 from sysid_ros.sources import BagRecorder
 
 _SHARED = {"seed", "duration", "rate", "encoder_noise", "torque_noise", "velocity_noise"}

@@ -14,7 +14,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from sysid_ros.exceptions import BagError, SettingsError
-from sysid_ros.simulation.recording import START_TIME, truth_path, write_truth
+from sysid_ros.simulation.bag_and_truth import START_TIME, truth_path, write_truth
 
 Record = TypeVar("Record")
 

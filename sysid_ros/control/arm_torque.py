@@ -8,10 +8,10 @@ import numpy as np
 
 from sysid_ros.effects import CoulombFriction, LinkInertia, Payload, RotorInertia, ViscousFriction
 from sysid_ros.exceptions import ModelFileError
-from sysid_ros.known_effect import KnownEffect
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.known_effect import KnownEffect
+from sysid_ros.torque.torque_model import TorqueModel
 
 
 class ArmTorque:

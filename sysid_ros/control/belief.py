@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid_ros.payload_estimate import PayloadEstimate
+from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.sample import FloatArray
 
 _BELIEVED = ("ok", "no_payload", "not_excited")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from sysid_ros.control.arm_torque import ArmTorque
+from sysid_ros.control.control_settings import ControlSettings
 from sysid_ros.control.controller import TrackingController
 from sysid_ros.control.feedback import Feedback
 from sysid_ros.control.reference import Reference
-from sysid_ros.control.settings import ControlSettings
 from sysid_ros.sample import FloatArray
 
 

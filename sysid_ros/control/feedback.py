@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sysid_ros.control.arm_torque import ArmTorque
-from sysid_ros.control.settings import ControlSettings
+from sysid_ros.control.control_settings import ControlSettings
 from sysid_ros.sample import FloatArray
 
 _POSTURES = 50

@@ -5,8 +5,8 @@ from __future__ import annotations
 from sysid_ros.control.arm_torque import ArmTorque
 from sysid_ros.control.certainty_equivalence import CertaintyEquivalence
 from sysid_ros.control.computed_torque import ComputedTorque
+from sysid_ros.control.control_settings import ControlSettings
 from sysid_ros.control.controller import TrackingController
-from sysid_ros.control.settings import ControlSettings
 from sysid_ros.control.slotine_li import SlotineLi
 from sysid_ros.exceptions import SettingsError
 

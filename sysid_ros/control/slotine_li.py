@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid_ros import inertial_parameters
 from sysid_ros.control.arm_torque import ArmTorque
+from sysid_ros.control.control_settings import ControlSettings
 from sysid_ros.control.controller import TrackingController
 from sysid_ros.control.feedback import Feedback, postures
 from sysid_ros.control.reference import Reference
-from sysid_ros.control.settings import ControlSettings
-from sysid_ros.physical_projection import project
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.physical_projection import project
 from sysid_ros.sample import FloatArray
 
 _SLOWEST = 10.0

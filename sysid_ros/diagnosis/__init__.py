@@ -4,10 +4,10 @@ from sysid_ros.diagnosis.diagnose import diagnose
 from sysid_ros.diagnosis.joint_side import JointSide
 from sysid_ros.diagnosis.messages import read_messages
 from sysid_ros.diagnosis.missing_joints import missing_joints
-from sysid_ros.diagnosis.recording import Recording
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter
 from sysid_ros.diagnosis.temperature import with_temperatures
 from sysid_ros.diagnosis.trajectories import Trajectories, simulated_trajectories
+from sysid_ros.signals.recording import Recording
 
 __all__ = [
     "Diagnosis",

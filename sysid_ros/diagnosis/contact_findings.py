@@ -13,7 +13,7 @@ from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Finding, Parameter
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.effects import ExternalForce
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 
 _95 = 1.959964
 _EDGE = 0.03

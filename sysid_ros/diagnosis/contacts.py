@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from sysid_ros.diagnosis.recording import Recording
 from sysid_ros.effects import Motion
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 
 _SMOOTH = 0.05
 _PEAK, _REST = 40.0, 5.0

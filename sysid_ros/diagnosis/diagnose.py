@@ -25,7 +25,6 @@ from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.link_masses import with_masses
 from sysid_ros.diagnosis.message_faults import in_order
 from sysid_ros.diagnosis.prepare import Prepared, prepare
-from sysid_ros.diagnosis.recording import Recording
 from sysid_ros.diagnosis.reporting import report
 from sysid_ros.diagnosis.result import Diagnosis, SimulationError
 from sysid_ros.diagnosis.selection import Selection
@@ -35,8 +34,9 @@ from sysid_ros.diagnosis.time_or_temperature import better_drift
 from sysid_ros.diagnosis.urdf_part import urdf_part
 from sysid_ros.diagnosis.wrong_robot import wrong_robot
 from sysid_ros.exceptions import DataError
-from sysid_ros.model_file import ModelFile
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.signals.recording import Recording
+from sysid_ros.torque.model_file import ModelFile
 
 _HELD_OUT = 0.3
 """Part of the recordings that is held out where no others are given to judge on."""

@@ -11,9 +11,9 @@ from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import CoulombFriction, LinkInertia, ViscousFriction
-from sysid_ros.model_file import EffectBlock, ModelFile, urdf_digest
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.torque.model_file import EffectBlock, ModelFile, urdf_digest
 
 
 def extended_model(

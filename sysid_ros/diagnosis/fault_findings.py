@@ -12,10 +12,10 @@ from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.message_faults import MessageFaults
 from sysid_ros.diagnosis.prepare import Prepared
-from sysid_ros.diagnosis.recording import Recording
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter, TorqueRmse
 from sysid_ros.diagnosis.signal_faults import quantisation, velocity_lag
 from sysid_ros.effects import ChannelEffect, TorqueQuantisation, TorqueUnit, VelocityLag
+from sysid_ros.signals.recording import Recording
 
 MESSAGE_FAULTS = "message_faults"
 _95 = 1.959964

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid_ros.diagnosis.recording import Recording
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.signals.recording import Recording
 
 _SHORTEST = 4.0
 _STILL = 0.01

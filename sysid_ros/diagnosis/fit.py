@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.diagnosis.band import Band
-from sysid_ros.diagnosis.noise import Noise
 from sysid_ros.diagnosis.term import Term
+from sysid_ros.diagnosis.torque_noise import Noise
 from sysid_ros.sample import FloatArray
 
 Block = tuple[NDArray[np.intp], FloatArray]

@@ -9,7 +9,7 @@ import numpy as np
 from sysid_ros.diagnosis.joint_side import JointSide
 from sysid_ros.diagnosis.result import SimulationError
 from sysid_ros.effects import Motion
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 HORIZON = 0.5

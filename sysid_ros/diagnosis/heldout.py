@@ -15,7 +15,7 @@ from sysid_ros.diagnosis.refine import remake
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.diagnosis.torques import torques
 from sysid_ros.effects import LinkInertia
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 

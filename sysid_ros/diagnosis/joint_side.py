@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.drive import Drive
-from sysid_ros.known_effect import KnownEffect
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.drive import Drive
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.torque.known_effect import KnownEffect
 
 _SIGN = 0.02
 """Width of the sign of a velocity in the models' torque [rad/s]."""

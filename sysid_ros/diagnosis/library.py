@@ -11,7 +11,7 @@ from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.temperature import over_temperature
 from sysid_ros.diagnosis.term import COMPANIONS, Term
 from sysid_ros.effects import EFFECTS, Effect, JointCurves, JointEffect, Motion
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 LOCAL = (

@@ -11,7 +11,7 @@ from sysid_ros.diagnosis.held_out_gate import whitened_cost
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import LinkInertia
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 
 _SURE = 1e-4
 """Probability of masses that are so far from the URDF's, were they only as inexact as any URDF's."""

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.diagnosis.recording import Recording
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 
 _MISSING = 1.6
 """A step between stamps is too long from this multiple of the usual one on."""

@@ -11,13 +11,13 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.diagnosis.recording import Recording
 from sysid_ros.exceptions import DataError
 from sysid_ros.input_gate.mapping import effort_factor
 from sysid_ros.input_gate.rejections import of_length, of_names
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, JointStateRecord
-from sysid_ros.settings import OnlineSettings
+from sysid_ros.signals.recording import Recording
 
 _LATEST_STAMP = 1e12
 

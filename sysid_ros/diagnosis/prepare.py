@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid_ros.diagnosis.band import Band
-from sysid_ros.diagnosis.conditioning import as_measured, motions
 from sysid_ros.diagnosis.fit import Problem
-from sysid_ros.diagnosis.recording import Recording
 from sysid_ros.effects import Motion
-from sysid_ros.known_effect import KnownEffect
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.signals.conditioning import as_measured, motions
+from sysid_ros.signals.recording import Recording
+from sysid_ros.torque.known_effect import KnownEffect
+from sysid_ros.torque.torque_model import TorqueModel
 
 _TURNS = np.geomspace(0.004, 0.15, 18)
 """Speeds at which the dry friction that a URDF declares may have turned [rad/s]: a URDF does not say, and gears and simulators

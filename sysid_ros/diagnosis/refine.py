@@ -10,8 +10,8 @@ import numpy as np
 from sysid_ros.diagnosis.compliant import COMPLIANT, settle
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.noise import Noise
 from sysid_ros.diagnosis.term import Term
+from sysid_ros.diagnosis.torque_noise import Noise
 from sysid_ros.effects import Knob
 
 _STEPS = 8

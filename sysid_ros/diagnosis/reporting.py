@@ -21,7 +21,7 @@ from sysid_ros.diagnosis.selection import EXPECTED, Selection
 from sysid_ros.diagnosis.sentences import sentence
 from sysid_ros.diagnosis.term import COMPANIONS, DRY, Term
 from sysid_ros.diagnosis.time_or_temperature import RECORD_NEXT, SIGNATURE, correlations, drift_cause
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 _MOST_RIVALS = 8

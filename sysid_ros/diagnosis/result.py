@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.model_file import ModelFile
 from sysid_ros.sample import FloatArray
+from sysid_ros.torque.model_file import ModelFile
 
 VERDICTS = ("explained", "partly_explained", "unexplained", "nothing_wrong", "refused")
 

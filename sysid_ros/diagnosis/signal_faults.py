@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import interpolate, optimize, signal
 
-from sysid_ros.diagnosis.recording import Recording
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 
 _BAND = 12.0
 _LEAST_LAG = 1.5e-3

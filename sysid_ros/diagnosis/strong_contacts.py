@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sysid_ros.diagnosis.contacts import SMEARED, Contact, find_contacts, is_change
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.effects import Motion
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 _SIGN = 0.02

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.diagnosis.recording import Recording
 from sysid_ros.effects import Motion
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, TemperatureSeries
+from sysid_ros.signals.recording import Recording
 
 TEMPERATURE = "temperature"
 """What a friction drifts over that follows the temperature of its joint."""

@@ -9,8 +9,8 @@ import numpy as np
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.library import LINK_SIDE, MEASUREMENT, Library
 from sysid_ros.effects import LinkInertia, Payload
-from sysid_ros.inertial_parameters import move
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.inertial_parameters import move
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 

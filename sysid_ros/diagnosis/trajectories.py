@@ -10,8 +10,8 @@ import numpy as np
 
 from sysid_ros.diagnosis.joint_side import JointSide
 from sysid_ros.diagnosis.result import Predictions
-from sysid_ros.drive import Drive
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.drive import Drive
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 HORIZON = 0.5

@@ -6,16 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid_ros import inertial_parameters
 from sysid_ros.diagnosis.extended_model import urdf_dynamics
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.effects import LinkInertia, Payload
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification.physical_consistency import PhysicalProblem
-from sysid_ros.model_file import EffectBlock, ModelFile
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.model_file import EffectBlock, ModelFile
+from sysid_ros.torque.torque_model import TorqueModel
 
 _ROWS = 1500
 _PRIOR = 1.0

@@ -8,10 +8,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.diagnosis.conditioning import motions
-from sysid_ros.diagnosis.recording import Recording
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.conditioning import motions
+from sysid_ros.signals.recording import Recording
 
 _ROWS = 500
 _NEAR = 0.1

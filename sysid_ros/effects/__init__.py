@@ -18,7 +18,6 @@ from sysid_ros.effects.joint_order import JointOrder
 from sysid_ros.effects.joint_sign import JointSign
 from sysid_ros.effects.link_inertia import LinkInertia
 from sysid_ros.effects.load_dependent_friction import LoadDependentFriction
-from sysid_ros.effects.motion import Motion
 from sysid_ros.effects.payload import Payload
 from sysid_ros.effects.payload_change import PayloadChange
 from sysid_ros.effects.presliding_hysteresis import PreslidingHysteresis
@@ -36,6 +35,7 @@ from sysid_ros.effects.torque_sign import TorqueSign
 from sysid_ros.effects.torque_unit import TorqueUnit
 from sysid_ros.effects.velocity_lag import VelocityLag
 from sysid_ros.effects.viscous_friction import ViscousFriction
+from sysid_ros.signals.motion import Motion
 
 _CLASSES: tuple[type[Effect], ...] = (
     LinkInertia,

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sysid_ros.effects.effect import Effect
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 
 

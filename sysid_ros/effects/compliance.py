@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sysid_ros.effects.motion import Motion
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.motion import Motion
 
 _STEP = 0.02
 """Largest step of the integration, in radians of the spring's own oscillation: errors of its phase add up."""

@@ -7,11 +7,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid_ros import inertial_parameters
 from sysid_ros.effects.effect import Effect
-from sysid_ros.effects.motion import Motion
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.signals.motion import Motion
 
 
 class LinkInertia(Effect):

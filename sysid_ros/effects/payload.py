@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-from sysid_ros import inertial_parameters
 from sysid_ros.effects.effect import Effect
-from sysid_ros.effects.motion import Motion
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.signals.motion import Motion
 
 
 class Payload(Effect):

@@ -9,9 +9,9 @@ import numpy as np
 from numba import njit
 
 from sysid_ros.effects.effect import JointCurves, Knob, positive
-from sysid_ros.effects.motion import Motion
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.signals.motion import Motion
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]

@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from sysid_ros.effects.effect import JointEffect
-from sysid_ros.effects.motion import Motion
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.signals.motion import Motion
 
 
 class QuadraticFriction(JointEffect):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 from sysid_ros.effects.effect import JointEffect
-from sysid_ros.effects.motion import Motion
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.signals.motion import Motion
 
 
 class RotorInertia(JointEffect):

@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sysid_ros.effects.effect import JointCurves, Knob, positive
-from sysid_ros.effects.motion import Motion
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.signals.motion import Motion
 
 
 class StribeckFriction(JointCurves):

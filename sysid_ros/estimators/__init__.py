@@ -3,7 +3,7 @@
 from sysid_ros.estimators.constant_forgetting import ConstantForgetting
 from sysid_ros.estimators.estimator import Estimate, Estimator
 from sysid_ros.estimators.jump_search import JumpRule
-from sysid_ros.estimators.noise import LongRunVariance
+from sysid_ros.estimators.long_run_variance import LongRunVariance
 from sysid_ros.estimators.variable_forgetting import VariableForgetting
 
 ESTIMATORS: dict[str, type[Estimator]] = {"variable": VariableForgetting, "constant": ConstantForgetting}

@@ -8,9 +8,9 @@ from sysid_ros.estimators import kernels
 from sysid_ros.estimators.block_innovations import BlockInnovations
 from sysid_ros.estimators.estimator import Estimate, Estimator
 from sysid_ros.estimators.jump_search import JumpRule, JumpSearch
-from sysid_ros.estimators.noise import LongRunVariance
-from sysid_ros.estimators.normal_equations import NormalEquations
+from sysid_ros.estimators.long_run_variance import LongRunVariance
 from sysid_ros.estimators.resetting import forget_towards_prior
+from sysid_ros.estimators.row_sums import NormalEquations
 from sysid_ros.sample import FloatArray
 
 

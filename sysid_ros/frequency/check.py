@@ -23,9 +23,9 @@ from sysid_ros.frequency.stretches import SHORTEST, Stretch, stretches_of, top_f
 from sysid_ros.frequency.verdict import MOSTLY_SMOOTH, verdict
 from sysid_ros.identification.channel_checks import check_channels
 from sysid_ros.identification.recording import Recording
-from sysid_ros.known_effect import KnownEffect
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.torque.known_effect import KnownEffect
 
 ASSUMPTIONS = (
     "Velocities and accelerations come from the positions by filters without phase that are flat below the top frequency; "

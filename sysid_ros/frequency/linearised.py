@@ -16,9 +16,9 @@ import numpy as np
 
 from sysid_ros.frequency.lines import ComplexArray, cleaned_torque, rests
 from sysid_ros.frequency.stretches import Stretch, links_mass
-from sysid_ros.known_effect import KnownEffect
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.known_effect import KnownEffect
+from sysid_ros.torque.torque_model import TorqueModel
 
 _SMALL = 0.3
 """Part of the linear torque that the rest of the model may have about a posture, for the motion to be called small."""

@@ -11,11 +11,11 @@ from sysid_ros.effects import LinkInertia, Motion
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification.channel_checks import CheckedRecording
 from sysid_ros.identification.recording import Recording
-from sysid_ros.identification.zero_phase import KinematicFilter, on_even_grid
-from sysid_ros.known_effect import KnownEffect
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.signals.zero_phase import KinematicFilter, on_even_grid
+from sysid_ros.torque.known_effect import KnownEffect
+from sysid_ros.torque.torque_model import TorqueModel
 
 HIGHEST = 40.0
 """Upper end of the band that is looked at where nothing is asked for [Hz]."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sysid_ros.identification.result import BaseGroup, Repeatability
 from sysid_ros.identification.rows import BagRows
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 
 _WELL_CONDITIONED = 100.0
 _SELDOM = 0.3

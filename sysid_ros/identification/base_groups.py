@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from sysid_ros.identification.base_parameters import BaseParameters
 from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.least_squares import Fit
 from sysid_ros.identification.result import BaseGroup
 from sysid_ros.sample import FloatArray, Sample
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.base_parameters import BaseParameters
+from sysid_ros.torque.torque_model import TorqueModel
 
 _POSTURES = 600
 _LEFT_OUT = 1e-4

@@ -11,7 +11,7 @@ from sysid_ros.exceptions import DataError
 from sysid_ros.identification.recording import Recording
 from sysid_ros.identification.result import Problem
 from sysid_ros.identification.rows import BoolArray
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 _FROZEN = 0.5

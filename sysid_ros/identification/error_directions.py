@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sysid_ros.sample import FloatArray, Sample
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.torque_model import TorqueModel
 
 _POSTURES = 300
 _LEFT_OUT = 5e-3

@@ -11,7 +11,7 @@ from sysid_ros.identification.least_squares import Fit
 from sysid_ros.identification.link_posterior import LinkPosterior
 from sysid_ros.identification.rows import BagRows
 from sysid_ros.sample import FloatArray, Sample
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.torque_model import TorqueModel
 
 _POSTURES = 400
 _SURE = 2.0

@@ -13,7 +13,7 @@ from sysid_ros.identification.least_squares import fit
 from sysid_ros.identification.normal_equations import NormalEquations
 from sysid_ros.identification.rows import BagRows
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.torque_model import TorqueModel
 
 _WEIGHTS = (1.0, 10.0, 100.0, 1e3, 1e4, math.inf)
 """Weights of the prior of the links, all alike, that the joints are judged with: the best of them."""

@@ -25,9 +25,9 @@ from sysid_ros.identification.least_squares import fit
 from sysid_ros.identification.normal_equations import NormalEquations
 from sysid_ros.identification.result import Knob
 from sysid_ros.identification.rows import BagRows
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.torque_model import TorqueModel
 
 if TYPE_CHECKING:
     from sysid_ros.identification.identify import Choices

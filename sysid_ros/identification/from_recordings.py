@@ -16,9 +16,9 @@ from sysid_ros.identification.recording import Recording
 from sysid_ros.identification.result import CutOff, Identification, Problem
 from sysid_ros.identification.rows import FORMS, BagRows, collect_rows
 from sysid_ros.identification.spectrum import choose_cutoff
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.torque_model import TorqueModel
 
 
 def identify_recordings(

@@ -15,7 +15,7 @@ from sysid_ros.identification.normal_equations import NormalEquations
 from sysid_ros.identification.physical_consistency import PhysicalFit, PhysicalProblem
 from sysid_ros.identification.rows import BagRows
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.torque_model import TorqueModel
 
 _LOAD_SHARE = 0.3
 """Standard deviation of the friction coefficient by load before any data [1]."""

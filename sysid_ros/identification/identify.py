@@ -13,7 +13,6 @@ from sysid_ros.effects import CoulombFriction, Effect, LinkInertia, RotorInertia
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification.advice import record_next
 from sysid_ros.identification.base_groups import base_groups, base_of_range, group_matrix
-from sysid_ros.identification.base_parameters import BaseParameters
 from sysid_ros.identification.contradictions import check_contradictions
 from sysid_ros.identification.error_directions import error_directions
 from sysid_ros.identification.held_out import Folds, Prior, Solvers
@@ -24,10 +23,11 @@ from sysid_ros.identification.repeatability import per_bag, repeatability, sprea
 from sysid_ros.identification.result import CutOff, Identification, Knob, Parameter, Problem, TorqueError
 from sysid_ros.identification.rows import BagRows
 from sysid_ros.identification.torque_error import joint_noise, residual_series, torque_error, whiteness_tests
-from sysid_ros.model_file import EffectBlock, ModelFile, urdf_digest
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.base_parameters import BaseParameters
+from sysid_ros.torque.model_file import EffectBlock, ModelFile, urdf_digest
+from sysid_ros.torque.torque_model import TorqueModel
 
 _ONE_RECORDING = 1.4
 """Factor on the error that is expected elsewhere, where only the halves of one recording could be held out."""

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from sysid_ros import inertial_parameters
 from sysid_ros.effects import LinkInertia, RotorInertia, TorqueOffset
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.least_squares import Fit
-from sysid_ros.physical_projection import project
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.physical_projection import project
 from sysid_ros.sample import FloatArray
-from sysid_ros.settings import OnlineSettings
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.torque_model import TorqueModel
 
 _CONFIDENCE = 0.99
 
@@ -57,7 +57,7 @@ def payload_difference(model: TorqueModel, empty: Fit, loaded: Fit, frame: str =
 
     with the information A of each run and T, which puts a body in ``frame`` into the parameters of the link that carries it.
     The covariance takes the coloured residuals of both runs into account; the estimate goes to the nearest body that can exist
-    in its metric (see :func:`sysid_ros.physical_projection.project`).
+    in its metric (see :func:`sysid_ros.robot.physical_projection.project`).
 
     Args:
         model: free effects of both fits. empty, loaded: fits to runs without and with the payload.

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros import inertial_parameters
 from sysid_ros.effects import LinkInertia
 from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.identification.log_det_least_squares import BASIS, LogDetLeastSquares, symmetric, vector
 from sysid_ros.identification.reference_bodies import reference_bodies
+from sysid_ros.robot import inertial_parameters
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.torque_model import TorqueModel
 
 _BLIND = 1e-13
 """Part of the information, each parameter in its own unit of it, under which a direction counts as unseen."""

@@ -10,7 +10,7 @@ import numpy as np
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification.result import Problem
 from sysid_ros.identification.rows import BagRows
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 _SHARE = 0.15

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid_ros import inertial_parameters
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 _FLATTEST = 1e-4

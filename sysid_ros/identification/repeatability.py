@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from sysid_ros.identification.base_groups import in_words
-from sysid_ros.identification.base_parameters import BaseParameters
 from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.least_squares import Fit
 from sysid_ros.identification.result import Repeatability
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.torque.base_parameters import BaseParameters
+from sysid_ros.torque.torque_model import TorqueModel
 
 _TOLD = 0.9
 """Part of the information from a bag from which on the bag tells a parameter by itself."""

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.identification.base_parameters import BaseParameters
-from sysid_ros.model_file import ModelFile
 from sysid_ros.sample import FloatArray
+from sysid_ros.torque.base_parameters import BaseParameters
+from sysid_ros.torque.model_file import ModelFile
 
 if TYPE_CHECKING:
     from sysid_ros.identification.payload_difference import PayloadDifference

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from sysid_ros.effects import LinkInertia, Motion, RotorInertia
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification.recording import Recording
-from sysid_ros.identification.zero_phase import GaussianLowPass, KinematicFilter, SmoothMotion
 from sysid_ros.sample import FloatArray, Measurement
-from sysid_ros.signals import default_cutoff
-from sysid_ros.torque_model import TorqueModel
+from sysid_ros.signals.causal_derivative import default_cutoff
+from sysid_ros.signals.zero_phase import GaussianLowPass, KinematicFilter, SmoothMotion
+from sysid_ros.torque.torque_model import TorqueModel
 
 BoolArray = NDArray[np.bool_]
 

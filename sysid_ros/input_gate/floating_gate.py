@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 
-from sysid_ros.floating_base import FloatingBase
+from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.input_gate.gate import InputGate
 from sysid_ros.input_gate.health import GateHealth, Level
 from sysid_ros.input_gate.rejections import Rejection
 from sysid_ros.input_gate.trunk_gate import TrunkGate
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord, Measurement
-from sysid_ros.settings import OnlineSettings
 
 Record = JointStateRecord | ImuRecord | ContactRecord
 

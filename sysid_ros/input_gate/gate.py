@@ -12,9 +12,9 @@ from sysid_ros.input_gate.health import GateHealth
 from sysid_ros.input_gate.limits import largest_gravity_torque, plausible_limits
 from sysid_ros.input_gate.mapping import Mapping, effort_factor
 from sysid_ros.input_gate.rejections import Rejection
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import ContactRecord, FloatArray, ImuRecord, JointStateRecord, Measurement
-from sysid_ros.settings import OnlineSettings
 
 _BACK_IN_TIME = 1.0  # s; more is a restart of the clock, less a message that was overtaken
 _LATEST_STAMP = 1e12

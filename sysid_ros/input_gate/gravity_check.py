@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sysid_ros.input_gate.limits import largest_gravity_torque
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 PERIOD = 0.05

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.settings import OnlineSettings
 
 
 @dataclass(frozen=True, slots=True)

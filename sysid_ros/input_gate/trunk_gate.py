@@ -6,11 +6,11 @@ from collections import Counter, deque
 
 import numpy as np
 
-from sysid_ros.floating_base import FloatingBase
+from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.input_gate.rejections import Rejection
-from sysid_ros.rotation import rotation_of
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.rotation import rotation_of
 from sysid_ros.sample import ContactRecord, FloatArray, ImuRecord, Measurement, TrunkReading
-from sysid_ros.settings import OnlineSettings
 
 _WAIT = 0.1
 """A measurement waits for the IMU for so long, by the stamps of the joints [s]."""

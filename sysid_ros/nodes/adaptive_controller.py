@@ -19,12 +19,11 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from sysid_ros.control import ArmTorque, ControlSettings, Reference, make_law
+from sysid_ros.control.control_settings import SafetySettings
 from sysid_ros.control.live_control import LiveControl
-from sysid_ros.control.settings import SafetySettings
 from sysid_ros.exceptions import SysidError
 from sysid_ros.input_gate import InputGate, Level
 from sysid_ros.input_gate.rejections import Rejection
-from sysid_ros.model_file import ModelFile
 from sysid_ros.nodes.controller_messages import in_order, inertia_of, payload_of, points_of
 from sysid_ros.nodes.controller_settings import ControllerSettings
 from sysid_ros.nodes.diagnostics import diagnostic_array, status_message
@@ -32,10 +31,11 @@ from sysid_ros.nodes.messages import RecordReader, stamp_of
 from sysid_ros.nodes.parameters import NodeParameters
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.settings import OnlineSettings
 from sysid_ros.sources.robot_description import urdf_text
+from sysid_ros.torque.model_file import ModelFile
 
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)

@@ -9,8 +9,8 @@ import numpy as np
 from geometry_msgs.msg import InertiaStamped
 from trajectory_msgs.msg import JointTrajectory
 
-from sysid_ros import inertial_parameters
 from sysid_ros.exceptions import DataError
+from sysid_ros.robot import inertial_parameters
 from sysid_ros.sample import FloatArray
 
 _MASSLESS = 1e-6

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 
 from sysid_ros.control import LAWS
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.settings import setting
+from sysid_ros.online_settings import setting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

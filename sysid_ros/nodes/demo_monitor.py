@@ -20,10 +20,10 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from sysid_ros.inertial_parameters import TO_MESSAGE_ORDER
-from sysid_ros.payload_estimate import PayloadEstimate, PayloadEvent
-from sysid_ros.plots import TruthSegment
-from sysid_ros.settings import OnlineSettings
+from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.pages import TruthSegment
+from sysid_ros.robot.inertial_parameters import TO_MESSAGE_ORDER
 
 ESTIMATOR, ROBOT = "online_payload_estimator", "simulated_robot"
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -8,10 +8,10 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from sysid_ros.inertial_parameters import MESSAGE_NAMES, TO_MESSAGE_ORDER
 from sysid_ros.input_gate import GateHealth, Level
-from sysid_ros.live_estimation import LiveEstimation
 from sysid_ros.nodes.timing import TimingReport
+from sysid_ros.online.live_estimation import LiveEstimation
+from sysid_ros.robot.inertial_parameters import MESSAGE_NAMES, TO_MESSAGE_ORDER
 
 _LEVELS = {Level.OK: DiagnosticStatus.OK, Level.WARN: DiagnosticStatus.WARN, Level.ERROR: DiagnosticStatus.ERROR}
 _LEVEL_OF_STATUS = {

@@ -11,9 +11,9 @@ from geometry_msgs.msg import InertiaStamped, PoseWithCovarianceStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
-from sysid_ros.commit_gate import is_empty
-from sysid_ros.inertial_parameters import MESSAGE_NAMES, TO_MESSAGE_ORDER
-from sysid_ros.payload_estimate import PayloadEstimate
+from sysid_ros.online.commit_gate import is_empty
+from sysid_ros.online.payload_estimate import PayloadEstimate
+from sysid_ros.robot.inertial_parameters import MESSAGE_NAMES, TO_MESSAGE_ORDER
 from sysid_ros.sample import FloatArray, JointStateRecord
 
 _ORDER = np.ix_(TO_MESSAGE_ORDER, TO_MESSAGE_ORDER)

@@ -15,10 +15,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from sysid_ros.commit_gate import CommitGate, CommitSettings, is_empty
 from sysid_ros.exceptions import SysidError
-from sysid_ros.live_estimation import LiveEstimation
-from sysid_ros.model_file import ModelFile
 from sysid_ros.nodes import services
 from sysid_ros.nodes.diagnostics import NodeState
 from sysid_ros.nodes.messages import RecordReader, stamp_of
@@ -28,11 +25,14 @@ from sysid_ros.nodes.reporter import Reporter
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock, Timing
 from sysid_ros.nodes.trunk_inputs import TrunkInputs
-from sysid_ros.payload_estimate import PayloadEstimate
+from sysid_ros.online.commit_gate import CommitGate, CommitSettings, is_empty
+from sysid_ros.online.live_estimation import LiveEstimation
+from sysid_ros.online.payload_estimate import PayloadEstimate
+from sysid_ros.online.warm_up import warm_up
+from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.sample import ContactRecord, ImuRecord
-from sysid_ros.settings import OnlineSettings
 from sysid_ros.sources.robot_description import urdf_text
-from sysid_ros.warm_up import warm_up
+from sysid_ros.torque.model_file import ModelFile
 
 _INPUT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -16,7 +16,7 @@ from visualization_msgs.msg import MarkerArray
 
 from sysid_ros.nodes import messages
 from sysid_ros.nodes.markers import markers_message
-from sysid_ros.payload_estimate import PayloadEstimate
+from sysid_ros.online.payload_estimate import PayloadEstimate
 
 _MARKER_PERIOD = 0.2
 

@@ -11,9 +11,9 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParam
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from sysid_ros.commit_gate import CommitSettings
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.settings import OnlineSettings
+from sysid_ros.online.commit_gate import CommitSettings
+from sysid_ros.online_settings import OnlineSettings
 
 
 def _setting(default: str | bool, description: str, choices: tuple[str, ...] = (), fixed: bool = False) -> Any:

@@ -10,10 +10,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import QoSProfile
 
-from sysid_ros.live_estimation import LiveEstimation
 from sysid_ros.nodes import diagnostics
 from sysid_ros.nodes.messages import stamp_of
 from sysid_ros.nodes.timing import ReceiveClock, Timing
+from sysid_ros.online.live_estimation import LiveEstimation
 
 if TYPE_CHECKING:
     from sysid_ros.nodes.online_payload_estimator import OnlinePayloadEstimator

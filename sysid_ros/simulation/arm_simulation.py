@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.control import Reference
-from sysid_ros.drive import Drive
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.drive import Drive
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement
 from sysid_ros.simulation.arm import STEP, ArmWorld
 from sysid_ros.simulation.controller import ComputedTorque

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros import inertial_parameters
-from sysid_ros.rotation import rotation_of
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.rotation import rotation_of
 from sysid_ros.sample import FloatArray
 
 _EDGES = np.array([0.12, 0.09, 0.07])

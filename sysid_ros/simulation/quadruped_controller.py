@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from sysid_ros.floating_base import FREE, FloatingBase
-from sysid_ros.sample import FloatArray
+from sysid_ros.floating.floating_base import FloatingBase
+from sysid_ros.sample import FREE, FloatArray
 from sysid_ros.simulation.quadruped import TrunkState
 from sysid_ros.simulation.quadruped_motion import Trot, TrunkMotion
 

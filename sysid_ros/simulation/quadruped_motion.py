@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sysid_ros.rotation import rotation_of
+from sysid_ros.robot.rotation import rotation_of
 from sysid_ros.sample import FloatArray
 
 GAITS = ("stand", "sway", "trot")

@@ -13,7 +13,7 @@ from sysid_ros.simulation.quadruped_simulation import QuadrupedSimulation, Quadr
 
 
 class Recorder(Protocol):
-    """What a recording is written to; :class:`sysid_ros.sources.recording.BagRecorder` is one."""
+    """What a recording is written to; :class:`sysid_ros.sources.bag_recorder.BagRecorder` is one."""
 
     def write_robot_description(self, urdf: str, receive_time: float) -> None:
         """The URDF's text."""

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.floating_base import FREE, FloatingBase
-from sysid_ros.robot_model import RobotModel
-from sysid_ros.rotation import rotation_of
-from sysid_ros.sample import FloatArray
+from sysid_ros.floating.floating_base import FloatingBase
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.rotation import rotation_of
+from sysid_ros.sample import FREE, FloatArray
 from sysid_ros.simulation.arm import STEP
 from sysid_ros.simulation.hoist import Hoist
 from sysid_ros.simulation.payload import Payload

@@ -12,13 +12,13 @@ from sysid_ros.control import LAWS, ArmTorque, ComputedTorque, ControlSettings, 
 from sysid_ros.control.controller import TrackingController
 from sysid_ros.control.tracking_run import TrackingRun
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.model_file import ModelFile
-from sysid_ros.online import OnlineEstimation
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.settings import OnlineSettings
 from sysid_ros.simulation.arm_simulation import ArmSimulation
 from sysid_ros.simulation.scenario import CONTROL_RATE, ArmScenario
+from sysid_ros.torque.model_file import ModelFile
 
 _LOST = 1.0
 """A joint this far from the wanted motion has lost it [rad]."""

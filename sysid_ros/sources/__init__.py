@@ -1,9 +1,9 @@
 """Where joint states come from and go to: bags, memory."""
 
 from sysid_ros.sources.bag import BagSource
+from sysid_ros.sources.bag_recorder import BagRecorder
 from sysid_ros.sources.floating_bag import FloatingBagSource
 from sysid_ros.sources.memory import MemorySource
-from sysid_ros.sources.recording import BagRecorder
 from sysid_ros.sources.robot_description import urdf_text
 from sysid_ros.sources.source import Source
 from sysid_ros.sources.temperatures import temperatures

@@ -10,8 +10,8 @@ import numpy as np
 
 from sysid_ros.exceptions import BagError, DataError
 from sysid_ros.sample import FloatArray
+from sysid_ros.sources.bag_recorder import BagRecorder
 from sysid_ros.sources.joint_state_cdr import typestore
-from sysid_ros.sources.recording import BagRecorder
 
 JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 _DECIMALS = 7

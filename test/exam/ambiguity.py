@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation.hidden_effects import DiagnosisMotion, TrueRobot
 
 _GRID = 0.1

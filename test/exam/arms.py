@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 
 # path below share/example-robot-data/robots, or below pybullet_data; joints that are no joints of the arm
 _FILES = {

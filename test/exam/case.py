@@ -11,7 +11,7 @@ import numpy as np
 from exam.ambiguity import told_apart
 from exam.arms import ARMS, Arm, arm, with_dynamics
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation.hidden_effects import (
     DRAWS,
     OUTSIDE,

@@ -4,8 +4,8 @@ from sysid_ros.simulation.hidden_effects.catalogue import DRAWS, OUTSIDE
 from sysid_ros.simulation.hidden_effects.circumstances import Circumstances, torque_scale
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
 from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
-from sysid_ros.simulation.hidden_effects.noise import Noise
 from sysid_ros.simulation.hidden_effects.run import HiddenRecording, move, publish, stiffening_for, truth_of
+from sysid_ros.simulation.hidden_effects.sensor_noise import Noise
 from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
 from sysid_ros.simulation.hidden_effects.visibility import nominal_residual, shown, shown_as_itself
 

@@ -2,7 +2,7 @@
 
 A simulated robot that sticks, slips and rattles needs steps well below a millisecond. One step through an interpreter costs some
 tens of microseconds, one step here about ten, all that acts on the joints included. It is also a second derivation of the
-dynamics: a test compares it with :class:`sysid_ros.robot_model.RobotModel` on every arm.
+dynamics: a test compares it with :class:`sysid_ros.robot.robot_model.RobotModel` on every arm.
 
 Reference: Luh, Walker, Paul 1980, "On-line computational scheme for mechanical manipulators", in the frames of the joints.
 """
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 _JIT = {"cache": True, "error_model": "numpy", "nogil": True}

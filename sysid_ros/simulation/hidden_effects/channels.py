@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
 from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion

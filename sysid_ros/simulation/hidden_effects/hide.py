@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation.hidden_effects.bullet_run import move_in_pybullet, pybullet_can
 from sysid_ros.simulation.hidden_effects.catalogue import DRAWS
 from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
 from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
-from sysid_ros.simulation.hidden_effects.noise import Noise
 from sysid_ros.simulation.hidden_effects.run import HiddenRecording, move, publish, require_rate, stiffening_for, truth_of
+from sysid_ros.simulation.hidden_effects.sensor_noise import Noise
 from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
 from sysid_ros.simulation.hidden_effects.visibility import nominal_residual, shown
 

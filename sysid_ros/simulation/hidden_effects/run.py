@@ -13,7 +13,7 @@ from sysid_ros.simulation.hidden_effects.chain import chain_of, inverse_dynamics
 from sysid_ros.simulation.hidden_effects.channels import Signals
 from sysid_ros.simulation.hidden_effects.integrator import FREQUENCY, integrate, state_at
 from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
-from sysid_ros.simulation.hidden_effects.noise import Noise
+from sysid_ros.simulation.hidden_effects.sensor_noise import Noise
 from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
 
 _REFERENCE_PERIOD = 1e-3

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid_ros.inertial_parameters import from_com, to_com
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.inertial_parameters import from_com, to_com
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.hidden_effects.channels import Channel
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect

@@ -7,10 +7,10 @@ from collections.abc import Collection
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from sysid_ros.robot_model import RobotModel
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.hidden_effects.channels import Signals
-from sysid_ros.simulation.hidden_effects.noise import BAND
+from sysid_ros.simulation.hidden_effects.sensor_noise import BAND
 
 _SLOW = 0.015
 _GRID = 100.0

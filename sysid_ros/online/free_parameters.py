@@ -1,0 +1,174 @@
+"""FreeParameters: what the online estimation does not know, how little it knows of it, and the estimator made for that."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sysid_ros.effects import AccelerometerBias, CoulombFriction, Effect, Payload, TorqueOffset, ViscousFriction
+from sysid_ros.estimators import ConstantForgetting, Estimator, JumpRule, VariableForgetting
+from sysid_ros.exceptions import SettingsError
+from sysid_ros.floating.contact_projection import ContactProjection
+from sysid_ros.floating.floating_base import FloatingBase
+from sysid_ros.online.front_end import FrontEnd, Rows, white_noise_variance, white_variance
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Measurement, Sample
+from sysid_ros.torque.known_effect import KnownEffect
+from sysid_ros.torque.model_file import ModelFile
+from sysid_ros.torque.torque_model import TorqueModel
+
+PAYLOAD = slice(0, 10)
+"""Where the payload's ten parameters stand among the free ones."""
+
+_LEAST_JUMP = (0.03, 5e-3, 5e-3, 5e-3) + (math.inf,) * 6
+"""Change of mass [kg] or first moment [kg m] of which one must be exceeded to count as a change of the payload."""
+
+
+_CARRIED = 0.16
+"""Least prior standard deviation of what a robot on legs carries, as a part of its own mass."""
+_SIZE = 0.11
+"""Its distance from the trunk's origin over the cube root of the robot's mass [m/kg^(1/3)]: a quarter of a metre on 12 kg."""
+_GRAVITY_DENSITY = 1e-8
+"""Least density of the noise with which the accelerometer shows gravity [(m/s^2)^2 s]."""
+
+
+class FreeParameters:
+    """The payload's ten parameters and, beside them, what offset and friction of each joint differ from the known model.
+
+    Args:
+        robot: the arm, or the legs of a floating base. settings: prior and noise. known: the identified model, if any.
+        base: the robot where it floats; the torques of its legs are then not told apart from friction, which is as known.
+
+    Attributes:
+        payload: the effect whose columns come first.
+        model: known and free effects.
+        trunk_noise: of a floating base, once :meth:`noise_density` has run: density of the noise of the legs' torques, shape
+            (n,), and what the six rows have beside, shape (6,).
+        prior_std: standard deviation of the free parameters before any data, shape (p,).
+
+    Raises:
+        SettingsError: ``torque_std`` does not fit the robot.
+    """
+
+    def __init__(
+        self, robot: RobotModel, settings: OnlineSettings, known: ModelFile | None, base: FloatingBase | None = None
+    ) -> None:
+        self._robot, self._settings, self._known, self._base = robot, settings, known, base
+        if len(settings.torque_std) not in (0, 1, robot.n):
+            raise SettingsError(
+                f"torque_std has {len(settings.torque_std)} values; it must have one for all joints or {robot.n}, "
+                f"one for each of {', '.join(robot.joint_names)}."
+            )
+        whole = base.robot if base else robot
+        self.payload = Payload(whole, frame=settings.frame_id or (base.trunk if base else ""))
+        effects: list[Effect] = [self.payload]
+        self._estimates_friction = settings.estimate_friction and base is None
+        if self._estimates_friction:
+            effects += [TorqueOffset(robot), CoulombFriction(robot), ViscousFriction(robot)]
+        self._bias: AccelerometerBias | None = None
+        self.trunk_noise: tuple[FloatArray, FloatArray] | None = None
+        if base is not None and settings.accelerometer_bias_std > 0.0:
+            self._bias = AccelerometerBias(whole, frame=self.payload.frame)
+            effects.append(self._bias)
+        known_effects = known.known_effects(whole) if known else []
+        self.model = TorqueModel(
+            whole, effects, known_effects, settings.effort_type == "total", known.uncertainty if known else None
+        )
+        self._coulomb = _dry_friction(robot, known_effects)
+        self._viscous = np.abs(self.model.known_theta("viscous_friction"))
+        bias = np.full(3 if self._bias else 0, settings.accelerometer_bias_std)
+        self.prior_std = np.concatenate([self._payload_prior(), *self._friction_prior(), bias])
+
+    def _payload_prior(self) -> FloatArray:
+        s = self._settings
+        prior = np.array([s.prior_mass_std] + [s.prior_first_moment_std] * 3 + [s.prior_inertia_std] * 6)
+        if self._base is None:
+            return prior
+        mass, size = _CARRIED * self._base.mass, _SIZE * self._base.mass ** (1.0 / 3.0)
+        least = np.array([mass] + [mass * size] * 3 + [mass * size**2] * 6)
+        return np.asarray(np.maximum(prior, least))
+
+    def _friction_prior(self) -> list[FloatArray]:
+        """Of offset, Coulomb and viscous friction: small beside a known model, of the size of the effort limits without one."""
+        s = self._settings
+        if not self._estimates_friction:
+            return []
+        if self._known is None:
+            size = s.friction_unknown * np.where(np.isfinite(self._robot.effort_limit), self._robot.effort_limit, 50.0)
+            return [0.2 * size, size, 2.0 * size]
+        least, drift = np.full(self._robot.n, 0.1), s.friction_drift
+        return [0.5 * drift * self._coulomb + least, drift * self._coulomb + least, drift * self._viscous + least]
+
+    def carry(self, theta: FloatArray) -> None:
+        """Take in what is known of the free parameters now, shape (p,): a bias of the accelerometer concerns the payload too."""
+        if self._bias is not None:
+            self._bias.load = theta[PAYLOAD].copy()
+
+    def friction_variance(self, rows: Rows, theta: FloatArray) -> FloatArray:
+        """Variance of the torque that may hide in dry friction near standstill, where no model holds, shape (n,) [(N m)^2].
+
+        Args:
+            theta: the free parameters as they are estimated now, shape (p,).
+        """
+        if self._base is not None:
+            return np.zeros(rows.y.size)
+        coulomb = self._coulomb
+        if self._estimates_friction:
+            n = self._robot.n
+            coulomb = np.abs(coulomb + theta[10 + n : 10 + 2 * n])
+        extra: FloatArray = (0.5 * coulomb * rows.slow) ** 2
+        if max(rows.speed.tolist()) < self._settings.low_velocity:
+            extra += self._settings.stiction**2
+        return extra
+
+    def noise_density(self, measurements: list[Measurement], sample_period: float) -> FloatArray:
+        """Least spectral density of the torque noise, shape (n,) [(N m)^2 s].
+
+        What was set; else the white noise that the measurements show or, if that is more, the error that the known model states.
+        """
+        if self._settings.torque_std:
+            std: FloatArray = np.broadcast_to(np.array(self._settings.torque_std), (self._robot.n,))
+            density = std**2 * sample_period
+        else:
+            density = np.maximum(white_noise_variance(measurements), 1e-8) * sample_period
+            if self._known is not None:
+                density = np.maximum(density, self._known.error_density(self._robot))
+        return density if self._base is None else self._of_trunk(self._base, measurements, density, sample_period)
+
+    def _of_trunk(
+        self, base: FloatingBase, measurements: list[Measurement], density: FloatArray, sample_period: float
+    ) -> FloatArray:
+        """As :meth:`noise_density`, of the rows of a floating base: from the torques of the legs, shape (n,), and the noise of
+        the accelerometer times the robot's mass; that of the accelerometer itself where its bias is free."""
+        first = next(m for m in measurements if m.trunk is not None)
+        assert first.trunk is not None
+        zero = np.zeros(self._robot.n)
+        state = base.state(first.q, zero, zero, np.zeros(3), first.trunk.force, np.zeros(3))
+        force = np.array([m.trunk.force for m in measurements if m.trunk is not None])
+        felt = white_variance(force) * sample_period
+        beside = np.append(base.mass**2 * felt, np.zeros(3))
+        self.trunk_noise = density.copy(), beside
+        rows = ContactProjection(base).variance_at(Sample(first.t, *state, np.zeros(base.robot.n)), density, beside)
+        return np.append(rows, np.max(felt) + _GRAVITY_DENSITY) if self._bias else rows
+
+    def make_estimator(self, front_end: FrontEnd, floor: FloatArray) -> Estimator:
+        """The estimator that the settings name, for rows of at least the variance ``floor``, shape (n,)."""
+        s = self._settings
+        if s.estimator == "constant":
+            return ConstantForgetting(self.prior_std, floor, math.exp(-front_end.period / s.forgetting_time))
+        jump = JumpRule(PAYLOAD, np.array(_LEAST_JUMP), front_end.memory)
+        part = 1.0 if self._base is None else front_end.passed
+        return VariableForgetting(self.prior_std, floor, front_end.period, s.forgetting_time, jump, part)
+
+
+def _dry_friction(robot: RobotModel, known: list[KnownEffect]) -> FloatArray:
+    """Level Fc of each joint's dry friction, of whatever kind it is, shape (n,) [N m]; 0 where nothing is known."""
+    out: FloatArray = np.zeros(robot.n)
+    for k in known:
+        names = k.effect.parameter_names
+        for j, joint in enumerate(robot.joint_names):
+            if (level := f"Fc[{joint}]") in names:
+                out[j] += abs(k.theta[names.index(level)])
+    return out

@@ -1,0 +1,185 @@
+"""LiveEstimation: from the joint states as they are received to estimates and commits; the node without ROS."""
+
+from __future__ import annotations
+
+import copy
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+
+from sysid_ros.estimators import Estimator
+from sysid_ros.exceptions import SysidError
+from sysid_ros.input_gate import Gate, GateHealth, Level, gate_for
+from sysid_ros.online.commit_gate import CommitGate
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online.payload_estimate import PayloadEstimate
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.joint_choice import JointChoice
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
+from sysid_ros.torque.model_file import ModelFile
+
+
+class LiveEstimation:
+    """Chooses the joints, gates the messages, estimates, and decides what is committed. Nothing in a stream of messages stops it.
+
+    The joints are ``settings.joint_names``, else those of the model file, else those that the first messages name; all others
+    are locked.
+
+    Args:
+        urdf: the URDF's text.
+        settings: of the estimation.
+        commit: passes on what a controller may be told.
+        known: the identified model.
+        enabled: False to start frozen.
+
+    Attributes:
+        robot: the model; until the joints are known, with every movable joint.
+        gate: None until the joints are known.
+        estimation: runs on ``robot``.
+        troubles: what went wrong inside, counted by kind; the estimate was set back each time.
+        last_trouble: the last of them.
+
+    Raises:
+        SysidError: URDF, model or settings can't be used together.
+    """
+
+    def __init__(
+        self, urdf: str, settings: OnlineSettings, commit: CommitGate, known: ModelFile | None = None, enabled: bool = True
+    ) -> None:
+        self.urdf, self.settings, self.commit, self.known = urdf, settings, commit, known
+        self.enabled = enabled
+        joints = settings.joint_names or (known.joints if known else ())
+        self.robot = RobotModel.from_urdf(urdf, joints, settings.gravity)
+        self.gate: Gate | None = None
+        self.troubles: Counter[str] = Counter()
+        self.last_trouble = ""
+        self._choice: JointChoice | None = None
+        self._good: tuple[Estimator, PayloadEstimate] | None = None
+        self._breaks = (0, 0)
+        self._input_error = ""
+        if joints:
+            self._begin()
+        else:
+            self._choice = JointChoice(self.robot.joint_names)
+            self.estimation = OnlineEstimation(self.robot, _without_joint_settings(settings))
+
+    def take(self, record: JointStateRecord | ImuRecord | ContactRecord) -> PayloadEstimate | None:
+        """Take in one message; the estimate when one is due, else None. Never raises."""
+        estimate = None
+        try:
+            gate = self.gate or self._choose(record)
+            if gate is None:
+                return None
+            for measurement in gate.take(record):
+                if (gate.gaps, gate.restarts) != self._breaks:
+                    self._interrupted(gate)
+                estimate = self.estimation.step(measurement) or estimate
+            if estimate is not None and not (np.isfinite(estimate.theta).all() and np.isfinite(estimate.covariance).all()):
+                raise FloatingPointError("the estimate is not finite")
+        except Exception as error:  # noqa: BLE001 - a fault that nobody foresaw must not end the stream; it is counted and shown
+            self._set_back(error)
+            return None
+        return estimate
+
+    def offer_commit(self, estimate: PayloadEstimate) -> PayloadEstimate | None:
+        """The estimate if it is to be committed now, else None."""
+        if self._input_error:
+            self.commit.interrupt(f"The input is in error: {self._input_error}")
+            return None
+        return self.commit.offer(estimate)
+
+    def commit_now(self) -> tuple[bool, str]:
+        """Commit the present estimate without dwell and dead band; whether it was done, and a sentence."""
+        if self._input_error:
+            return False, f"The input is in error, so nothing was committed: {self._input_error}"
+        return self.commit.commit_now(self.estimation.latest)
+
+    def health(self, now: float) -> GateHealth | None:
+        """State of the input at ``now`` [s], or None until the joints are known; to be asked about once a second."""
+        if self.gate is None:
+            return None
+        health = self.gate.health(now)
+        self._input_error = health.text if health.level >= Level.ERROR else ""
+        if self._input_error:
+            self.commit.interrupt(f"The input is in error: {self._input_error}")
+        else:
+            self._keep_good()
+        return health
+
+    def status(self, age: float) -> tuple[str, str]:
+        """Status and reason of the estimate when the last usable sample is ``age`` old [s]."""
+        latest = self.estimation.latest
+        if self._choice is not None:
+            return "warming_up", self._choice.text
+        if age > self.settings.sensor_timeout:
+            since = "" if age == float("inf") else f" for {age:.1f} s"
+            return "stale", f"No usable sample{since}; the estimate is not published."
+        if latest is None:
+            return "warming_up", "Nothing is known yet. Keep moving."
+        return latest.status, latest.reason
+
+    def reset(self, reason: str) -> None:
+        """Forget what was estimated, and start again."""
+        self.estimation.reset(reason)
+        self.commit.interrupt(f"The estimation was started again: {reason}.")
+        self._good = None
+
+    def set_enabled(self, enabled: bool) -> None:
+        """Freeze the estimate, or go on."""
+        self.enabled = enabled
+        self.estimation.set_enabled(enabled)
+        if not enabled:
+            self.commit.interrupt("The estimation is disabled.")
+
+    def _begin(self) -> Gate:
+        self.estimation = OnlineEstimation(self.robot, self.settings, self.known)
+        gate = gate_for(self.robot, self.estimation.base, self.settings)
+        self.estimation.set_enabled(self.enabled)
+        self.gate, self._choice = gate, None
+        return gate
+
+    def _choose(self, record: JointStateRecord | ImuRecord | ContactRecord) -> Gate | None:
+        if not isinstance(record, JointStateRecord):
+            return None
+        assert self._choice is not None
+        joints = self._choice.offer(record)
+        if joints is None:
+            return None
+        if joints != self.robot.joint_names:
+            self.robot = RobotModel.from_urdf(self.urdf, joints, self.settings.gravity)
+        try:
+            return self._begin()
+        except SysidError as error:
+            self._choice.text = str(error)
+            return None
+
+    def _interrupted(self, gate: Gate) -> None:
+        restarted = gate.restarts != self._breaks[1]
+        self._breaks = gate.gaps, gate.restarts
+        self.commit.interrupt("Samples were missing.")
+        if restarted:
+            self.reset("the stamps jumped back, as when a bag is played again")
+
+    def _keep_good(self) -> None:
+        estimator, latest = self.estimation.estimator, self.estimation.latest
+        if estimator is not None and latest is not None and latest.status in ("ok", "no_payload", "not_excited"):
+            self._good = copy.deepcopy(estimator), latest
+
+    def _set_back(self, error: Exception) -> None:
+        self.last_trouble = f"{type(error).__name__}: {error}"
+        self.troubles[type(error).__name__] += 1
+        self.commit.interrupt(f"An internal error set the estimate back: {self.last_trouble}.")
+        if self._good is None:
+            self.estimation.reset(f"an internal error, {self.last_trouble}")
+            return
+        estimator, latest = self._good
+        self.estimation.estimator, self.estimation.latest = copy.deepcopy(estimator), latest
+        self.estimation.set_enabled(False)
+        self.estimation.set_enabled(self.enabled)
+
+
+def _without_joint_settings(settings: OnlineSettings) -> OnlineSettings:
+    """Settings for a robot whose joints are not known yet: those that need one value a joint are left out."""
+    return replace(settings, torque_std=())

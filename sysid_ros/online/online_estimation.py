@@ -1,0 +1,280 @@
+"""OnlineEstimation: from one measurement after the other to the payload.
+
+The live node, the replay of a bag and a simulation all call the same :meth:`OnlineEstimation.step`; what is replayed is what ran.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from sysid_ros.estimators import Estimate, Estimator, VariableForgetting
+from sysid_ros.floating import ground_contact
+from sysid_ros.floating.floating_base import floating_base_of
+from sysid_ros.floating.ground_contact import GroundContact
+from sysid_ros.floating.stance_log import StanceLog
+from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
+from sysid_ros.online.front_end import FrontEnd, Rows
+from sysid_ros.online.judgement import Judgement
+from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
+from sysid_ros.online.payload_events import EventLog
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.physical_projection import project
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FREE, FloatArray, Measurement
+from sysid_ros.signals.cadence import Cadence
+from sysid_ros.torque.model_file import ModelFile
+
+_STANDS = 0.15
+"""Time below the standstill velocity after which the robot stands [s]."""
+_OBSERVABLE = 0.3
+"""Part of a parameter's prior standard deviation below which it is the motion that determines it."""
+_NOT_A_BODY = 29.6
+"""99.9 % quantile of chi-squared with 10 degrees of freedom."""
+
+
+class OnlineEstimation:
+    """Estimates the payload on an arm: ``F(tau - tau_known) = F(Y_payload) theta + F(Y_friction) phi + noise``.
+
+    A legged robot adds one step, see :class:`.contact_projection.ContactProjection`; standing still determines its
+    payload's mass, so it is updated at rest too.
+
+    F is one low-pass, the same on both sides. Filters are made for the rate that the first measurements show, and again after a
+    gap or a jump of time; nothing is updated while the robot stands.
+
+    Args:
+        robot: the arm, or the legs of a floating base.
+        settings: all that can be set.
+        known: the identified model; without it the URDF's links and its ``<dynamics>`` are what is known.
+
+    Attributes:
+        base: the robot on its floating base, None for an arm. latest: the last estimate given out, or None.
+        estimator: the recursion, once the first measurements are in.
+
+    Raises:
+        RobotModelError, ModelFileError, SettingsError: the frame, the model or a setting does not fit the robot.
+    """
+
+    def __init__(self, robot: RobotModel, settings: OnlineSettings, known: ModelFile | None = None) -> None:
+        self.robot, self.settings = robot, settings
+        self.base = floating_base_of(robot, settings)
+        self._gravity = math.hypot(*settings.gravity)
+        bias_is_free = settings.accelerometer_bias_std > 0.0
+        self._stances = StanceLog(self.base.contact_frames, self._gravity, bias_is_free) if self.base else None
+        self._outliers = 0
+        self._free = FreeParameters(robot, settings, known, self.base)
+        self._log = EventLog(settings.no_payload_mass)
+        notes = (*(known.notes(robot.urdf) if known else ()), *(self.base.notes if self.base else ()))
+        self._warnings = {note: note for note in notes}
+        self._tare = np.zeros(10), np.zeros((10, 10))
+        self._observable_std = _OBSERVABLE * self._free.prior_std[PAYLOAD]
+        self._enabled = True
+        self.latest: PayloadEstimate | None = None
+        self.estimator: Estimator | None = None
+        self._judgement: Judgement | None = None
+        self._floor: FloatArray = np.zeros(0)
+        self._next_publish = -math.inf
+        self._front_end: FrontEnd | None = None
+        self._cadence = Cadence(settings.max_gap)
+        self._still = 0.0
+        self._ground = GroundContact(settings.sensor_timeout)
+        self._set_down: float | None = None
+
+    @property
+    def events(self) -> list[PayloadEvent]:
+        """Picks, drops and other changes so far."""
+        return self._log.events
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the user should know, one sentence or a few each."""
+        return [*self._warnings.values(), *(self._stances.warnings if self._stances else ())]
+
+    @property
+    def stance_counts(self) -> dict[str, int]:
+        """Of a floating base: samples by what was doubtful about its feet, and updates that did not fit the estimate
+        ('outlier')."""
+        return {} if self._stances is None else self._stances.counts | ({"outlier": self._outliers} if self._outliers else {})
+
+    @property
+    def frame(self) -> str:
+        """Frame that the payload is expressed in."""
+        return self._free.payload.frame
+
+    @property
+    def rate(self) -> float | None:
+        """Measurements a second, once known [Hz]."""
+        return self._front_end.rate if self._front_end else None
+
+    def prior(self) -> PayloadEstimate:
+        """What is known before any measurement: nothing but the prior."""
+        return PayloadEstimate.unknown(self.frame, self._free.prior_std[PAYLOAD], self.robot.n)
+
+    def reset(self, reason: str) -> None:
+        """Forget payload, friction and noise, and start again."""
+        self.latest = self.estimator = self._judgement = None
+        self._forget_filters()
+        self._warnings["reset"] = f"The estimation was started again: {reason}."
+
+    def set_enabled(self, enabled: bool) -> None:
+        """Freeze the estimate (False) or go on (True)."""
+        if enabled and not self._enabled:
+            self._forget_filters()
+        self._enabled = enabled
+
+    def tare(self) -> str:
+        """Take the present estimate as zero from now on, its covariance added to all that come. Says what was done."""
+        if self.estimator is None or self.latest is None:
+            return "There is no estimate yet, so nothing was tared."
+        theta, covariance = self.estimator.theta[PAYLOAD], self.estimator.covariance()[PAYLOAD, PAYLOAD]
+        self._tare = theta, covariance
+        return f"Tared at {theta[0]:.3f} kg (std {math.sqrt(covariance[0, 0]):.3f} kg)."
+
+    def step(self, measurement: Measurement) -> PayloadEstimate | None:
+        """Take in one measurement; the estimate when one is due (``publish_rate``), else None. Never raises on a measurement."""
+        if not self._enabled:
+            return None
+        if not self._cadence.follows(measurement.t):
+            self._forget_filters()
+        if self._front_end is not None:
+            return self._take(self._front_end, measurement)
+        first = self._cadence.first(measurement)
+        if not first:
+            return None
+        self._front_end = front_end = self._make_front_end(first)
+        estimates = [self._take(front_end, m) for m in first]
+        return next((e for e in reversed(estimates) if e is not None), None)
+
+    def _forget_filters(self) -> None:
+        self._cadence.restart()
+        self._front_end = None
+        self._next_publish = -math.inf
+        self._still = 0.0
+
+    def _make_front_end(self, measurements: list[Measurement]) -> FrontEnd:
+        s = self.settings
+        front_end = FrontEnd(
+            self._free.model, self._cadence.period, s.update_rate, s.cutoff_hz, s.velocity_source == "message", self.base,
+            s.standstill_velocity, self._stances, self._gravity,
+        )  # fmt: skip
+        if front_end.rate < 20.0:
+            self._warnings["rate"] = (
+                f"The joint states come at {front_end.rate:.1f} Hz; below 20 Hz the accelerations are lost. Publish them faster."
+            )
+        if self.estimator is None:
+            self._floor = self._free.noise_density(measurements, self._cadence.period) / front_end.period
+            self.estimator = self._free.make_estimator(front_end, self._floor)
+            self._make_judgement()
+        if front_end.projection is not None and self._free.trunk_noise is not None:
+            front_end.projection.weigh(*self._free.trunk_noise)
+        return front_end
+
+    def _make_judgement(self) -> None:
+        floor = self._floor[:FREE] if self.base else self._floor
+        self._judgement = Judgement(self.base.robot if self.base else self.robot, self.settings, floor)
+
+    def _take(self, front_end: FrontEnd, measurement: Measurement) -> PayloadEstimate | None:
+        published = None
+        for rows in front_end.push(measurement):
+            assert self.estimator is not None
+            if not self._on_ground(rows, front_end):
+                published = self._held(rows) or published
+                continue
+            estimate = self._update(rows, front_end, self.estimator)
+            if estimate.status == "not_finite":
+                self._forget_filters()
+                return None
+            if rows.sample.t >= self._next_publish:
+                self._next_publish = max(self._next_publish, rows.sample.t - front_end.period) + 1.0 / self.settings.publish_rate
+                published = self.latest = self._publish(estimate, rows, measurement.t, self.estimator)
+        return published
+
+    def _on_ground(self, rows: Rows, front_end: FrontEnd) -> bool:
+        """Whether a row is used; False while the feet do not carry the robot, or it has just been set down."""
+        lifted = self._ground.lifted
+        state = self._ground.update(rows.trust, front_end.period)
+        if self._ground.lifted and not lifted:
+            self._log.lift(rows.sample.t - self._ground.seconds)
+        if state == ground_contact.STANDS_AGAIN:
+            assert self.estimator is not None
+            self._set_down = rows.sample.t - self._ground.seconds
+            self.estimator.forget()
+            self._make_judgement()
+        return state in (ground_contact.STANDS, ground_contact.STANDS_AGAIN)
+
+    def _held(self, rows: Rows) -> PayloadEstimate | None:
+        """What is given out while the robot is lifted, when it is due: no claim."""
+        if not self._ground.lifted or rows.sample.t < self._next_publish:
+            return None
+        self._next_publish = rows.sample.t + 1.0 / self.settings.publish_rate
+        self.latest = replace(self.prior(), t=rows.sample.t, status="stale", reason=self._ground.reason)
+        return self.latest
+
+    def _update(self, rows: Rows, front_end: FrontEnd, estimator: Estimator) -> Estimate:
+        stands = max(rows.speed.tolist()) < self.settings.standstill_velocity
+        self._still = self._still + front_end.period if stands else 0.0
+        hold = self._still > _STANDS and self.base is None
+        known = isinstance(estimator, VariableForgetting) and estimator.noise.known
+        jumps, before = _jumps(estimator), estimator.theta
+        self._free.carry(before)
+        estimate = estimator.update(rows.Y, rows.y, hold, self._free.friction_variance(rows, before), rows.considered)
+        self._outliers += estimate.status == "outlier"
+        if not hold and self._judgement is not None:
+            self._judgement.add(rows, rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD], estimator)
+        if known and _jumps(estimator) != jumps and isinstance(estimator, VariableForgetting):
+            delay = front_end.delay + estimator.HITS * front_end.period
+            mass = float(before[0] - self._tare[0][0])
+            self._log.add(rows.sample.t - delay, mass, mass + float(estimator.last_jump[0]))
+        return estimate
+
+    def _publish(self, estimate: Estimate, rows: Rows, t: float, estimator: Estimator) -> PayloadEstimate:
+        theta: FloatArray = estimate.theta[PAYLOAD] - self._tare[0]
+        covariance = estimate.covariance[PAYLOAD, PAYLOAD] + self._tare[1]
+        covariance[0, 0] += self._doubt(float(theta[0])) ** 2
+        std = np.sqrt(covariance.diagonal())
+        assert self._judgement is not None
+        status, reason = self._judgement.status(estimate, estimator, float(theta[0]), float(std[0]))
+        self._warnings.pop("inconsistent", None)
+        if status == "inconsistent":
+            self._warnings["inconsistent"] = reason
+            self._log.clear()
+        if status == "ok":
+            theta, distance = project(theta, covariance)
+            if not distance <= _NOT_A_BODY:
+                status, reason = "not_physical", "No body of positive density has these parameters, whatever the noise."
+        if status != "warming_up":
+            self._log.refine(t, float(theta[0]))
+        if self._set_down is not None and status in ("ok", "no_payload"):
+            self._log.set_down(self._set_down, float(theta[0]), float(std[0]))
+            self._set_down = None
+        q, v = rows.sample.q, rows.sample.v
+        effort = self._free.model.robot.payload_regressor(q, v, rows.acceleration, self._free.payload.frame_index) @ theta
+        residual = rows.y - rows.Y @ estimate.theta
+        if self._front_end is not None and self._front_end.projection is not None:
+            projection = self._front_end.projection
+            effort = projection.leg_torque(effort[:FREE])
+            residual = projection.leg_torque(projection.wrench(residual[:FREE]))
+        return PayloadEstimate(
+            t=t,
+            frame=self.frame,
+            theta=theta,
+            covariance=covariance,
+            status=status,
+            reason=reason,
+            observable=std < self._observable_std,
+            residual=residual,
+            payload_effort=effort,
+        )
+
+    def _doubt(self, mass: float) -> float:
+        """By how much the mass is wrong if what the accelerometer shows beyond gravity is a bias that is not estimated [kg]."""
+        if self.base is None or self._stances is None or self._stances.bias_is_free:
+            return 0.0
+        own = 0.0 if self._tare[1].any() else self.base.mass
+        return (own + max(mass, 0.0)) * self._stances.excess / self._gravity
+
+
+def _jumps(estimator: Estimator) -> int:
+    return estimator.jumps if isinstance(estimator, VariableForgetting) else 0

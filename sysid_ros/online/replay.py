@@ -1,0 +1,141 @@
+"""replay: the online estimation over a recording, with the same gate and the same ``step()`` as the live node."""
+
+from __future__ import annotations
+
+import csv
+import math
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from sysid_ros.input_gate import Gate
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
+from sysid_ros.plain_json import plain
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """What a replay gave.
+
+    Attributes:
+        series: every estimate that a node would have published.
+        final: the last one; the prior where the recording gave none.
+        read, used: number of messages. rejected: by reason.
+        feet: of a floating base, samples by what was doubtful about its feet.
+        start: first stamp [s]. duration: of the recording by its stamps [s]. seconds: that the replay took [s].
+    """
+
+    series: list[PayloadEstimate]
+    final: PayloadEstimate
+    events: list[PayloadEvent]
+    read: int
+    used: int
+    rejected: dict[str, int]
+    start: float
+    duration: float
+    seconds: float
+    status: str
+    reason: str
+    warnings: list[str] = field(default_factory=list)
+    feet: dict[str, int] = field(default_factory=dict)
+
+
+def replay(
+    records: Iterable[JointStateRecord | ImuRecord | ContactRecord],
+    gate: Gate,
+    estimation: OnlineEstimation,
+    progress: Callable[[int], None] = lambda n: None,
+) -> Replay:
+    """Feed every record through gate and estimation.
+
+    Args:
+        progress: called with the number of records since the last call, now and then.
+    """
+    series = []
+    start = time.perf_counter()
+    first_t, last_t, last_received = math.nan, math.nan, math.nan
+    last_accepted = math.nan
+    read = 0
+    for record in records:
+        if isinstance(record, JointStateRecord):
+            read += 1
+            if read % 1000 == 0:
+                progress(1000)
+        last_received = record.receive_time
+        for measurement in gate.take(record):
+            last_t, last_accepted = measurement.t, record.receive_time
+            if math.isnan(first_t):
+                first_t = last_t
+            estimate = estimation.step(measurement)
+            if estimate is not None:
+                series.append(estimate)
+    progress(read % 1000)
+    final = series[-1] if series else estimation.prior()
+    status, reason = final.status, final.reason
+    timeout = estimation.settings.sensor_timeout
+    if not last_received - last_accepted <= timeout and read > 0:
+        status, reason = "stale", f"The recording ends without a usable sample for more than {timeout:g} s."
+    warnings = [*gate.warnings, *(f"{n} of {read} messages rejected: {gate.last_texts[key]}" for key, n in gate.counts.items())]
+    if not series:
+        warnings.append("The recording gave no estimate at all: it is too short, or no sample of it was usable.")
+    return Replay(
+        series=series,
+        final=final,
+        events=estimation.events,
+        read=read,
+        used=gate.accepted,
+        rejected=dict(gate.counts),
+        start=first_t,
+        duration=0.0 if math.isnan(first_t) else last_t - first_t,
+        seconds=time.perf_counter() - start,
+        status=status,
+        reason=reason,
+        warnings=[*estimation.warnings, *warnings],
+        feet=estimation.stance_counts,
+    )
+
+
+def as_json(result: Replay) -> dict[str, Any]:
+    """The replay in plain types, as ``sysid replay --json`` writes it; what is not known is null."""
+    final = result.final
+    document: dict[str, Any] = {
+        "frame": final.frame,
+        "samples": {"read": result.read, "used": result.used, "rejected": result.rejected},
+        "duration_s": result.duration,
+        "realtime_factor": result.duration / result.seconds,
+        "payload": {
+            "mass": final.mass,
+            "com": final.com,
+            "inertia_com": final.inertia_com,
+            "mass_std": final.mass_std,
+            "com_std": final.com_std,
+            "theta": final.theta,
+            "covariance": final.covariance,
+        },
+        "status": result.status,
+        "reason": result.reason,
+        "observable": final.observable,
+        "events": [{"t": e.t, "kind": e.kind, "mass_before": e.mass_before, "mass_after": e.mass_after} for e in result.events],
+        "warnings": result.warnings,
+    }
+    if result.feet:
+        document["feet"] = result.feet
+    cleaned: dict[str, Any] = plain(document)
+    return cleaned
+
+
+def write_series(path: Path, series: list[PayloadEstimate]) -> None:
+    """One row an estimate: t, the ten parameters, their standard deviations, com, status."""
+    names = inertial_parameters.NAMES
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["t", *names, *(f"{name}_std" for name in names), "com_x", "com_y", "com_z", "status"])
+        for e in series:
+            writer.writerow(
+                [repr(e.t), *map(repr, e.theta.tolist()), *map(repr, e.std.tolist()), *map(repr, e.com.tolist()), e.status]
+            )

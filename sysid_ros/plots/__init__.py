@@ -1,6 +1,0 @@
-"""Figures of what was estimated, for a report (PNG, SVG, PDF) or to look around in (HTML)."""
-
-from sysid_ros.plots.payload_plot import check_plot_path, write_payload_plot
-from sysid_ros.plots.truth import TruthSegment
-
-__all__ = ["TruthSegment", "check_plot_path", "write_payload_plot"]

@@ -1,0 +1,1 @@
+"""From measurements to samples and motions: filters, derivatives, even grids. Every velocity comes from here."""

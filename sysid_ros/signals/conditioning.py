@@ -1,0 +1,110 @@
+"""From raw recordings to smooth motions on an even grid, without shifting any channel in time."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from scipy import fft, interpolate, signal
+
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+from sysid_ros.signals.motion import Motion
+from sysid_ros.signals.recording import Recording
+
+SMOOTHING = 20.0
+"""Cut-off of the zero-phase low-pass on positions and torques [Hz]: far enough above the band that is judged."""
+FINEST = 200.0
+"""Largest rate of the grid [Hz]."""
+MAX_GAP = 0.1
+"""A longer gap between stamps splits a recording [s]."""
+SHORTEST = 2.0
+"""Shorter stretches are left out [s]."""
+_SLOW = 0.2
+"""No joint's temperature follows faster; readings come in steps [Hz]."""
+_CLEARLY = 10.0
+"""Power over that of the noise at which a motion is seen well."""
+_NOISE_ONLY = 0.4
+"""Part of the band, from which on a position has nothing but noise."""
+_EDGE = 0.25
+"""Ends of a stretch, where the filters have not settled, are cut off [s]."""
+
+
+def motions(robot: RobotModel, recording: Recording) -> list[Motion]:
+    """Smooth motions of the stretches without a gap; times since the recording's first stamp.
+
+    Stamps that repeat or run back are left out. Positions go through an even grid by cubic interpolation, torques by a straight
+    line; both through the same low-pass forward and backward; velocity and acceleration are derivatives of the quintic spline
+    through the positions. A temperature that is not known all along a stretch is NaN in all of it.
+    """
+    t, keep = np.asarray(recording.t, dtype=float), np.ones(len(recording.t), dtype=bool)
+    newest = np.maximum.accumulate(t)
+    keep[1:] = t[1:] > newest[:-1]
+    keep &= np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.tau).all(axis=1)
+    t, q, tau = t[keep] - recording.start, recording.q[keep], recording.tau[keep]
+    warm = None if recording.temperature is None else recording.temperature[keep]
+    cuts = [0, *(np.flatnonzero(np.diff(t) > max(MAX_GAP, 3.0 / recording.rate)) + 1), len(t)]
+    out = []
+    for a, b in pairwise(cuts):
+        if b - a > 20 and t[b - 1] - t[a] >= SHORTEST:
+            out.append(_smooth(robot, t[a:b], q[a:b], tau[a:b]))
+            out[-1].recording = recording.name
+            if warm is not None:
+                out[-1].temperature = _along(out[-1].t, t[a:b], warm[a:b])
+    return out
+
+
+def _smooth(robot: RobotModel, t: FloatArray, q: FloatArray, tau: FloatArray) -> Motion:
+    rate = 1.0 / float(np.median(np.diff(t)))
+    grid = t[0] + np.arange(int((t[-1] - t[0]) * rate)) / rate
+    even_q = interpolate.CubicSpline(t, q)(grid)
+    even_tau = interpolate.make_interp_spline(t, tau, k=1)(grid)
+    smooth_q, smooth_tau = (as_measured(x, 1.0 / rate) for x in (even_q, even_tau))
+    every = max(1, int(rate / FINEST))
+    grid, smooth_q, smooth_tau = grid[::every], smooth_q[::every], smooth_tau[::every]
+    spline = interpolate.make_interp_spline(grid, smooth_q, k=5)
+    inside = slice(*np.searchsorted(grid, [grid[0] + _EDGE, grid[-1] - _EDGE]))
+    v, a = (spline(grid, nu=order)[inside] for order in (1, 2))
+    motion = Motion(robot, grid[inside], smooth_q[inside], v, a, smooth_tau[inside])
+    motion.clear = clear_band(even_q, rate)
+    return motion
+
+
+def as_measured(x: FloatArray, period: float) -> FloatArray:
+    """Columns of a channel on an even grid, through the low-pass that measured torques go through, shape (N, n)."""
+    rate = 1.0 / period
+    smooth: FloatArray = signal.sosfiltfilt(signal.butter(4, min(SMOOTHING, rate / 5.0), fs=rate, output="sos"), x, axis=0)
+    return smooth
+
+
+def _along(grid: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
+    """Columns of slow values on a grid, without the steps of their sensors, shape (grid, n); NaN where one of a column is."""
+    rate = 1.0 / float(np.median(np.diff(grid)))
+    sections = signal.butter(2, 2.0 * _SLOW / rate, output="sos")
+    out = np.full((len(grid), values.shape[1]), np.nan)
+    for j in np.flatnonzero(np.isfinite(values).all(axis=0)):
+        even = np.interp(grid, t, values[:, j])
+        out[:, j] = signal.sosfiltfilt(sections, even, padlen=min(len(even) - 1, int(rate / _SLOW)))
+    return out
+
+
+def clear_band(q: FloatArray, rate: float) -> FloatArray:
+    """Frequency up to which each position on an even grid stands clearly above the noise of its sensor, shape (n,) [Hz].
+
+    Accelerations beyond it are noise that two differences have made large.
+
+    Args:
+        q: raw positions, shape (N, n). rate: of the grid [Hz].
+    """
+    # a record that does not begin and end at rest would spread over all frequencies
+    rest = signal.detrend(q, axis=0) * signal.windows.hann(len(q))[:, None]
+    power = np.abs(fft.rfft(rest, axis=0)) ** 2
+    f = fft.rfftfreq(len(q), 1.0 / rate)
+    noise = np.mean(power[f > _NOISE_ONLY * 0.5 * rate], axis=0)
+    width = max(1, int(np.searchsorted(f, 1.0)))
+    mean = np.apply_along_axis(np.convolve, 0, power, np.ones(width) / width, "same")
+    out = np.full(q.shape[1], 0.5 * rate)
+    for j in range(q.shape[1]):
+        above = np.flatnonzero(mean[:, j] > _CLEARLY * noise[j])
+        out[j] = f[above[-1]] if above.size else 0.0
+    return out

@@ -1,0 +1,134 @@
+"""Motion: a whole recording on an even grid, with what the robot's model says of it."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+
+
+class Motion:
+    """Channels of a recording after filtering, shape (N, n) each, on an even grid of times.
+
+    Args:
+        robot: the nominal model.
+        t: shape (N,) [s], since the recording's first stamp.
+        q, v, a: positions, velocities and accelerations. tau: measured torque.
+        link_torque: torque that the links need, as far as it is known; None for the URDF's.
+        drive_torque: torque that the drives give, friction included, as far as it is known; None for that of the links.
+        temperature: of the joints [degrees Celsius], NaN where it is not known; None where none is.
+
+    Attributes:
+        period: of the grid [s].
+        clear: frequency up to which each position stands above its noise, shape (n,) [Hz]; None where that is not known.
+        recording: name of the recording that it is a stretch of.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        t: FloatArray,
+        q: FloatArray,
+        v: FloatArray,
+        a: FloatArray,
+        tau: FloatArray,
+        link_torque: FloatArray | None = None,
+        drive_torque: FloatArray | None = None,
+        temperature: FloatArray | None = None,
+    ) -> None:
+        self.robot, self.t, self.q, self.v, self.a, self.tau = robot, t, q, v, a, tau
+        self.temperature = temperature
+        self._link_torque, self._drive_torque = link_torque, drive_torque
+        self.clear: FloatArray | None = None
+        self.recording = ""
+        self._payload: dict[str, FloatArray] = {}
+        self._joints: dict[int, Motion] = {}
+
+    @property
+    def period(self) -> float:
+        """Spacing of the grid [s]."""
+        return float(self.t[1] - self.t[0])
+
+    @cached_property
+    def link_torque(self) -> FloatArray:
+        """Torque on the link side of the joints, shape (N, n) [N m]."""
+        return self.rigid_torque if self._link_torque is None else self._link_torque
+
+    @cached_property
+    def rigid_torque(self) -> FloatArray:
+        """Torque of the URDF's links, shape (N, n) [N m]."""
+        return self.robot.rnea_along(self.q, self.v, self.a)
+
+    @property
+    def drive_torque(self) -> FloatArray:
+        """Torque on the motor side, referred to the joints, shape (N, n) [N m]."""
+        return self.link_torque if self._drive_torque is None else self._drive_torque
+
+    @cached_property
+    def regressor(self) -> FloatArray:
+        """Of all links, shape (N, n, 10 n)."""
+        return self.robot.regressor_along(self.q, self.v, self.a)
+
+    @cached_property
+    def sensitivity(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Derivatives of the link torque by q, v and a, shape (N, n, n) each."""
+        return self.robot.rnea_derivatives_along(self.q, self.v, self.a)
+
+    @cached_property
+    def gravity_torque(self) -> FloatArray:
+        """Torque that holds the links against gravity, shape (N, n) [N m]."""
+        nothing = np.zeros_like(self.q)
+        return self.robot.rnea_along(self.q, nothing, nothing)
+
+    def payload_regressor(self, frame: str) -> FloatArray:
+        """Of a body fixed to a frame, shape (N, n, 10)."""
+        if frame not in self._payload:
+            index, robot = self.robot.frame_id(frame), self.robot
+            rows = [robot.payload_regressor(q, v, a, index) for q, v, a in zip(self.q, self.v, self.a, strict=True)]
+            self._payload[frame] = np.stack(rows)
+        return self._payload[frame]
+
+    def clear_load(self, joint: int) -> FloatArray:
+        """Link torque of one joint without what only the noise of the positions makes of it, shape (N,) [N m]."""
+        load = np.ascontiguousarray(self.link_torque[:, joint])
+        edge = np.inf if self.clear is None else float(np.min(self.clear[self.clear > 0.0], initial=np.inf))
+        if edge >= 0.4 / self.period or len(load) < 60:
+            return load
+        from scipy import signal  # takes longer to load than the rest of the package
+
+        sections = signal.butter(4, max(edge, 1.0) * self.period * 2.0, output="sos")
+        return np.ascontiguousarray(signal.sosfiltfilt(sections, load))
+
+    def rate_of(self, values: FloatArray) -> FloatArray:
+        """Derivative by time of values on the grid, along the first axis."""
+        rate: FloatArray = np.gradient(values, self.period, axis=0)
+        return rate
+
+    def with_torques(self, link_torque: FloatArray, drive_torque: FloatArray) -> Motion:
+        """The same motion with more known of its torques, shape (N, n) each; what was computed from the motion alone is kept."""
+        other = Motion(self.robot, self.t, self.q, self.v, self.a, self.tau, link_torque, drive_torque, self.temperature)
+        for name in ("regressor", "sensitivity", "gravity_torque", "rigid_torque"):
+            if name in self.__dict__:
+                other.__dict__[name] = self.__dict__[name]
+        other._payload, other.clear, other.recording = self._payload, self.clear, self.recording
+        return other
+
+    def of_joint(self, joint: int) -> Motion:
+        """The channels of one joint alone, shape (N, 1) each: for curves that depend on nothing but that joint."""
+        if joint not in self._joints:
+            one = slice(joint, joint + 1)
+            channels = (x[:, one] for x in (self.q, self.v, self.a, self.tau, self.link_torque, self.drive_torque))
+            self._joints[joint] = Motion(self.robot, self.t, *channels)
+            self._joints[joint].temperature = None if self.temperature is None else self.temperature[:, one]
+        return self._joints[joint]
+
+    def samples(self) -> list[Sample]:
+        """The grid's points one by one."""
+        warm = self.temperature
+        return [
+            Sample(float(self.t[i]), self.q[i], self.v[i], self.a[i], self.tau[i], None if warm is None else warm[i])
+            for i in range(len(self.t))
+        ]

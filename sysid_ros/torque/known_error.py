@@ -1,0 +1,64 @@
+"""KnownError: what the uncertainty of an identified model does to the torque, in few directions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid_ros.effects import Effect, JointEffect, LinkInertia
+from sysid_ros.exceptions import ModelFileError
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.torque.known_effect import KnownEffect
+
+
+class KnownError:
+    """``error of the known torque = Z z``, z ~ N(0, 1), with Z = Y L and ``L L'`` the covariance of the known parameters.
+
+    Args:
+        robot: the arm.
+        known: its known effects.
+        directions: L, shape (number of known parameters, c), rows in the order of the effects; None where it is not known.
+
+    Attributes:
+        c: number of directions.
+
+    Raises:
+        ModelFileError: L does not fit the effects.
+    """
+
+    def __init__(self, robot: RobotModel, known: Sequence[KnownEffect], directions: FloatArray | None) -> None:
+        n = robot.n
+        count = sum(k.effect.p for k in known)
+        if directions is not None and directions.shape[0] != count:
+            raise ModelFileError(
+                f"the model's uncertainty has {directions.shape[0]} rows, its effects have {count} parameters. "
+                "Write the model again with 'sysid identify'."
+            )
+        self.c = 0 if directions is None else directions.shape[1]
+        self._links = np.zeros((10 * n, self.c))
+        self._joints: list[tuple[JointEffect, FloatArray]] = []
+        self._others: list[tuple[Effect, FloatArray]] = []
+        if directions is None:
+            return
+        start = 0
+        for k in known:
+            rows = directions[start : start + k.effect.p]
+            start += k.effect.p
+            if isinstance(k.effect, LinkInertia):
+                self._links.reshape(n, 10, self.c)[k.effect.joints] = rows.reshape(-1, 10, self.c)
+            elif isinstance(k.effect, JointEffect):
+                spread = np.zeros((n, self.c))
+                spread[k.effect.joints] = rows
+                self._joints.append((k.effect, spread))
+            else:
+                self._others.append((k.effect, rows))
+
+    def fill(self, sample: Sample, regressor: FloatArray, out: FloatArray) -> None:
+        """Write Z into ``out`` of shape (n, c), given the links' regressor (n, 10 n) at the sample."""
+        out[:] = regressor @ self._links
+        for effect, spread in self._joints:
+            out += effect.curve(sample)[:, None] * spread
+        for other, rows in self._others:
+            out += other.columns(sample) @ rows

@@ -1,0 +1,235 @@
+"""model.yaml: the known effects of a robot with their parameters, written by identification and read by everything else."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from sysid_ros.effects import EFFECTS
+from sysid_ros.exceptions import ModelFileError, SysidError
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+from sysid_ros.torque.known_effect import KnownEffect
+
+FORMAT = 1
+
+
+def urdf_digest(urdf: str) -> str:
+    """SHA-256 of a URDF's text, hexadecimal."""
+    return hashlib.sha256(urdf.encode()).hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class EffectBlock:
+    """One effect as it stands in the file: plain types, arrays of shape (p,) and (p, p)."""
+
+    effect: str
+    joints: tuple[str, ...]
+    settings: dict[str, Any]
+    theta: FloatArray
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    covariance: FloatArray | None
+
+
+@dataclass(frozen=True, slots=True)
+class ModelFile:
+    """Content of a model.yaml (format 1).
+
+    Attributes:
+        robot_name, joints, urdf_sha256: the robot that the parameters belong to.
+        effects: its known effects.
+        torque_std: what the model leaves unexplained below ``cutoff_hz``, a joint, shape (n,) [N m].
+        correlation_time: for how long that error keeps its sign, a joint, shape (n,) [s]; twice the product with the variance
+            is its spectral density at zero frequency.
+        uncertainty: directions of the error of all parameters together, shape (number of parameters, c), or None; their product
+            with itself transposed is the covariance as far as it makes torque.
+        provenance: bags, command and version it came from.
+        source: the file that it was read from, for messages.
+    """
+
+    robot_name: str
+    joints: tuple[str, ...]
+    urdf_sha256: str
+    effects: tuple[EffectBlock, ...]
+    torque_std: FloatArray
+    correlation_time: FloatArray
+    uncertainty: FloatArray | None = None
+    provenance: dict[str, Any] = field(default_factory=dict)
+    source: str = "the model"
+
+    def known_effects(self, robot: RobotModel) -> list[KnownEffect]:
+        """The effects for a robot.
+
+        Raises:
+            ModelFileError: the file belongs to a robot with other joints, or an effect in it is not known here.
+        """
+        if set(self.joints) != set(robot.joint_names):
+            raise ModelFileError(
+                f"{self.source} was made for joints {', '.join(self.joints)}; the robot at hand has "
+                f"{', '.join(robot.joint_names)}. Run 'sysid identify' with this robot's URDF and bags."
+            )
+        return [self._known(block, robot) for block in self.effects]
+
+    def _known(self, block: EffectBlock, robot: RobotModel) -> KnownEffect:
+        if block.effect not in EFFECTS:
+            raise ModelFileError(
+                f"{self.source} names an unknown effect '{block.effect}'; known are {', '.join(sorted(EFFECTS))}."
+            )
+        try:
+            effect = EFFECTS[block.effect].from_settings(robot, block.joints, block.settings)
+        except TypeError as error:
+            raise ModelFileError(
+                f"{self.source}: the settings of effect '{block.effect}' are {block.settings}: {error}."
+            ) from None
+        except SysidError as error:
+            raise ModelFileError(f"{self.source}: {error}") from None
+        if effect.parameter_names != block.names:
+            raise ModelFileError(
+                f"{self.source}: effect '{block.effect}' has parameters {', '.join(block.names)}, but the URDF's are "
+                f"{', '.join(effect.parameter_names)}. Use the URDF that the model was identified with."
+            )
+        return KnownEffect(effect, block.theta, block.covariance)
+
+    def error_density(self, robot: RobotModel) -> FloatArray:
+        """Spectral density of what the model leaves unexplained, in the robot's joint order, shape (n,) [(N m)^2 s]."""
+        density = dict(zip(self.joints, 2.0 * self.torque_std**2 * self.correlation_time, strict=True))
+        return np.array([density[name] for name in robot.joint_names])
+
+    def notes(self, urdf: str) -> list[str]:
+        """What a user should know before using the model with this URDF, one sentence each."""
+        notes = []
+        if self.urdf_sha256 and urdf_digest(urdf) != self.urdf_sha256:
+            notes.append(
+                "The URDF is not the one that the model was identified with; its link inertials are replaced by the model's."
+            )
+        for block in self.effects:
+            if block.settings.get("over") == "temperature":
+                notes.append(
+                    f"The model's friction of {', '.join(block.joints)} follows the temperature; where none is recorded it is "
+                    f"that at {block.settings.get('reference', 25.0):g} degrees Celsius."
+                )
+        return notes
+
+    def write(self, path: Path) -> None:
+        """Write the file, replacing one that is there."""
+        document = {
+            "format": FORMAT,
+            "robot": {"name": self.robot_name, "joints": list(self.joints), "urdf_sha256": self.urdf_sha256},
+            "effects": [
+                {
+                    "effect": b.effect,
+                    "joints": list(b.joints),
+                    "settings": b.settings,
+                    "theta": b.theta.tolist(),
+                    "names": list(b.names),
+                    "units": list(b.units),
+                    "covariance": None if b.covariance is None else b.covariance.tolist(),
+                }
+                for b in self.effects
+            ],
+            "noise": {"torque_std": self.torque_std.tolist(), "correlation_time": self.correlation_time.tolist()},
+            "uncertainty": None if self.uncertainty is None else {"directions": self.uncertainty.tolist()},
+            "provenance": self.provenance,
+        }
+        path.write_text(yaml.dump(document, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=130))
+
+    @classmethod
+    def read(cls, path: Path) -> ModelFile:
+        """Read and check a file.
+
+        Raises:
+            ModelFileError: it can't be read, is not a model.yaml, or holds arrays that don't fit.
+        """
+        try:
+            document = yaml.load(path.read_text(), Loader=_Loader)
+        except OSError as error:
+            raise ModelFileError(
+                f"{path} can't be read: {error.strerror}. Give the model.yaml that 'sysid identify' wrote."
+            ) from None
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            raise ModelFileError(f"{path} is not YAML: {error}. Give the model.yaml that 'sysid identify' wrote.") from None
+        if not isinstance(document, dict) or document.get("format") != FORMAT:
+            found = document.get("format") if isinstance(document, dict) else None
+            raise ModelFileError(
+                f"{path} has format {found}; this version reads format {FORMAT}. Give a model.yaml of 'sysid identify'."
+            )
+        try:
+            return cls._from_document(document, str(path))
+        except (KeyError, TypeError, ValueError) as error:
+            reason = f"it lacks {error}" if isinstance(error, KeyError) else error
+            raise ModelFileError(f"{path} is damaged: {reason}. Write it again with 'sysid identify'.") from None
+
+    @classmethod
+    def _from_document(cls, document: dict[str, Any], source: str) -> ModelFile:
+        robot, noise = _mapping(document["robot"], "robot"), _mapping(document.get("noise"), "noise")
+        joints = _strings(robot["joints"], "robot.joints")
+        nothing = [0.0] * len(joints)
+        if not isinstance(document["effects"], list):
+            raise ValueError(f"effects is {document['effects']!r}, not a list")
+        effects = tuple(_block(_mapping(entry, "an effect")) for entry in document["effects"])
+        return cls(
+            robot_name=str(robot["name"]),
+            joints=joints,
+            urdf_sha256=str(robot.get("urdf_sha256", "")),
+            effects=effects,
+            torque_std=_numbers(noise.get("torque_std", nothing), "noise.torque_std", (len(joints),), 0.0),
+            correlation_time=_numbers(noise.get("correlation_time", nothing), "noise.correlation_time", (len(joints),), 0.0),
+            uncertainty=_uncertainty(_mapping(document.get("uncertainty"), "uncertainty"), sum(b.theta.size for b in effects)),
+            provenance=_mapping(document.get("provenance"), "provenance"),
+            source=source,
+        )
+
+
+def _uncertainty(entry: dict[str, Any], count: int) -> FloatArray | None:
+    if not entry:
+        return None
+    directions = np.asarray(entry["directions"], dtype=float)
+    if directions.ndim != 2 or len(directions) != count or not np.isfinite(directions).all():
+        raise ValueError(f"uncertainty.directions needs {count} rows of as many finite numbers each")
+    return directions
+
+
+def _block(entry: dict[str, Any]) -> EffectBlock:
+    where = f"effect '{entry['effect']}'"
+    names = _strings(entry["names"], f"names of {where}")
+    count = len(names)
+    covariance = entry.get("covariance")
+    return EffectBlock(
+        effect=str(entry["effect"]),
+        joints=_strings(entry["joints"], f"joints of {where}"),
+        settings=_mapping(entry.get("settings"), f"settings of {where}"),
+        theta=_numbers(entry["theta"], f"theta of {where}", (count,)),
+        names=names,
+        units=_strings(entry["units"], f"units of {where}"),
+        covariance=None if covariance is None else _numbers(covariance, f"covariance of {where}", (count, count)),
+    )
+
+
+def _mapping(value: Any, what: str) -> dict[str, Any]:
+    if value is not None and not isinstance(value, dict):
+        raise ValueError(f"{what} is {value!r}, not a mapping of names to values")
+    return dict(value or {})
+
+
+def _strings(value: Any, what: str) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(x, str) for x in value):
+        raise ValueError(f"{what} is {value!r}, not a list of names")
+    return tuple(value)
+
+
+def _numbers(value: Any, what: str, shape: tuple[int, ...], least: float = -np.inf) -> FloatArray:
+    array = np.asarray(value, dtype=float)
+    if array.shape != shape or not np.isfinite(array).all() or np.any(array < least):
+        needed = " x ".join(map(str, shape)) + " finite numbers" + (f" of {least:g} or more" if least > -np.inf else "")
+        raise ValueError(f"{what} is {value!r}; it needs {needed}")
+    return array
+
+
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
