@@ -7,7 +7,7 @@ from sysid_ros.effects.base_tilt import BaseTilt
 from sysid_ros.effects.channel_effect import ChannelEffect, Channels
 from sysid_ros.effects.cogging import Cogging
 from sysid_ros.effects.coulomb_friction import CoulombFriction
-from sysid_ros.effects.effect import Effect, JointCurves, JointEffect, Knob
+from sysid_ros.effects.effect import Acts, Depends, Effect, JointCurves, JointEffect, Knob
 from sysid_ros.effects.external_force import ExternalForce
 from sysid_ros.effects.friction_drift import FrictionDrift
 from sysid_ros.effects.gravity_compensated_effort import GravityCompensatedEffort
@@ -35,6 +35,7 @@ from sysid_ros.effects.torque_sign import TorqueSign
 from sysid_ros.effects.torque_unit import TorqueUnit
 from sysid_ros.effects.velocity_lag import VelocityLag
 from sysid_ros.effects.viscous_friction import ViscousFriction
+from sysid_ros.exceptions import SettingsError
 from sysid_ros.signals.motion import Motion
 
 _CLASSES: tuple[type[Effect], ...] = (
@@ -75,10 +76,24 @@ CHANNEL_EFFECTS: dict[str, type[ChannelEffect]] = {
 }
 """Every fault of the published channels by its name."""
 
+
+def register(effect: type[Effect]) -> type[Effect]:
+    """Make an effect known to every command by its id; also a decorator. What an extension or a test calls.
+
+    Raises:
+        SettingsError: another effect has the id.
+    """
+    if EFFECTS.get(effect.id, effect) is not effect or effect.id in CHANNEL_EFFECTS:
+        raise SettingsError(f"an effect '{effect.id}' is registered already. Give the new one another id.")
+    EFFECTS[effect.id] = effect
+    return effect
+
+
 __all__ = [
     "CHANNEL_EFFECTS",
     "EFFECTS",
     "AccelerometerBias",
+    "Acts",
     "AsymmetricCoulombFriction",
     "Backlash",
     "BaseTilt",
@@ -86,6 +101,7 @@ __all__ = [
     "Channels",
     "Cogging",
     "CoulombFriction",
+    "Depends",
     "Effect",
     "ExternalForce",
     "FrictionDrift",
@@ -118,4 +134,5 @@ __all__ = [
     "TorqueUnit",
     "VelocityLag",
     "ViscousFriction",
+    "register",
 ]

@@ -23,6 +23,9 @@ class AsymmetricCoulombFriction(JointCurves):
 
     id: ClassVar[str] = "asymmetric_coulomb_friction"
     label: ClassVar[str] = "Coulomb friction that differs with the direction"
+    family: ClassVar[str] = "dry friction"
+    usual: ClassVar[float] = 0.2
+    jumps: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]] = ("F_pos", "F_neg")
     symbol_units: ClassVar[tuple[str, ...]] = ("N m", "N m")
     slide_units: ClassVar[tuple[str, ...]] = ("N", "N")
@@ -44,3 +47,6 @@ class AsymmetricCoulombFriction(JointCurves):
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         s = np.tanh(state.v / self.width)
         return np.stack([np.maximum(s, 0.0), np.minimum(s, 0.0)])
+
+    def as_dry_friction(self, theta: FloatArray) -> FloatArray:
+        return 0.5 * (self.of_symbol("F_pos", theta) + self.of_symbol("F_neg", theta))

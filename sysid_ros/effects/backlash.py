@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sysid_ros.effects.compliance import deflection, torque_of
-from sysid_ros.effects.effect import Effect, Knob, positive
+from sysid_ros.effects.effect import Depends, Effect, Knob, positive
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -32,6 +32,8 @@ class Backlash(Effect):
 
     id: ClassVar[str] = "backlash"
     label: ClassVar[str] = "backlash"
+    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.LOAD})
+    family: ClassVar[str] = "compliance"
     knobs: ClassVar[tuple[Knob, ...]] = (Knob("flank", 8.0, 60.0, "Hz"), Knob("damping", 0.05, 2.0, "1"))
     signature: ClassVar[str] = "a wrong zero that changes its sign with the load, and a link that flies free in between"
     look_alikes: ClassVar[tuple[str, ...]] = ("joint_offset", "joint_elasticity")

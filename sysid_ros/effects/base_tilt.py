@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import Effect, carrying
+from sysid_ros.effects.effect import Acts, Depends, Effect, carrying
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
@@ -33,6 +33,8 @@ class BaseTilt(Effect):
 
     id: ClassVar[str] = "base_tilt"
     label: ClassVar[str] = "tilted base"
+    acts: ClassVar[Acts] = Acts.LINK
+    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.LINKS})
     signature: ClassVar[str] = "like gravity on all joints, and on a vertical first joint too"
     look_alikes: ClassVar[tuple[str, ...]] = ("joint_offset", "external_force", "link_inertia")
     separated_by: ClassVar[str] = "a sweep of the first joint over 90 degrees or more with the arm stretched out"

@@ -29,6 +29,9 @@ class CoulombFriction(JointEffect):
 
     id: ClassVar[str] = "coulomb_friction"
     label: ClassVar[str] = "Coulomb friction"
+    family: ClassVar[str] = "dry friction"
+    usual: ClassVar[float] = 0.9
+    jumps: ClassVar[bool] = True
     knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s"),)
     signature: ClassVar[str] = "two levels of equal size by direction of motion"
     look_alikes: ClassVar[tuple[str, ...]] = ("stribeck_friction", "presliding_hysteresis", "asymmetric_coulomb_friction")
@@ -51,3 +54,9 @@ class CoulombFriction(JointEffect):
     def curve(self, sample: Sample | Motion) -> FloatArray:
         curve: FloatArray = np.tanh(sample.v / self.width)
         return curve
+
+    def as_dry_friction(self, theta: FloatArray) -> FloatArray:
+        return self.per_joint(theta)
+
+    def smoothed(self, width: float) -> CoulombFriction:
+        return CoulombFriction(self.robot, self.joint_names, width=width)

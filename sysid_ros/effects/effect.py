@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any, ClassVar
 
 import numpy as np
@@ -31,6 +32,32 @@ class Knob:
     logarithmic: bool = True
 
 
+class Acts(Enum):
+    """Where in the drive train an effect's torque acts."""
+
+    LINK = "link"
+    """Behind the gears: bodies, springs, forces. Whatever depends on the load of the gears sees it."""
+    DRIVE = "drive"
+    """In the gears and the motors: friction, rotors."""
+    MEASUREMENT = "measurement"
+    """Only between the torque and the message: gains, offsets, delays."""
+
+
+class Depends(Enum):
+    """What an effect's columns depend on beside the motion: who learns more of it makes the columns anew."""
+
+    LOAD = "load"
+    """The torque of the links on the gears, as far as it is known."""
+    DRIVE = "drive"
+    """The torque of the drives, as far as it is known."""
+    LINKS = "links"
+    """The inertials of the links, as far as they are known."""
+    TEMPERATURE = "temperature"
+    """The temperature of the joints."""
+    TIME = "time"
+    """The time since the recording began: beyond a recording the effect says nothing of itself."""
+
+
 class Effect(ABC):
     """One cause of torque, linear in its parameters: ``tau_effect = Y(q, v, a) theta``.
 
@@ -48,6 +75,11 @@ class Effect(ABC):
         signature: what it leaves in the residual of a model that lacks it.
         look_alikes: ids of the effects that it is mistaken for. separated_by: the motion that tells them apart.
         knobs: its nonlinear parameters.
+        acts: where in the drive train its torque acts. depends_on: what its columns depend on beside the motion.
+        family: effects of one family are forms of one thing, of which a joint has one; empty where it stands for itself.
+        usual: how often a real arm's joint (or a real arm) has it so that it shows, before any data: a probability.
+        jumps: True where its torque jumps when the velocity changes its sign.
+        replaces_links: True where its parameters are the inertials of the links themselves, which then are not the URDF's.
     """
 
     id: ClassVar[str]
@@ -57,6 +89,12 @@ class Effect(ABC):
     separated_by: ClassVar[str] = ""
     knobs: ClassVar[tuple[Knob, ...]] = ()
     nonnegative: ClassVar[bool] = False
+    acts: ClassVar[Acts] = Acts.DRIVE
+    depends_on: ClassVar[frozenset[Depends]] = frozenset()
+    family: ClassVar[str] = ""
+    usual: ClassVar[float] = 0.05
+    jumps: ClassVar[bool] = False
+    replaces_links: ClassVar[bool] = False
     parameter_names: tuple[str, ...]
     units: tuple[str, ...]
 
@@ -107,6 +145,38 @@ class Effect(ABC):
         """Y along a whole recording, shape (N, n, p). An effect with a memory computes it here, from the recording's start."""
         return np.stack([self.columns(sample) for sample in motion.samples()])
 
+    def momentum_columns_along(self, motion: Motion) -> tuple[FloatArray, FloatArray] | None:
+        """For an effect of inertia: columns P and R, shape (N, n, p) each, with ``Y = dP/dt + R``, neither of which needs an
+        acceleration (Gautier, Briot, Venture 2013); None for one whose columns need none anyway."""
+        return None
+
+    # What a robot's description can hold of the effect. Who writes a URDF or linearises a joint asks here, of every effect.
+
+    def as_links(self, theta: FloatArray) -> FloatArray:
+        """What it adds to the URDF's link inertials in their joint frames, shape (n, 10)."""
+        return np.zeros((self.robot.n, 10))
+
+    def as_armature(self, theta: FloatArray) -> FloatArray:
+        """Inertia that turns with each joint alone, shape (n,) [kg m^2]."""
+        return np.zeros(self.robot.n)
+
+    def as_damping(self, theta: FloatArray) -> FloatArray:
+        """Viscous friction of each joint, shape (n,) [N m s/rad]."""
+        return np.zeros(self.robot.n)
+
+    def as_dry_friction(self, theta: FloatArray) -> FloatArray:
+        """Level of the dry friction of each joint at moderate speed without load, shape (n,) [N m]."""
+        return np.zeros(self.robot.n)
+
+    def as_delay(self, theta: FloatArray) -> float:
+        """By how much it makes the published torque late [s]."""
+        return 0.0
+
+    def smoothed(self, width: float) -> Effect:
+        """The effect with every jump at a reversal spread over ``width`` [rad/s], for searches by gradients; itself where it has
+        none."""
+        return self
+
     def torque(self, sample: Sample, theta: FloatArray) -> FloatArray:
         """Joint torques of this effect, shape (n,) [N m]: what a simulation adds at each step."""
         return self.columns(sample) @ theta
@@ -132,6 +202,12 @@ class JointEffect(Effect):
     @abstractmethod
     def curve(self, sample: Sample | Motion) -> FloatArray:
         """c of every joint, shape (n,) [N m per unit of the parameter]; of a whole motion, shape (N, n) or one that fits it."""
+
+    def per_joint(self, theta: FloatArray) -> FloatArray:
+        """Its parameters as one value a joint of the robot, shape (n,), 0 where it has none."""
+        out = np.zeros(self.robot.n)
+        out[self.joints] = theta
+        return out
 
     def curves_along(self, motion: Motion) -> FloatArray:
         """As :meth:`JointCurves.curves_along`."""
@@ -170,6 +246,12 @@ class JointCurves(Effect):
         self.units = tuple(
             unit for j in self.joints for unit in (self.slide_units if robot.is_prismatic[j] else self.symbol_units)
         )
+
+    def of_symbol(self, symbol: str, theta: FloatArray) -> FloatArray:
+        """The parameters of one symbol as one value a joint of the robot, shape (n,), 0 where it has none."""
+        out = np.zeros(self.robot.n)
+        out[self.joints] = theta[self.symbols.index(symbol) :: len(self.symbols)]
+        return out
 
     @abstractmethod
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-from sysid_ros.effects.effect import Effect
+from sysid_ros.effects.effect import Acts, Effect
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
@@ -20,6 +20,7 @@ class ExternalForce(Effect):
 
     id: ClassVar[str] = "external_force"
     label: ClassVar[str] = "external force"
+    acts: ClassVar[Acts] = Acts.LINK
     signature: ClassVar[str] = "as a weight that keeps its direction in the world, without any inertia"
     look_alikes: ClassVar[tuple[str, ...]] = ("payload", "base_tilt", "payload_change")
     separated_by: ClassVar[str] = "changes of the wrist's orientation, and accelerations, which only a mass answers"

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import JointCurves, Knob, positive
+from sysid_ros.effects.effect import Depends, JointCurves, Knob, positive
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -29,6 +29,10 @@ class FrictionDrift(JointCurves):
 
     id: ClassVar[str] = "friction_drift"
     label: ClassVar[str] = "friction that drifts"
+    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.TEMPERATURE, Depends.TIME})
+    family: ClassVar[str] = "dry friction"
+    usual: ClassVar[float] = 0.2
+    jumps: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]] = ("Fc", "rate_Fc", "b", "rate_b")
     symbol_units: ClassVar[tuple[str, ...]] = ("N m", "N m/s", "N m s/rad", "N m/rad")
     slide_units: ClassVar[tuple[str, ...]] = ("N", "N/s", "N s/m", "N/m")
@@ -70,3 +74,9 @@ class FrictionDrift(JointCurves):
         else:
             x = np.nan_to_num(state.temperature - self.reference)
         return np.stack([s, s * x, state.v, state.v * x])
+
+    def as_dry_friction(self, theta: FloatArray) -> FloatArray:
+        return self.of_symbol("Fc", theta)
+
+    def as_damping(self, theta: FloatArray) -> FloatArray:
+        return self.of_symbol("b", theta)

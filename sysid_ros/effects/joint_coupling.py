@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import JointCurves
+from sysid_ros.effects.effect import Depends, JointCurves
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -24,6 +24,7 @@ class JointCoupling(JointCurves):
 
     id: ClassVar[str] = "joint_coupling"
     label: ClassVar[str] = "coupling of two joints"
+    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.DRIVE})
     symbols: ClassVar[tuple[str, ...]] = ("c",)
     symbol_units: ClassVar[tuple[str, ...]] = ("1",)
     slide_units: ClassVar[tuple[str, ...]] = ("1",)

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sysid_ros.effects.compliance import deflection, torque_of
-from sysid_ros.effects.effect import Effect, Knob, positive
+from sysid_ros.effects.effect import Depends, Effect, Knob, positive
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
@@ -30,6 +30,8 @@ class JointElasticity(Effect):
 
     id: ClassVar[str] = "joint_elasticity"
     label: ClassVar[str] = "elastic joint"
+    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.LOAD})
+    family: ClassVar[str] = "compliance"
     knobs: ClassVar[tuple[Knob, ...]] = (Knob("damping", 0.003, 1.0, "1"),)
     signature: ClassVar[str] = "a deflection in proportion to the load, in all joints around it; brings a rotor inertia with it"
     look_alikes: ClassVar[tuple[str, ...]] = ("joint_offset", "link_inertia", "torque_scale", "backlash")

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import Effect, carrying
+from sysid_ros.effects.effect import Acts, Depends, Effect, carrying
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
@@ -24,6 +24,8 @@ class JointOffset(Effect):
 
     id: ClassVar[str] = "joint_offset"
     label: ClassVar[str] = "wrong zero of a joint"
+    acts: ClassVar[Acts] = Acts.LINK
+    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.LINKS})
     signature: ClassVar[str] = "the gradient of gravity along the joint's position, in all joints around it"
     look_alikes: ClassVar[tuple[str, ...]] = ("base_tilt", "backlash", "link_inertia", "joint_elasticity")
     separated_by: ClassVar[str] = "motion of the other joints over 60 degrees or more; on a vertical first joint nothing shows it"

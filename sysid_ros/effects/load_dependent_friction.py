@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import JointCurves, Knob, positive
+from sysid_ros.effects.effect import Depends, JointCurves, Knob, positive
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
@@ -23,6 +23,10 @@ class LoadDependentFriction(JointCurves):
 
     id: ClassVar[str] = "load_dependent_friction"
     label: ClassVar[str] = "friction that grows with the load"
+    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.LOAD})
+    family: ClassVar[str] = "dry friction"
+    usual: ClassVar[float] = 0.4
+    jumps: ClassVar[bool] = True
     nonnegative: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]] = ("Fc", "mu")
     symbol_units: ClassVar[tuple[str, ...]] = ("N m", "1")
@@ -43,3 +47,6 @@ class LoadDependentFriction(JointCurves):
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         s = np.tanh(state.v / self.width)
         return np.stack([s, s * np.abs(load)])
+
+    def as_dry_friction(self, theta: FloatArray) -> FloatArray:
+        return self.of_symbol("Fc", theta)

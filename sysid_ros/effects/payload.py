@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-from sysid_ros.effects.effect import Effect
+from sysid_ros.effects.effect import Acts, Effect
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -29,6 +29,8 @@ class Payload(Effect):
 
     id: ClassVar[str] = "payload"
     label: ClassVar[str] = "payload"
+    acts: ClassVar[Acts] = Acts.LINK
+    usual: ClassVar[float] = 0.2
     signature: ClassVar[str] = "gravity and inertial torque in all joints that carry the tool, of a body with a positive mass"
     look_alikes: ClassVar[tuple[str, ...]] = ("link_inertia", "external_force")
     separated_by: ClassVar[str] = "changes of the wrist's orientation, and accelerations"

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import Knob
+from sysid_ros.effects.effect import Acts, Depends, Knob
 from sysid_ros.effects.payload import Payload
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -24,6 +24,8 @@ class PayloadChange(Payload):
 
     id: ClassVar[str] = "payload_change"
     label: ClassVar[str] = "change of the payload"
+    acts: ClassVar[Acts] = Acts.LINK
+    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.TIME})
     knobs: ClassVar[tuple[Knob, ...]] = (Knob("t0", 0.0, 1e9, "s", False),)
     signature: ClassVar[str] = "a step at one instant in all joints that carry the tool, then as a payload"
     look_alikes: ClassVar[tuple[str, ...]] = ("external_force", "torque_offset_drift", "payload")

@@ -40,6 +40,9 @@ class PreslidingHysteresis(JointCurves):
 
     id: ClassVar[str] = "presliding_hysteresis"
     label: ClassVar[str] = "presliding hysteresis"
+    family: ClassVar[str] = "dry friction"
+    usual: ClassVar[float] = 0.3
+    jumps: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]] = ("Fc",)
     symbol_units: ClassVar[tuple[str, ...]] = ("N m",)
     slide_units: ClassVar[tuple[str, ...]] = ("N",)
@@ -60,3 +63,6 @@ class PreslidingHysteresis(JointCurves):
         if isinstance(state, Motion):
             return np.asarray(bristle(state.q, self.z_s))[None]
         return np.tanh(state.v / 0.02)[None]
+
+    def as_dry_friction(self, theta: FloatArray) -> FloatArray:
+        return self.of_symbol("Fc", theta)

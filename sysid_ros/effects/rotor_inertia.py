@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import numpy as np
+
 from sysid_ros.effects.effect import JointEffect
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
@@ -20,9 +22,18 @@ class RotorInertia(JointEffect):
         "strong accelerations in several postures; on the first and the last joint a link's inertia is the same"
     )
     nonnegative: ClassVar[bool] = True
+    usual: ClassVar[float] = 0.9
     symbol: ClassVar[str] = "J"
     unit: ClassVar[str] = "kg m^2"
     slide_unit: ClassVar[str] = "kg"
 
     def curve(self, sample: Sample | Motion) -> FloatArray:
         return sample.a
+
+    def as_armature(self, theta: FloatArray) -> FloatArray:
+        return self.per_joint(theta)
+
+    def momentum_columns_along(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
+        momentum = np.zeros((len(motion.t), self.robot.n, self.p))
+        momentum[:, self.joints, self._columns] = motion.v[:, self.joints]
+        return momentum, np.zeros_like(momentum)

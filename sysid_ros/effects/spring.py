@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import JointCurves
+from sysid_ros.effects.effect import Acts, JointCurves
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -25,6 +25,7 @@ class Spring(JointCurves):
 
     id: ClassVar[str] = "spring"
     label: ClassVar[str] = "spring, cable or balancer"
+    acts: ClassVar[Acts] = Acts.LINK
     symbols: ClassVar[tuple[str, ...]] = ("along", "across")
     symbol_units: ClassVar[tuple[str, ...]] = ("N m/rad", "N m")
     slide_units: ClassVar[tuple[str, ...]] = ("N/m", "N")

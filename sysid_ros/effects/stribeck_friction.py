@@ -25,6 +25,9 @@ class StribeckFriction(JointCurves):
 
     id: ClassVar[str] = "stribeck_friction"
     label: ClassVar[str] = "Stribeck friction"
+    family: ClassVar[str] = "dry friction"
+    usual: ClassVar[float] = 0.4
+    jumps: ClassVar[bool] = True
     nonnegative: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]] = ("Fc", "Fs")
     symbol_units: ClassVar[tuple[str, ...]] = ("N m", "N m")
@@ -46,3 +49,6 @@ class StribeckFriction(JointCurves):
         s = np.tanh(state.v / self.width)
         e = np.exp(-((state.v / self.vs) ** 2))
         return np.stack([s * (1.0 - e), s * e])
+
+    def as_dry_friction(self, theta: FloatArray) -> FloatArray:
+        return self.of_symbol("Fc", theta)

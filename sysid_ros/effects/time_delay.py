@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import Effect
+from sysid_ros.effects.effect import Acts, Depends, Effect
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
@@ -25,6 +25,9 @@ class TimeDelay(Effect):
 
     id: ClassVar[str] = "time_delay"
     label: ClassVar[str] = "effort late"
+    acts: ClassVar[Acts] = Acts.MEASUREMENT
+    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.DRIVE})
+    usual: ClassVar[float] = 0.2
     signature: ClassVar[str] = "in proportion to the rate of the torque, with one delay for all joints"
     look_alikes: ClassVar[tuple[str, ...]] = ("viscous_friction", "joint_elasticity", "velocity_lag")
     separated_by: ClassVar[str] = "fast motion: a delay grows with the square of the frequency, friction does not"
@@ -47,3 +50,6 @@ class TimeDelay(Effect):
             earlier = [np.interp(motion.t - self.around, motion.t, drive[:, j]) for j in range(self.robot.n)]
             return np.asarray((np.stack(earlier, axis=1) - drive) / self.around)[:, :, None]
         return np.asarray(-motion.rate_of(motion.drive_torque))[:, :, None]
+
+    def as_delay(self, theta: FloatArray) -> float:
+        return float(theta[0])

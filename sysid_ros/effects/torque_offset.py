@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import JointEffect
+from sysid_ros.effects.effect import Acts, JointEffect
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
@@ -17,6 +17,8 @@ class TorqueOffset(JointEffect):
 
     id: ClassVar[str] = "torque_offset"
     label: ClassVar[str] = "torque offset"
+    acts: ClassVar[Acts] = Acts.MEASUREMENT
+    usual: ClassVar[float] = 0.5
     signature: ClassVar[str] = "a constant, at rest and in motion"
     look_alikes: ClassVar[tuple[str, ...]] = ("asymmetric_coulomb_friction", "spring", "joint_offset")
     separated_by: ClassVar[str] = "rests of a second in several postures"

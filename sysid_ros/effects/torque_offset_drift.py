@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import JointEffect
+from sysid_ros.effects.effect import Acts, Depends, JointEffect
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
@@ -22,6 +22,8 @@ class TorqueOffsetDrift(JointEffect):
 
     id: ClassVar[str] = "torque_offset_drift"
     label: ClassVar[str] = "drift of the torque measurement"
+    acts: ClassVar[Acts] = Acts.MEASUREMENT
+    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.TIME})
     symbol: ClassVar[str] = "rate"
     unit: ClassVar[str] = "N m/s"
     slide_unit: ClassVar[str] = "N/s"

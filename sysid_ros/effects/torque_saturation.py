@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import JointCurves, Knob, positive
+from sysid_ros.effects.effect import Acts, Depends, JointCurves, Knob, positive
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -31,6 +31,8 @@ class TorqueSaturation(JointCurves):
 
     id: ClassVar[str] = "torque_saturation"
     label: ClassVar[str] = "saturation of the torque"
+    acts: ClassVar[Acts] = Acts.MEASUREMENT
+    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.DRIVE})
     symbols: ClassVar[tuple[str, ...]] = ("share",)
     symbol_units: ClassVar[tuple[str, ...]] = ("1",)
     slide_units: ClassVar[tuple[str, ...]] = ("1",)

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import JointCurves
+from sysid_ros.effects.effect import Acts, Depends, JointCurves
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -16,6 +16,9 @@ class TorqueScale(JointCurves):
 
     id: ClassVar[str] = "torque_scale"
     label: ClassVar[str] = "wrong gain of the torque"
+    acts: ClassVar[Acts] = Acts.MEASUREMENT
+    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.DRIVE})
+    usual: ClassVar[float] = 0.1
     symbols: ClassVar[tuple[str, ...]] = ("gain_error",)
     symbol_units: ClassVar[tuple[str, ...]] = ("1",)
     slide_units: ClassVar[tuple[str, ...]] = ("1",)

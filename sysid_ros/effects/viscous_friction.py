@@ -14,6 +14,7 @@ class ViscousFriction(JointEffect):
 
     id: ClassVar[str] = "viscous_friction"
     label: ClassVar[str] = "viscous friction"
+    usual: ClassVar[float] = 0.9
     signature: ClassVar[str] = "a straight line against the speed"
     look_alikes: ClassVar[tuple[str, ...]] = ("time_delay", "quadratic_friction", "coulomb_friction")
     separated_by: ClassVar[str] = "speeds from a tenth of the limit to nearly all of it"
@@ -24,3 +25,6 @@ class ViscousFriction(JointEffect):
 
     def curve(self, sample: Sample | Motion) -> FloatArray:
         return sample.v
+
+    def as_damping(self, theta: FloatArray) -> FloatArray:
+        return self.per_joint(theta)
