@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -127,7 +128,9 @@ class Walk:
                 self.joints.publish(state)
             if k % 30 == 29:
                 wanted = before + joints
-                self.until(lambda wanted=wanted: self.node.live.gate is not None and self.node.live.gate.received >= wanted)
+                self.until(
+                    partial(lambda live, wanted: live.gate is not None and live.gate.received >= wanted, self.node.live, wanted)
+                )
                 if done():
                     return
 
