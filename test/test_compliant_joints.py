@@ -133,7 +133,7 @@ def behind(kind: str, seed: int, seconds: float) -> Recording:
 
     steps = 1 if kind == "joint_elasticity" else 4
     h = 1.0 / (RATE * steps)
-    fine = np.arange(2 * steps * len(t) + 2) * 0.5 * h
+    fine = np.arange(2.0 * steps * len(t) + 2.0) * 0.5 * h
     states = [np.asarray(x) for x in path(fine)]
     load = float(model.rnea(*(s[0] for s in states))[joint])
     later = float(model.rnea(*(s[2] for s in states))[joint])

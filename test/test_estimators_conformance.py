@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -309,7 +310,7 @@ def test_variable_forgetting_never_exceeds_its_prior(rank: int) -> None:
     rng = np.random.default_rng(8)
     prior_std = np.array([2.0, 0.3, 0.3, 0.3, 0.1, 0.1])
     Y, tau, theta = problem(count=1000, m=2, p=6)
-    estimator = feed(make_variable(prior_std, np.full(2, 1e-4), forgetting_time=5.0), Y, tau)
+    estimator: Any = feed(make_variable(prior_std, np.full(2, 1e-4), forgetting_time=5.0), Y, tau)
     basis = rng.normal(size=(rank, 6)) / prior_std
     noise = 0.1 * rng.normal(size=(100_000, 2))
     weights = rng.normal(size=(100_000, 2, rank))
@@ -379,7 +380,7 @@ def test_a_jump_is_found_soon_and_measured(seed: int, phi: float) -> None:
     change[:4] = rng.choice([-1.0, 1.0], 4)
     tau[1500:] += Y[1500:] @ change
     estimator = make_variable(np.full(6, 2.0), np.full(5, 0.1**2 * (1.0 - phi**2)), forgetting_time=60.0, block=slice(0, 4))
-    found = []
+    found: list[int] = []
     for k in range(len(tau)):
         estimator.update(Y[k], tau[k])
         if estimator.jumps > len(found):

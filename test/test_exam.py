@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -208,13 +209,14 @@ def test_marks_are_lost_for_what_is_wrong() -> None:
     truth = truth_of("coulomb_friction", "base_tilt", level="pairs")
     good = document(truth)
     assert score(truth, good)["all_found"]
-    for change, lost in (
+    changes: tuple[tuple[Callable[[Any], Any], str], ...] = (
         (lambda d: d["effects"].pop(0), "all_found"),
         (lambda d: d["effects"].append({**d["effects"][1], "name": "torque_offset"}), "exact"),
         (lambda d: d["effects"][0].update(joints=["elbow_joint", "wrist_1_joint", "wrist_3_joint"]), "joints"),
         (lambda d: d["effects"].insert(0, {**d["effects"][1], "name": "spring"}), "right"),
         (lambda d: d["effects"].clear(), "right"),
-    ):
+    )
+    for change, lost in changes:
         worse = copy.deepcopy(good)
         change(worse)
         assert not score(truth, worse)[lost], lost

@@ -18,7 +18,7 @@ from sysid_ros.torque.known_effect import KnownEffect
 ELASTIC = TwoMass(stiffness=4000.0, spring_damping=4.0, damping=0.2)
 RIGID = TwoMass()
 SWEEP = sweep(24.0, 0.3, 25.0, 0.06)
-NOISY = {"torque_noise": 1.0, "encoder_noise": 5e-6}
+NOISY: dict[str, Any] = {"torque_noise": 1.0, "encoder_noise": 5e-6}
 
 
 def check(joint: TwoMass, seed: int = 0, reference: FloatArray = SWEEP, **channels: Any) -> JointCheck:
@@ -98,9 +98,7 @@ def test_state_space_poles_are_those_of_the_equations() -> None:
         ({"gain": 1.2}, "gain", "gain", 1.2),
     ],
 )
-def test_what_lies_between_torque_and_message_is_named(
-    channel: dict[str, float], name: str, parameter: str, value: float
-) -> None:
+def test_what_lies_between_torque_and_message_is_named(channel: dict[str, Any], name: str, parameter: str, value: float) -> None:
     cause = check(RIGID, 1, **channel).torque.cause  # type: ignore[union-attr]
     assert cause is not None
     assert cause.name == name
@@ -131,7 +129,7 @@ def test_a_velocity_that_lags_is_named_and_the_torque_is_not_blamed() -> None:
 
 
 def test_whole_periods_are_used_as_such() -> None:
-    reference = multisine(4.0, 6, np.arange(1, 90, 2), 0.008, 0)
+    reference = multisine(4.0, 6, np.arange(1.0, 90.0, 2.0), 0.008, 0)
     found = check(ELASTIC, 0, reference)
     assert found.torque is not None
     assert [n for _, n in found.torque.periods] == [4]
@@ -173,7 +171,7 @@ def test_bad_recordings_are_refused_in_words() -> None:
     with pytest.raises(DataError, match="no joint moves"):
         check_frequency(robot, [still], known)
     rows = np.arange(len(good.t))
-    holes = cut(good, rows[(rows // 500) % 2 == 0])  # type: ignore[arg-type]
+    holes = cut(good, rows[(rows // 500) % 2 == 0])
     with pytest.raises(DataError, match="longest stretch without a gap of"):
         check_frequency(robot, [holes], known)
 

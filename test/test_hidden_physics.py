@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,7 +96,7 @@ def friction_law(e: HiddenEffect, t: np.ndarray, v: np.ndarray) -> np.ndarray:
     }
     rise = (p["Fs"] - p["Fc"]) * np.exp(-((v / p["vs"]) ** 2)) if p["vs"] else 0.0
     level = p["Fc"] + rise + np.where(v > 0.0, p["F_pos"], p["F_neg"]) + p["rate_Fc"] * t
-    return np.sign(v) * level + (p["b"] + p["rate_b"] * t) * v + p["c"] * np.abs(v) * v
+    return np.asarray(np.sign(v) * level + (p["b"] + p["rate_b"] * t) * v + p["c"] * np.abs(v) * v)
 
 
 @pytest.mark.parametrize(
@@ -169,7 +170,7 @@ def test_channels_do_what_they_say() -> None:
     c = usual(5)
     names = c.robot.joint_names
     moved = move(TrueRobot(c.robot), c.motion, RATE, stiffening_for(c.torque))
-    for id_, check in {
+    checks: dict[str, Callable[[HiddenEffect, Signals, Signals], Any]] = {
         "torque_sign": lambda e, x, y: np.allclose(np.abs(x.tau), np.abs(y.tau)) and not np.allclose(x.tau, y.tau),
         "joint_sign": lambda e, x, y: np.allclose(np.abs(x.q), np.abs(y.q)) and not np.allclose(x.q, y.q),
         "joint_order": lambda e, x, y: (
@@ -187,7 +188,8 @@ def test_channels_do_what_they_say() -> None:
             for j, s in e.per_joint("step").items()
         ),
         "torque_unit": lambda e, x, y: np.allclose(x.tau, y.tau * np.array(list(e.per_joint("factor").values()))),
-    }.items():
+    }
+    for id_, check in checks.items():
         effect = DRAWS[id_](c)
         told = moved
         for channel in TrueRobot(c.robot, (effect,)).channels:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from html import escape, unescape
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from sysid_ros.pages.identification_page import report_page, write_report
 from sysid_ros.pages.identification_tables import number
 from sysid_ros.pages.residual_curves import class_means, spectrum
 from sysid_ros.robot import inertial_parameters
+from sysid_ros.sample import FloatArray
 
 ARM = robot("small_arm")
 PROVENANCE = {"bags": ["a.mcap", "b.mcap"], "command": "sysid identify 'a & b'", "version": "1.2.3"}
@@ -142,17 +144,18 @@ def test_a_long_recording_of_many_bags_stays_small(result: Identification, tmp_p
     names = tuple(f"joint_{k}" for k in range(n))
 
     def series(k: int) -> ResidualSeries:
-        def wide() -> np.ndarray:
+        def wide() -> FloatArray:
             return rng.normal(size=(count, n))
 
-        t = 0.02 * np.arange(count)
+        t = 0.02 * np.arange(float(count))
         return ResidualSeries(f"bag{k}", "held out", t, 0.02, wide(), wide(), wide(), wide(), wide(), wide(), wide() > 0.0)
 
     def seven(values: np.ndarray) -> np.ndarray:
         return np.resize(values, n)
 
     fields = ("residual", "torque", "nominal", "urdf_friction", "residual_moving", "torque_moving")
-    errors = tuple(replace(e, **{f: seven(getattr(e, f)) for f in fields}) for e in result.errors)
+    wider: list[dict[str, Any]] = [{f: seven(getattr(e, f)) for f in fields} for e in result.errors]
+    errors = tuple(replace(e, **w) for e, w in zip(result.errors, wider, strict=True))
     long = replace(result, joint_names=names, series=tuple(series(k) for k in range(6)), errors=errors, validation=())
     path = tmp_path / "report.html"
     write_report(path, long, PROVENANCE)
@@ -172,7 +175,7 @@ def test_the_spectrum_is_that_of_the_signal() -> None:
     """White noise of density 1, in stretches with gaps between; a line where there is one."""
     rng = np.random.default_rng(0)
     period, count = 0.02, 4000
-    t = period * np.arange(count)
+    t = period * np.arange(float(count))
     t[2000:] += 5.0
     noise = rng.normal(size=count) / np.sqrt(2.0 * period)
     frequency, density = spectrum([noise], [t], period)

@@ -7,6 +7,7 @@ import numpy as np
 
 from exam.mujoco_model import STEP, build, values
 from sysid_ros.exceptions import SettingsError
+from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.hidden_effects import DiagnosisMotion, HiddenEffect, TrueRobot
 from sysid_ros.simulation.hidden_effects.channels import Signals
 
@@ -22,7 +23,10 @@ class _Friction:
     def __init__(self, true: TrueRobot) -> None:
         self._robot, self._effects = true.robot, true.effects
         n = true.robot.n
-        array = lambda name, *ids: _array(true, values(true.effects, name, *ids))  # noqa: E731
+
+        def array(name: str, *ids: str) -> FloatArray:
+            return _array(true, values(true.effects, name, *ids))
+
         level = (
             array("Fc", "coulomb_friction", "stribeck_friction", "load_dependent_friction", "friction_drift")
             + true.robot.friction
@@ -46,17 +50,17 @@ class _Friction:
                 self._share[j] = e.settings.get("share", 0.0)
                 self._damping[j] = e.settings.get("damping", 0.0)
 
-    def dry(self, t: float, q: np.ndarray, v: np.ndarray, link_torque: np.ndarray) -> np.ndarray:
-        level = np.where(v >= 0.0, self._forward, self._backward) + self._level_rate * t
+    def dry(self, t: float, q: np.ndarray, v: np.ndarray, link_torque: np.ndarray) -> FloatArray:
+        level: FloatArray = np.where(v >= 0.0, self._forward, self._backward) + self._level_rate * t
         level = level + self._rise * np.exp(-((v / self._stribeck_speed) ** 2)) + self._mu * np.abs(link_torque)
-        return np.maximum(level * (1.0 + self._share * np.sin(2.0 * q[self._neighbour])), 0.0)
+        return np.asarray(np.maximum(level * (1.0 + self._share * np.sin(2.0 * q[self._neighbour])), 0.0))
 
-    def viscous(self, t: float, q: np.ndarray) -> np.ndarray:
-        near = self._damping * (1.0 + np.sin(q[self._neighbour]))
-        return np.maximum(self._viscous + self._viscous_rate * t, 0.0) + near
+    def viscous(self, t: float, q: np.ndarray) -> FloatArray:
+        near: FloatArray = self._damping * (1.0 + np.sin(q[self._neighbour]))
+        return np.asarray(np.maximum(self._viscous + self._viscous_rate * t, 0.0) + near)
 
-    def quadratic(self, v: np.ndarray) -> np.ndarray:
-        return self._quadratic * np.abs(v) * v
+    def quadratic(self, v: np.ndarray) -> FloatArray:
+        return np.asarray(self._quadratic * np.abs(v) * v)
 
 
 class _Applied:
