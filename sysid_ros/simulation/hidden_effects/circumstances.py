@@ -36,8 +36,8 @@ class Circumstances:
     only: int | None = None
 
     def __post_init__(self) -> None:
-        t = np.arange(0.0, self.motion.duration, _GRID)
-        self.q, self.v, self.a = self.motion.sample(t)
+        self.t = np.arange(0.0, self.motion.duration, _GRID)
+        self.q, self.v, self.a = self.motion.sample(self.t)
         self.tau = self.robot.rnea_along(self.q, self.v, self.a)
         self.torque = torque_scale(self.tau)
         self.speed = np.sqrt(np.mean(self.v**2, axis=0))

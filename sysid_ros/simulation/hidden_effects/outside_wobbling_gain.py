@@ -1,0 +1,24 @@
+"""A torque constant that swings with time, hidden."""
+
+from __future__ import annotations
+
+from sysid_ros.simulation.hidden_effects.channels import Wobbling
+from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
+from sysid_ros.simulation.hidden_effects.hidden_cause import register_hidden
+from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
+from sysid_ros.simulation.hidden_effects.outside import Outside
+from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
+
+
+@register_hidden
+class OutsideWobblingGain(Outside):
+    """A torque constant that swings with time."""
+
+    id = "outside_wobbling_gain"
+
+    def draw(self, c: Circumstances) -> HiddenEffect:
+        j = c.one_joint(c.torque > 0.1 * c.torque.max())
+        return self.hidden(c, j, size=c.share(0.15, 0.4), period=c.uniform(4.0, 9.0))
+
+    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
+        true.channels.append(Wobbling(true.index(effect.joints[0]), effect.settings["size"], effect.settings["period"]))
