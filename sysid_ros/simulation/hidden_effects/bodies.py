@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sysid_ros.sample import FloatArray
-from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
-from sysid_ros.simulation.hidden_effects.hidden_cause import HiddenCause
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
-from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot
 from sysid_ros.simulation.payload import Payload, box
 
 
@@ -40,14 +37,13 @@ class TipBody(Inertial):
     family = "body"
     whole_arm = True
 
-    def drawn_box(self, c: Circumstances) -> tuple[list[TrueParameter], list[list[float]]]:
+    def drawn_box(self, c: Circumstances) -> tuple[dict[str, tuple[float | tuple[float, ...], str]], list[list[float]]]:
         """Its mass and centre of mass, and its inertia about that."""
         direction = c.rng.normal(size=3)
         com = direction / np.linalg.norm(direction) * c.uniform(0.03, 0.12)
         mass = c.share(0.025, 0.08) * c.mass
         body = box(mass, com.tolist(), rpy=c.rng.uniform(-np.pi, np.pi, 3).tolist())
-        parameters = [TrueParameter("mass", None, mass, "kg"), TrueParameter("com", None, tuple(com.tolist()), "m")]
-        return parameters, body.inertia_com.tolist()
+        return {"mass": (mass, "kg"), "com": (tuple(com.tolist()), "m")}, body.inertia_com.tolist()
 
     def body_of(self, effect: HiddenEffect) -> Payload:
         """The body itself."""

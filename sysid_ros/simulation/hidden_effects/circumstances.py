@@ -105,9 +105,10 @@ class Circumstances:
         )
         return HiddenEffect(id_, tuple(names[j] for j in joints), parameters, kind, settings)
 
-    def whole_arm(self, id_: str, parameters: list[TrueParameter], kind: str = "", **settings: object) -> HiddenEffect:
-        """An effect that belongs to no joint."""
-        return HiddenEffect(id_, self.robot.joint_names, tuple(parameters), kind, settings)
+    def whole_arm(self, id_: str, values: dict[str, tuple[float | tuple[float, ...], str]], **settings: object) -> HiddenEffect:
+        """An effect that belongs to no joint; ``values`` is name -> (value, unit)."""
+        parameters = tuple(TrueParameter(name, None, value, unit) for name, (value, unit) in values.items())
+        return HiddenEffect(id_, self.robot.joint_names, parameters, "", settings)
 
 
 def torque_scale(tau: FloatArray) -> FloatArray:

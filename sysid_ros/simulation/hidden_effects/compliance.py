@@ -6,9 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid_ros.simulation.hidden_effects.hidden_cause import HiddenCause
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
-from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
+from sysid_ros.simulation.hidden_effects.hidden_cause import HiddenCause, HiddenEffect, TrueRobot
 
 
 class Compliance(HiddenCause):

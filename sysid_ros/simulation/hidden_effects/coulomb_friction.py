@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
 from sysid_ros.simulation.hidden_effects.dry_friction import DryFriction
-from sysid_ros.simulation.hidden_effects.hidden_cause import register_hidden
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, register_hidden
 
 
 @register_hidden

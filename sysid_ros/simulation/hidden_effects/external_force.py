@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sysid_ros.sample import FloatArray
-from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
-from sysid_ros.simulation.hidden_effects.hidden_cause import HiddenCause, register_hidden
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
-from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
 
 
 @register_hidden
@@ -21,7 +18,7 @@ class ExternalForce(HiddenCause):
     def draw(self, c: Circumstances) -> HiddenEffect:
         direction = c.rng.normal(size=3) * np.array([1.0, 1.0, 0.5])
         force = direction / np.linalg.norm(direction) * c.share(0.3, 1.2) * c.mass
-        return c.whole_arm(self.id, [TrueParameter("force", None, tuple(force.tolist()), "N")])
+        return c.whole_arm(self.id, {"force": (tuple(force.tolist()), "N")})
 
     def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
         true.force = true.force + effect.vector("force")

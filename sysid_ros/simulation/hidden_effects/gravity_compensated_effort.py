@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from sysid_ros.simulation.hidden_effects.channels import WithGravity
-from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
-from sysid_ros.simulation.hidden_effects.hidden_cause import HiddenCause, register_hidden
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
-from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
 
 
 @register_hidden
@@ -18,7 +15,7 @@ class GravityCompensatedEffort(HiddenCause):
     whole_arm = True
 
     def draw(self, c: Circumstances) -> HiddenEffect:
-        return c.whole_arm(self.id, [TrueParameter("coef", None, c.sign(), "")])
+        return c.whole_arm(self.id, {"coef": (c.sign(), "")})
 
     def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
         true.channels.append(WithGravity(true.robot, effect.number("coef")))

@@ -13,6 +13,8 @@ from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
 from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
 
+__all__ = ["CAUSES", "Circumstances", "HiddenCause", "HiddenEffect", "TrueRobot", "register_hidden"]
+
 
 class HiddenCause(ABC):
     """One cause that a simulated robot can hide: how it is drawn, how it is built in, what a diagnosis can find of it.

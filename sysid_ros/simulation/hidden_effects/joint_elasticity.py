@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
 from sysid_ros.simulation.hidden_effects.compliance import Compliance
-from sysid_ros.simulation.hidden_effects.hidden_cause import register_hidden
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, register_hidden
 
 
 @register_hidden

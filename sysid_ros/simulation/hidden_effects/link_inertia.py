@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from sysid_ros.simulation.hidden_effects.bodies import Inertial
-from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
-from sysid_ros.simulation.hidden_effects.hidden_cause import register_hidden
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
-from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.hidden_effect import TrueParameter
 
 
 @register_hidden

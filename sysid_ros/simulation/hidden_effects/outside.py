@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
-from sysid_ros.simulation.hidden_effects.hidden_cause import HiddenCause
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect
 
 
 class Outside(HiddenCause):

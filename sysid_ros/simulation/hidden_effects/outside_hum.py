@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
-from sysid_ros.simulation.hidden_effects.hidden_cause import register_hidden
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
 from sysid_ros.simulation.hidden_effects.outside import Outside
-from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
 
 
 @register_hidden

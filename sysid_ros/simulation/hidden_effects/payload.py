@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from sysid_ros.simulation.hidden_effects.bodies import TipBody
-from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
-from sysid_ros.simulation.hidden_effects.hidden_cause import register_hidden
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
-from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
 
 
 @register_hidden
@@ -17,8 +14,8 @@ class Payload(TipBody):
     equivalent = ("link_inertia",)  # a body on the last link is a part of the last link
 
     def draw(self, c: Circumstances) -> HiddenEffect:
-        parameters, inertia = self.drawn_box(c)
-        return c.whole_arm(self.id, parameters, inertia_com=inertia)
+        values, inertia = self.drawn_box(c)
+        return c.whole_arm(self.id, values, inertia_com=inertia)
 
     def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
         true.carry(self.body_of(effect))

@@ -7,10 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from sysid_ros.simulation.hidden_effects.bodies import TipBody
-from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
-from sysid_ros.simulation.hidden_effects.hidden_cause import register_hidden
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
-from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
 
 _WHEN = (0.3, 0.7)
 
@@ -22,9 +19,9 @@ class PayloadChange(TipBody):
     id = "payload_change"
 
     def draw(self, c: Circumstances) -> HiddenEffect:
-        parameters, inertia = self.drawn_box(c)
-        t0 = TrueParameter("t0", None, c.uniform(*_WHEN) * c.motion.duration, "s")
-        return c.whole_arm(self.id, [*parameters, t0], inertia_com=inertia)
+        values, inertia = self.drawn_box(c)
+        when = (c.uniform(*_WHEN) * c.motion.duration, "s")
+        return c.whole_arm(self.id, {**values, "t0": when}, inertia_com=inertia)
 
     def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
         true.picked_up, true.change_time = self.body_of(effect), effect.number("t0")

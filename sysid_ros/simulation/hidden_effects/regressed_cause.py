@@ -54,7 +54,7 @@ class RegressedCause(HiddenCause):
         names = c.robot.joint_names
         first = self._term(c.robot, names[:1], {})
         if not all(name.endswith(f"[{names[0]}]") for name in first.parameter_names):
-            return c.whole_arm(self.id, self._drawn(c, None))
+            return HiddenEffect(self.id, names, tuple(self._drawn(c, None)))
         joints = c.some_joints()
         parameters = [p for j in joints for p in self._drawn(c, names[j])]
         return HiddenEffect(self.id, tuple(names[j] for j in joints), tuple(parameters))

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from sysid_ros.simulation.hidden_effects.channels import Delayed
-from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
-from sysid_ros.simulation.hidden_effects.hidden_cause import HiddenCause, register_hidden
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
-from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
 
 
 @register_hidden
@@ -17,7 +14,7 @@ class TimeDelay(HiddenCause):
     whole_arm = True
 
     def draw(self, c: Circumstances) -> HiddenEffect:
-        return c.whole_arm(self.id, [TrueParameter("delay", None, max(c.share(0.006, 0.02), 0.004), "s")])
+        return c.whole_arm(self.id, {"delay": (max(c.share(0.006, 0.02), 0.004), "s")})
 
     def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
         true.channels.append(Delayed(effect.number("delay")))

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from sysid_ros.simulation.hidden_effects.channels import Offset
-from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
-from sysid_ros.simulation.hidden_effects.hidden_cause import HiddenCause, register_hidden
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
-from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
 
 
 @register_hidden

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from sysid_ros.simulation.hidden_effects.channels import Lagging
-from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
-from sysid_ros.simulation.hidden_effects.hidden_cause import HiddenCause, register_hidden
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
-from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
 
 
 @register_hidden
@@ -19,7 +16,7 @@ class VelocityLag(HiddenCause):
     whole_arm = True
 
     def draw(self, c: Circumstances) -> HiddenEffect:
-        return c.whole_arm(self.id, [TrueParameter("cutoff", None, c.uniform(3.0, 12.0), "Hz")])
+        return c.whole_arm(self.id, {"cutoff": (c.uniform(3.0, 12.0), "Hz")})
 
     def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
         true.channels.append(Lagging(effect.number("cutoff")))
