@@ -135,10 +135,7 @@ class ArmSimulation:
                 "torque": s.torque_noise,
                 "velocity": s.velocity_noise if s.velocity else None,
             },
-            "effects": {
-                name: s.per_joint(name, self.robot.n).tolist()
-                for name in ("viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset")
-            },
+            "effects": {x.name: s.per_joint(x.name, self.robot.n).tolist() for x in s.joint_settings()},
             "controller_knows_payload": s.controller_knows_payload,
             "timing": "q, velocity and effort belong to the header stamp; the effort is the torque of the 1 ms that begins there",
         }

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import Field, dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from sysid_ros.simulation.payload import Payload, box
 
 CONTROL_RATE = 1000
 """Steps of the physics and of the controller a second."""
+_ALIKE = (0.0,)
+"""Default of a setting that has one value for all joints or one a joint."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,13 +60,13 @@ class ArmScenario:
     torque_noise: float = 0.1
     velocity: bool = True
     velocity_noise: float = 1e-3
-    viscous_friction: tuple[float, ...] = (0.0,)
-    coulomb_friction: tuple[float, ...] = (0.0,)
-    rotor_inertia: tuple[float, ...] = (0.0,)
-    torque_offset: tuple[float, ...] = (0.0,)
+    viscous_friction: tuple[float, ...] = _ALIKE
+    coulomb_friction: tuple[float, ...] = _ALIKE
+    rotor_inertia: tuple[float, ...] = _ALIKE
+    torque_offset: tuple[float, ...] = field(default=_ALIKE, metadata={"signed": True})
 
     def __post_init__(self) -> None:
-        require_numbers({field.name: getattr(self, field.name) for field in fields(self)})
+        require_numbers({setting.name: getattr(self, setting.name) for setting in fields(self)})
         require(self.seed >= 0, "seed", self.seed, "0 or more")
         require(self.duration >= 1.0, "duration", self.duration, "1 s or more")
         require(
@@ -74,8 +77,9 @@ class ArmScenario:
         )
         for name in ("encoder_noise", "torque_noise", "velocity_noise"):
             require(0.0 <= getattr(self, name) < math.inf, name, getattr(self, name), "0 or more")
-        for name in ("viscous_friction", "coulomb_friction", "rotor_inertia"):
-            require(min(getattr(self, name)) >= 0.0, name, getattr(self, name), "0 or more")
+        for setting in self.joint_settings():
+            values = getattr(self, setting.name)
+            require("signed" in setting.metadata or min(values) >= 0.0, setting.name, values, "0 or more")
         require(0.01 <= self.base_frequency <= 1.0, "base_frequency", self.base_frequency, "from 0.01 to 1 Hz")
         self._check_payload()
 
@@ -114,6 +118,11 @@ class ArmScenario:
         if self.payload_mass is None:
             return None
         return box(self.payload_mass, self.payload_com, self.payload_size, self.payload_rpy)
+
+    @classmethod
+    def joint_settings(cls) -> list[Field[Any]]:
+        """Settings with one value for all joints or one a joint."""
+        return [setting for setting in fields(cls) if setting.default == _ALIKE]
 
     def per_joint(self, name: str, n: int) -> FloatArray:
         """One of the four joint settings as an array of shape (n,).

@@ -66,8 +66,8 @@ class HiddenCause(ABC):
         """Build what was drawn into the robot, from its own equation."""
 
     def draw_everywhere(self, c: Circumstances) -> HiddenEffect:
-        """On every joint, as large as a usual robot has it."""
-        raise NotImplementedError(f"a usual robot has no {self.id}.")
+        """On every joint, as large as a usual robot has it; asked of what is ``everywhere``."""
+        return self.draw(c)
 
     def at_another_time(self, effect: HiddenEffect, duration: float, rng: np.random.Generator) -> HiddenEffect:
         """The same effect in another recording of ``duration`` [s]: what happened at a time happens at another."""

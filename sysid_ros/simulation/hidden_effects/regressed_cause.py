@@ -26,14 +26,14 @@ _KEPT = 0.7
 
 @dataclass(frozen=True)
 class Regressed:
-    """Effort plus ``Y(q, v, a) theta`` of an effect along the true motion."""
+    """Effort plus ``Y(q, v, a) theta`` of an effect along the true motion; each term is one joint's, or the whole arm's."""
 
     robot: TrueRobot
-    term: Effect
-    theta: FloatArray
+    terms: tuple[tuple[Effect, FloatArray], ...]
 
     def __call__(self, signals: Signals, true: Signals) -> Signals:
-        return replace(signals, tau=signals.tau + self.term.torque_along(self.robot.motion_of(true), self.theta))
+        motion = self.robot.motion_of(true)
+        return replace(signals, tau=signals.tau + sum(term.torque_along(motion, theta) for term, theta in self.terms))
 
 
 class RegressedCause(HiddenCause):
@@ -60,14 +60,15 @@ class RegressedCause(HiddenCause):
         return HiddenEffect(self.id, tuple(names[j] for j in joints), tuple(parameters))
 
     def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
+        terms = []
         for joint in dict.fromkeys(p.joint for p in effect.parameters):
             own = {p.name: float(p.value) for p in effect.parameters if p.joint == joint}  # type: ignore[arg-type]
             knobs = {knob.name: own[knob.name] for knob in self.effect.knobs}
             term = self._term(true.robot, () if joint is None else (joint,), knobs)
-            theta = np.array([own[_symbol(name, joint)] for name in term.parameter_names])
-            # the robot's own torque passes through what its messages hide, a fault of the messages does not
-            at = len(true.channels) if term.acts is Acts.MEASUREMENT else 0
-            true.channels.insert(at, Regressed(true, term, theta))
+            terms.append((term, np.array([own[_symbol(name, joint)] for name in term.parameter_names])))
+        # the robot's own torque passes through what its messages hide, a fault of the messages does not
+        at = len(true.channels) if self.effect.acts is Acts.MEASUREMENT else 0
+        true.channels.insert(at, Regressed(true, tuple(terms)))
 
     def _term(self, robot: RobotModel, joints: Sequence[str], knobs: dict[str, float]) -> Effect:
         return self.effect.from_settings(robot, joints, knobs)
