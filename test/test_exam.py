@@ -246,6 +246,8 @@ def test_look_alikes_count_only_where_they_are_admitted() -> None:
 
 def test_companions_are_no_false_alarm_and_others_are() -> None:
     for id_, cause in INSIDE.items():
+        if not cause.companions:
+            continue
         truth = truth_of(id_)
         for name, fine in [*((x, True) for x in cause.companions), ("time_delay", False)]:
             answer = document(truth)
