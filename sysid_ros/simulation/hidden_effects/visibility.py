@@ -14,9 +14,7 @@ from sysid_ros.simulation.hidden_effects.sensor_noise import BAND
 
 _SLOW = 0.015
 _GRID = 100.0
-# a level forward and another backward are a Coulomb friction and a constant: the constant may not be taken from it
-_CONTAINS = {"asymmetric_coulomb_friction": {"torque_offset"}}
-_PLAIN = {"torque_offset": 0, "coulomb_friction": 1, "viscous_friction": 2}
+_PLAIN = ("constant", "sign", "velocity")
 
 
 def nominal_residual(robot: RobotModel, exact: Signals) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -42,14 +40,14 @@ def shown(residual: FloatArray, floor: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.mean(residual**2, axis=0)) / floor)
 
 
-def shown_as_itself(t: FloatArray, v: FloatArray, residual: FloatArray, floor: FloatArray, ids: Collection[str]) -> FloatArray:
-    """As :func:`shown`, after a constant, Coulomb and viscous friction took what they can, unless they are hidden themselves.
+def shown_as_itself(v: FloatArray, residual: FloatArray, floor: FloatArray, own: Collection[str]) -> FloatArray:
+    """As :func:`shown`, after a constant, Coulomb and viscous friction took what they can, unless they are hidden themselves:
+    ``own`` names which of ``constant``, ``sign`` and ``velocity`` are.
 
     A Stribeck friction whose bump is below the noise is a Coulomb friction in this recording; this tells them apart.
     """
     out = np.empty(residual.shape[1])
-    own = set(ids).union(*(_CONTAINS.get(id_, set()) for id_ in ids))
-    keep = [column for name, column in _PLAIN.items() if name not in own]
+    keep = [column for column, name in enumerate(_PLAIN) if name not in own]
     for j in range(residual.shape[1]):
         moving = np.abs(v[:, j]) > _SLOW
         if moving.sum() < 20:
