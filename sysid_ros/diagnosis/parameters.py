@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.diagnosis.evidence import interval
 from sysid_ros.diagnosis.result import Parameter
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
 
-_95 = 1.959964
 _KNOWN_TO = 0.001
 """What filters and stamps are known to, as a part of a value: no standard deviation is less."""
 _NO_SIZES = ("t0", "q0", "harmonic")
@@ -49,7 +49,7 @@ def _number(
     std = float(
         np.sqrt(max(float(gradient @ covariance @ gradient), 0.0) + (0.0 if name in _NO_SIZES else _KNOWN_TO * value) ** 2)
     )
-    return Parameter(name, joint, float(value), unit, std, float(value - _95 * std), float(value + _95 * std))
+    return Parameter(name, joint, float(value), unit, std, *interval(value, std))
 
 
 def _vector(name: str, joint: str | None, unit: str, parts: list[Parameter]) -> Parameter:
@@ -104,7 +104,7 @@ def _body(term: Term, values: FloatArray, covariance: FloatArray) -> list[Parame
     if term.id == "payload_change":
         out.append(_number("t0", None, "s", lambda x: float(x[-1]), values, covariance))
         if name := term.effect.settings.get("recording"):
-            out.append(Parameter("recording", None, name, "", 0.0, name, name))
+            out.append(Parameter("recording", None, name, ""))
     return out
 
 
