@@ -12,11 +12,6 @@ from sysid_ros.diagnosis.result import Parameter
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
 
-_KNOWN_TO = 0.001
-"""What filters and stamps are known to, as a part of a value: no standard deviation is less."""
-_NO_SIZES = ("t0", "q0", "harmonic")
-"""Instants and origins, of which a part means nothing."""
-
 
 def parameters(term: Term, values: FloatArray, covariance: FloatArray) -> list[Parameter]:
     """Parameters of a term.
@@ -46,9 +41,7 @@ def _number(
         step = np.zeros(len(values))
         step[i] = max(0.1 * float(spread), 1e-9 * max(abs(float(values[i])), 1e-6))
         gradient[i] = (f(values + step) - f(values - step)) / (2.0 * step[i])
-    std = float(
-        np.sqrt(max(float(gradient @ covariance @ gradient), 0.0) + (0.0 if name in _NO_SIZES else _KNOWN_TO * value) ** 2)
-    )
+    std = float(np.sqrt(max(float(gradient @ covariance @ gradient), 0.0)))
     return Parameter(name, joint, float(value), unit, std, *interval(value, std))
 
 
