@@ -6,6 +6,7 @@ the truth. The check is a function, and a value that is fixed by hand does not p
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
@@ -213,6 +214,18 @@ def test_a_cause_of_torque_is_measured() -> None:
     assert trial is not None
     check_evidence(trial)
     assert all(inside(trial.much, trial.truth))
+
+
+def test_faults_of_the_data_stand_after_the_causes_and_have_no_share() -> None:
+    fitted, judged = ([replace(r, tau=1000.0 * r.tau) for r in part] for part in recordings("viscous_friction", SMALL, LITTLE, 1))
+    document = json.loads(json.dumps(diagnose(robot(ARM), fitted, judged).as_dict(), allow_nan=False))
+    cause, fault = document["effects"]
+    assert (cause["name"], fault["name"]) == ("viscous_friction", "torque_unit")
+    assert document["data_faults"] == [fault]
+    assert fault["evidence"]["heldout_gain"] is None
+    assert cause["evidence"]["heldout_gain"] > 0.5
+    (factor,) = fault["parameters"]
+    assert factor["ci95"][0] < factor["value"] == 1000.0 < factor["ci95"][1]
 
 
 def test_a_contact_is_measured_on_each_joint_by_what_the_others_tell() -> None:

@@ -76,9 +76,10 @@ def _scale(term: Term, values: FloatArray, covariance: FloatArray) -> list[Param
 def _stiffness(term: Term, values: FloatArray, covariance: FloatArray) -> list[Parameter]:
     unit = "N/m" if term.effect.robot.is_prismatic[term.joints[0]] else "N m/rad"
     compliance = _number("stiffness", _joint(term), unit, lambda x: float(x[0]), values, covariance)
-    # the interval of the compliance turned over: that of the stiffness is not symmetric
+    # the interval of the compliance turned over: that of the stiffness is not symmetric, and without an upper end where no
+    # compliance at all is in it
     low = 1.0 / compliance.high
-    high = 1.0 / max(compliance.low, 1e-3 * compliance.value)
+    high = 1.0 / compliance.low if compliance.low > 0.0 else None
     value = 1.0 / compliance.value
     return [Parameter("stiffness", compliance.joint, value, unit, value**2 * compliance.std, low, high)]
 

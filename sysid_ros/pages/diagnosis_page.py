@@ -210,7 +210,7 @@ def _parameter_row(finding: Finding, p: Parameter) -> str:
 
 
 def _number(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float | int) else escape(str(value))
+    return f"{value:.4g}" if isinstance(value, float | int) else "—" if value is None else escape(str(value))
 
 
 def _section(title: str, note: str, content: str) -> str:
