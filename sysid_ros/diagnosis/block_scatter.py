@@ -56,8 +56,13 @@ class BlockScatter:
         Args:
             inverse: of the information, shape (m, m).
         """
-        blocks = len(self._scores)
-        moved = self._scores @ inverse
-        variance = np.maximum(np.diag(inverse), 1e-300)
-        ratio = np.sum(moved**2, axis=0) / variance * blocks / max(blocks - 1, 1)
-        return np.where(ratio > 1.0 + _SURELY * np.sqrt(2.0 / blocks), ratio, 1.0)
+        return scatter_ratios(self._scores, inverse)
+
+
+def scatter_ratios(scores: FloatArray, inverse: FloatArray) -> FloatArray:
+    """As :meth:`BlockScatter.ratios` gives it, for scores of any blocks, shape (blocks, m)."""
+    blocks = len(scores)
+    moved = scores @ inverse
+    variance = np.maximum(np.diag(inverse), 1e-300)
+    ratio = np.sum(moved**2, axis=0) / variance * blocks / max(blocks - 1, 1)
+    return np.where(ratio > 1.0 + _SURELY * np.sqrt(2.0 / blocks), ratio, 1.0)

@@ -15,7 +15,8 @@ from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
 
 _SKETCH = {"joint_elasticity": 0.01, "backlash": 0.04}
-"""What a linear spring, and flanks that spring and rebound alike everywhere, are of a gear, as a part of stiffness or gap."""
+"""What a linear spring, and flanks that spring and rebound alike everywhere, are of a gear, as a part of it: no interval is
+narrower. Even of gears that are just that, the first order in the deflection is off by 0.6 % in any amount of data."""
 _PROBE = 0.003
 """Relative step of a difference."""
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.diagnosis.backward import prune
+from sysid_ros.diagnosis.channel_evidence import deviation_of, fault_evidence
 from sysid_ros.diagnosis.channel_faults import find_faults, undo
 from sysid_ros.diagnosis.contact_findings import contact_findings, contacts_held_out, contacts_in, in_words
 from sysid_ros.diagnosis.contacts import without
@@ -78,9 +79,9 @@ def diagnose(
     effects = known.known_effects(robot) if known else []
     progress("looking for faults of units, signs and order")
     faults = [] if known else find_faults(robot, fitted)
-    published = judged
+    published, published_fitted = judged, fitted
     signals = [
-        *signal_findings(fitted, judged, robot.joint_names),
+        *signal_findings(fitted, robot.joint_names),
         *message_finding([f for _, f in ordered], robot.joint_names),
     ]
     for fault in faults:
@@ -114,13 +115,14 @@ def diagnose(
     values = with_knobs(train.problem, library, fit)
     found = report(robot, train, selection, fit, held, values)
     found = replace(found, findings=tuple(as_unit(found.findings, robot.joint_names)), driven=found.predictions)
-    signals += contact_findings(contacts, robot.joint_names)
+    signals += contact_findings(contacts, robot)
     if faults or signals:
         told, rest = with_scales(faults, found.findings, robot.joint_names)
         found = replace(found, findings=tuple(rest))
-        first = [finding_of(f, robot.joint_names, len(train.band.f)) for f in told]
+        evidence, deviation = fault_evidence(robot, published_fitted, faults), deviation_of(train, fit)
+        first = [finding_of(f, robot.joint_names, e, deviation) for f, e in zip(told, evidence, strict=True)]
         raw = prepare(robot, published, effects) if faults and not later else held.prepared
-        found = with_faults(found, first, signals, faults, raw, held, fit)
+        found = with_faults(found, [*first, *signals], faults, raw, held, fit)
     model = extended_model(robot, known, fit, values, train, {r.name: r.start for r in fitted}, provenance or {})
     urdf_model, changes = urdf_part(robot, model, train)
     notes += changes

@@ -7,15 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.diagnosis.evidence import interval
 from sysid_ros.diagnosis.result import Parameter
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
-
-_95 = 1.959964
-_KNOWN_TO = 0.001
-"""What filters and stamps are known to, as a part of a value: no standard deviation is less."""
-_NO_SIZES = ("t0", "q0", "harmonic")
-"""Instants and origins, of which a part means nothing."""
 
 
 def parameters(term: Term, values: FloatArray, covariance: FloatArray) -> list[Parameter]:
@@ -46,10 +41,8 @@ def _number(
         step = np.zeros(len(values))
         step[i] = max(0.1 * float(spread), 1e-9 * max(abs(float(values[i])), 1e-6))
         gradient[i] = (f(values + step) - f(values - step)) / (2.0 * step[i])
-    std = float(
-        np.sqrt(max(float(gradient @ covariance @ gradient), 0.0) + (0.0 if name in _NO_SIZES else _KNOWN_TO * value) ** 2)
-    )
-    return Parameter(name, joint, float(value), unit, std, float(value - _95 * std), float(value + _95 * std))
+    std = float(np.sqrt(max(float(gradient @ covariance @ gradient), 0.0)))
+    return Parameter(name, joint, float(value), unit, std, *interval(value, std))
 
 
 def _vector(name: str, joint: str | None, unit: str, parts: list[Parameter]) -> Parameter:
@@ -83,9 +76,10 @@ def _scale(term: Term, values: FloatArray, covariance: FloatArray) -> list[Param
 def _stiffness(term: Term, values: FloatArray, covariance: FloatArray) -> list[Parameter]:
     unit = "N/m" if term.effect.robot.is_prismatic[term.joints[0]] else "N m/rad"
     compliance = _number("stiffness", _joint(term), unit, lambda x: float(x[0]), values, covariance)
-    # the interval of the compliance turned over: that of the stiffness is not symmetric
+    # the interval of the compliance turned over: that of the stiffness is not symmetric, and without an upper end where no
+    # compliance at all is in it
     low = 1.0 / compliance.high
-    high = 1.0 / max(compliance.low, 1e-3 * compliance.value)
+    high = 1.0 / compliance.low if compliance.low > 0.0 else None
     value = 1.0 / compliance.value
     return [Parameter("stiffness", compliance.joint, value, unit, value**2 * compliance.std, low, high)]
 
@@ -104,7 +98,7 @@ def _body(term: Term, values: FloatArray, covariance: FloatArray) -> list[Parame
     if term.id == "payload_change":
         out.append(_number("t0", None, "s", lambda x: float(x[-1]), values, covariance))
         if name := term.effect.settings.get("recording"):
-            out.append(Parameter("recording", None, name, "", 0.0, name, name))
+            out.append(Parameter("recording", None, name, ""))
     return out
 
 

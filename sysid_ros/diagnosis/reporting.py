@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
 
 from sysid_ros.diagnosis.covariance import Estimates
 from sysid_ros.diagnosis.events import in_words
+from sysid_ros.diagnosis.evidence import Evidence, heldout_gain
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.leftover import Leftover, leftovers
@@ -77,20 +77,19 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
             held.add(others)
         rest = problem.fit(others, fit.noise, inexact=fit.inexact)
         without = held.residual(rest)
-        gain = float(np.sum((held.rms(without) ** 2 - held.rms(after) ** 2) * weight)) / max(power_before, 1e-12)
+        gain = heldout_gain(held.rms(without) ** 2 * weight, held.rms(after) ** 2 * weight, power_before)
         cost = sum(t.cost for t in terms)
         rise = 2.0 * (fit.loglik - rest.loglik) / max(values[t].scatter for t in terms)
         rows = len(train.band.f) * (len(active) if terms[0].row is None else len(terms))
-        evidence = rise - cost * float(np.log(rows))
-        p_value = float(min(1.0, stats.chi2.sf(max(rise, 0.0), cost) * selection.tried))
-        weak = p_value > _SURE if name in EXPECTED else evidence < _STRONG
+        evidence = Evidence(rise, cost, rows, selection.tried, gain)
+        weak = evidence.p_value > _SURE if name in EXPECTED else evidence.delta_bic < _STRONG
         if weak and gain < _BUYS:
             continue  # in the model, but not claimed: its scatter over time leaves too little of its evidence
         found = tuple(p for t in terms for p in parameters(t, *values[t][:2]))
         if name == "coulomb_friction" and rich:
             terms = sorted([*terms, *rich], key=lambda t: t.joints)
             found = tuple(p for t in terms for p in coulomb_part(t, *values[t][:2]))
-        if p_value > _SURE:
+        if evidence.p_value > _SURE:
             scattering.append(terms[0].effect.label)
         joints = tuple(dict.fromkeys(robot.joint_names[j] for t in terms for j in t.joints))
         words = sentence(terms[0].effect.label, joints, found, gain, n)
@@ -103,14 +102,15 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
                 label=terms[0].effect.label,
                 joints=joints,
                 parameters=found,
-                heldout_gain=min(gain, 1.0),
-                delta_bic=evidence,
-                p_value=p_value,
+                heldout_gain=evidence.gain,
+                delta_bic=evidence.delta_bic,
+                p_value=evidence.p_value,
                 cannot_be_told_from=rivals(selection, [t for t in terms if t in fit.terms], len(groups) <= _MOST_RIVALS),
                 sentence=words,
                 signature=SIGNATURE if drift is not None and drift.over == "temperature" else terms[0].effect.signature,
                 separated_by=terms[0].effect.separated_by,
                 drift=None if drift is None else drift.as_dict(),
+                log10_p=evidence.log10_p,
             )
         )
     findings = _companions_last(findings)
@@ -164,7 +164,7 @@ def _worse(robot: RobotModel, before: FloatArray, after: FloatArray, floor: Floa
 
 def _companions_last(findings: Sequence[Finding]) -> list[Finding]:
     """In order of gain; what an effect brings along comes after it, whichever gains more."""
-    gain = {f.id: f.heldout_gain for f in findings}
+    gain = {f.id: f.heldout_gain or 0.0 for f in findings}
     for f in findings:
         other = next((x for x in findings if x.id == COMPANIONS.get(f.id) and set(x.joints) <= set(f.joints)), None)
         if other is not None:

@@ -44,7 +44,8 @@ def _size(p: Parameter, several: bool) -> str:
         return f"{name} = {p.value}"
     if isinstance(p.value, list):
         return f"{name} = ({', '.join(f'{v:.3g}' for v in p.value)}){unit}"
-    return f"{name} = {p.value:.3g} ± {1.96 * p.std:.2g}{unit}"
+    spread = "" if p.std is None else f" ± {1.96 * p.std:.2g}"
+    return f"{name} = {p.value:.3g}{spread}{unit}"
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -70,11 +70,12 @@ def strong_contacts(robot: RobotModel, train: Prepared) -> list[Contact]:
     every = [slice(None, None, max(1, int(1.0 / (_RATE * m.period)))) for m in train.motions]
     motions = [Motion(robot, *(x[s] for x in (m.t, m.q, m.v, m.a, m.tau))) for m, s in zip(train.motions, every, strict=True)]
     moves = [x[s] for x, s in zip(train.band.moving, every, strict=True)]
-    rows = _rows(robot, motions, [x[s] for x, s in zip(train.nominal, every, strict=True)], moves)
+    nominal = [x[s] for x, s in zip(train.nominal, every, strict=True)]
+    rows = _rows(robot, motions, nominal, moves)
 
     def found(fit: _RobustFit) -> list[Contact]:
         parts = np.split(fit.left, np.cumsum([len(m.t) for m in motions])[:-1])
-        return find_contacts(robot, train.names, motions, parts, moves)
+        return find_contacts(robot, train.names, motions, parts, nominal, moves)
 
     fit = _fit(rows)
     contacts = found(fit)

@@ -146,7 +146,7 @@ def _row(number: int, finding: Finding) -> str:
     return (
         f"<tr><td>{number}. {escape(finding.label)}</td>"
         f"<td class='words left'>{escape(finding.sentence)} It shows as {escape(finding.signature)}.</td>"
-        f"<td>{_bar(finding.heldout_gain)}{100 * max(finding.heldout_gain, 0.0):.1f} %</td><td>{finding.delta_bic:.0f}</td>"
+        f"<td>{_gain(finding.heldout_gain)}</td><td>{'—' if finding.delta_bic is None else format(finding.delta_bic, '.0f')}</td>"
         f"<td class='left'>{'<br>'.join(escape(o) for o in finding.cannot_be_told_from)}</td></tr>"
     )
 
@@ -157,6 +157,10 @@ def _angle(value: float) -> str:
 
 def _bar(share: float) -> str:
     return f"<span class='bar'><i style='width:{100 * min(max(share, 0.0), 1.0):.1f}%'></i></span> "
+
+
+def _gain(share: float | None) -> str:
+    return "—" if share is None else f"{_bar(share)}{100 * max(share, 0.0):.1f} %"
 
 
 def _numbers(result: Diagnosis) -> list[str]:
@@ -197,7 +201,7 @@ def _correlation(value: float | None) -> str:
 
 def _parameter_row(finding: Finding, p: Parameter) -> str:
     values = zip(p.value, p.low, p.high, strict=True) if isinstance(p.value, list) else [(p.value, p.low, p.high)]
-    cells = [(_number(v), f"{_number(low)} to {_number(high)}") for v, low, high in values]
+    cells = [(_number(v), "—" if low is None else f"{_number(low)} to {_number(high)}") for v, low, high in values]
     unit = "" if p.unit == "1" else f" {escape(p.unit)}"
     return (
         f"<tr><td>{escape(finding.label)}</td><td class='left'>{escape(p.joint or '')}</td><td class='left'>{escape(p.name)}</td>"
@@ -206,7 +210,7 @@ def _parameter_row(finding: Finding, p: Parameter) -> str:
 
 
 def _number(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float | int) else escape(str(value))
+    return f"{value:.4g}" if isinstance(value, float | int) else "—" if value is None else escape(str(value))
 
 
 def _section(title: str, note: str, content: str) -> str:
