@@ -74,7 +74,7 @@ def test_two_levels_of_friction_are_not_told_from_their_mean_and_a_constant() ->
     else:
         assert set(by_name) == {"coulomb_friction", "torque_offset"}
         assert all("asymmetric_coulomb_friction" in f.cannot_be_told_from for f in result.findings)
-    assert all(0.0 <= f.p_value < 1e-6 for f in result.findings)
+    assert all(f.p_value is not None and 0.0 <= f.p_value < 1e-6 for f in result.findings)
 
 
 def test_a_motor_that_can_do_no_more_is_told_by_what_was_asked_of_it() -> None:
