@@ -13,7 +13,7 @@ from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.excitation.excitation_settings import ExcitationSettings
 from sysid_ros.excitation.excite import Excitation, excite, steps
 from sysid_ros.identification import free_model
-from sysid_ros.pages.excitation_plot import write_excitation_plot
+from sysid_ros.pages.excitation_figure import write_excitation_plot
 from sysid_ros.robot.collision_model import CollisionModel
 from sysid_ros.robot.mesh_files import MeshFiles
 from sysid_ros.robot.robot_model import RobotModel

@@ -123,7 +123,7 @@ def command(
     if json_path is not None:
         write_json(json_path, {"scenario": _plain(scenario), "laws": [_summary(run, scenario) for run in runs]})
     if plot_path is not None:
-        from sysid_ros.pages.tracking_plot import write_tracking_plot
+        from sysid_ros.pages.tracking_figure import write_tracking_plot
 
         write_tracking_plot(plot_path, runs, _events(scenario), options["payload_mass"])
         note(f"Figure written to {plot_path}.")

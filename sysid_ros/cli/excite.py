@@ -163,7 +163,7 @@ def command(
     if json_path is not None:
         write_json(json_path, as_json(result, settings))
     if plot is not None:
-        from sysid_ros.pages.excitation_plot import write_excitation_plot
+        from sysid_ros.pages.excitation_figure import write_excitation_plot
 
         write_excitation_plot(plot, result, f"Exciting motion of {robot.name}")
     show(result)

@@ -92,7 +92,7 @@ def command(
         write_json(json_path, result.as_dict())
     show(result)
     if plot:
-        from sysid_ros.pages.frequency_plot import write_frequency_plot
+        from sysid_ros.pages.frequency_figure import write_frequency_plot
 
         model = f"{model_path.name}" if model_path else "the URDF"
         write_frequency_plot(plot, result, f"Measured torque over that of {model}: {', '.join(b.name for b in bags)}")
