@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -201,7 +202,7 @@ def peaks(values: FloatArray, most: int) -> np.ndarray[tuple[int], np.dtype[np.i
     if values.size <= most:
         return np.arange(values.size)
     edges = np.linspace(0, values.size, most // 2 + 1).astype(int)
-    return np.unique([a + f(values[a:b]) for a, b in zip(edges, edges[1:], strict=False) for f in (np.argmin, np.argmax)])
+    return np.unique([a + f(values[a:b]) for a, b in pairwise(edges) for f in (np.argmin, np.argmax)])
 
 
 def with_gaps(longest: float, t: FloatArray, *values: FloatArray) -> tuple[FloatArray, ...]:

@@ -45,7 +45,9 @@ def residual_figure(
         residual = np.concatenate([s.residual[:, j] for s in series])
         limit = 1.15 * float(np.quantile(np.abs(residual), 0.995)) + 1e-12
         y = Axis(limits=(-limit, limit))
-        q, v = (np.concatenate([values[:, j] for values in channel]) for channel in zip(*((s.q, s.v) for s in series), strict=True))
+        q, v = (
+            np.concatenate([values[:, j] for values in channel]) for channel in zip(*((s.q, s.v) for s in series), strict=True)
+        )
         moving = np.concatenate([s.moving[:, j] for s in series])
         columns[0].append(Panel(_cloud(q, residual, moving), title, x=Axis(f"position [{length}]"), y=y, height=105.0))
         columns[1].append(Panel(_cloud(v, residual, moving), title, x=Axis(f"velocity [{length}/s]"), y=y, height=105.0))

@@ -22,8 +22,9 @@ class Place:
     """A panel between its axes.
 
     Attributes:
-        stack: index of its stack. title: of the panel, "" where its neighbour at the left says the same.
-        heading: the stack's title and lines of its note, at its first panel. axis: whether the x axis has its numbers here.
+        stack: index of its stack. left, top, width, height: between the axes. margin: at the left, for the numbers of y.
+        title: of the panel, "" where its neighbour at the left says the same. heading: the stack's title and lines of its note,
+            at its first panel. axis: whether the x axis has its numbers here.
     """
 
     panel: Panel
@@ -32,6 +33,7 @@ class Place:
     top: float
     width: float
     height: float
+    margin: float
     title: str
     heading: tuple[str, ...]
     axis: bool
@@ -80,6 +82,12 @@ def fitting(axis: Axis, length: float, way: str) -> tuple[tuple[float, str], ...
     return ticks[:: max(1, -int(-len(ticks) * room // length))]
 
 
+def shortened(text: str, room: float) -> str:
+    """The end of a text that is too long, in which names differ most."""
+    most = max(4, int(room / LETTER))
+    return text if len(text) <= most else "…" + text[1 - most :]
+
+
 def ticks_on(length: float, way: str) -> int:
     """How many numbers an axis "x" or "y" of this length has room for."""
     return max(2, int(length // (65.0 if way == "x" else 34.0))) + 1
@@ -118,11 +126,11 @@ def _around(figure: Figure, stack: Stack, index: int) -> float:
     return _above(figure, stack.panels[index]) + _below(stack, index)
 
 
-def _margin(stack: Stack) -> float:
-    """Room at the left for the longest word of an axis."""
+def _margin(stack: Stack, width: float) -> float:
+    """Room at the left for the longest word of an axis, where that leaves enough."""
     words = [text for p in stack.panels for _, text in p.y.ticks or ()]
     words += [name for p in stack.panels for item in p.items if isinstance(item, Cells) for name in item.rows]
-    return max([LEFT, *(LETTER * len(word) + 12.0 for word in words)])
+    return min(max([LEFT, *(LETTER * len(word) + 12.0 for word in words)]), max(LEFT, 0.4 * width))
 
 
 def _stack(
@@ -134,13 +142,12 @@ def _stack(
     said: Sequence[str],
 ) -> Iterator[Place]:
     left, top, width, height = box
-    margin = _margin(stack)
+    margin = _margin(stack, width)
     stretch = (height - sum(_around(figure, stack, i) for i in range(len(stack.panels)))) / sum(p.height for p in stack.panels)
     for i, panel in enumerate(stack.panels):
         top += _above(figure, panel)
         title = "" if i < len(said) and said[i] == panel.title else panel.title
         tall = stretch * panel.height
-        yield Place(
-            panel, index, left + margin, top, width - margin - RIGHT, tall, title, () if i else heading, _has_axis(stack, i)
-        )
+        inner = (left + margin, top, width - margin - RIGHT, tall, margin)
+        yield Place(panel, index, *inner, title, () if i else heading, _has_axis(stack, i))
         top += tall + _below(stack, i)

@@ -15,8 +15,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
 
 from sysid_ros.pages import palette
-from sysid_ros.pages.figure import Axis, Band, Cells, Curve, Figure, Key, Mark, Spans, keys
-from sysid_ros.pages.layout import HEAD, LETTER, NOTE, ROW, Place, fitting, mark_texts, places, ticks_on
+from sysid_ros.pages.figure import Axis, Band, Cells, Curve, Figure, Item, Key, Mark, Spans, Way, keys
+from sysid_ros.pages.layout import HEAD, LETTER, NOTE, ROW, Place, fitting, mark_texts, places, shortened, ticks_on
 
 _PER_INCH = 100.0
 _POINT = 72.0 / _PER_INCH
@@ -58,7 +58,7 @@ def _panel(axes: Axes, place: Place, legend: bool) -> None:
     panel = place.panel
     axes.margins(x=0.01)
     for item in panel.items:
-        _draw(axes, item)
+        _draw(axes, item, place.margin)
     _scale(axes, "x", panel.x, place.width, place.axis)
     _scale(axes, "y", panel.y, place.height, True)
     axes.tick_params(labelsize=8, colors=palette.INK)
@@ -89,23 +89,20 @@ def _panel(axes: Axes, place: Place, legend: bool) -> None:
 
 def _texts(axes: Axes, place: Place) -> None:
     """What stands beside marks, and the heading of the stack."""
+    by: dict[str, Any] = {"textcoords": "offset points", "annotation_clip": False}
     for mark, row, before in mark_texts(place):
-        axes.annotate(
-            _plain(mark.text), (mark.at, 1.0), xycoords=axes.get_xaxis_transform(), textcoords="offset points",
-            xytext=(-3 if before else 3, -(row + 0.5) * ROW * _POINT), ha="right" if before else "left", va="center", fontsize=7.5,
-            color=mark.colour, annotation_clip=False,
-        )  # fmt: skip
+        at, away = axes.get_xaxis_transform(), (-3.0 if before else 3.0, -(row + 0.5) * ROW * _POINT)
+        style: dict[str, Any] = {"ha": "right" if before else "left", "va": "center", "fontsize": 7.5, "color": mark.colour}
+        axes.annotate(_plain(mark.text), (mark.at, 1.0), xycoords=at, xytext=away, **by, **style)
+    above = HEAD + 3.0 if place.panel.title or place.panel.note else 3.0
     for k, line in enumerate(reversed(place.heading)):
         first = k == len(place.heading) - 1
-        above = 0.0 if not (place.panel.title or place.panel.note) else HEAD
-        axes.annotate(
-            _plain(line), (0.0, 1.0), xycoords="axes fraction", xytext=(0, (above + 3 + k * NOTE) * _POINT), textcoords="offset points",
-            va="bottom", annotation_clip=False, fontsize=10 if first else 8.5, fontweight="bold" if first else "normal",
-            color=palette.INK if first else "#555555",
-        )  # fmt: skip
+        style = {"fontsize": 10, "fontweight": "bold", "color": palette.INK} if first else {"fontsize": 8.5, "color": "#555555"}
+        away = (0.0, (above + k * NOTE) * _POINT)
+        axes.annotate(_plain(line), (0.0, 1.0), xycoords="axes fraction", xytext=away, va="bottom", **by, **style)
 
 
-def _draw(axes: Axes, item: Curve | Band | Spans | Mark | Cells) -> None:
+def _draw(axes: Axes, item: Item, margin: float) -> None:
     match item:
         case Curve():
             style: dict[str, Any] = {"linestyle": _DASHES[item.dash] if item.width else "none", "linewidth": item.width}
@@ -124,19 +121,21 @@ def _draw(axes: Axes, item: Curve | Band | Spans | Mark | Cells) -> None:
             line = axes.axvline if item.axis == "x" else axes.axhline
             line(item.at, color=item.colour, linewidth=item.width, linestyle=_DASHES[item.dash])
         case Cells():
-            _cells(axes, item)
+            _cells(axes, item, margin)
 
 
-def _cells(axes: Axes, item: Cells) -> None:
-    axes.imshow(item.values, cmap=LinearSegmentedColormap.from_list("cells", palette.CELLS), vmin=0.0, vmax=item.most, aspect="auto")
+def _cells(axes: Axes, item: Cells, margin: float) -> None:
+    axes.imshow(
+        item.values, cmap=LinearSegmentedColormap.from_list("cells", palette.CELLS), vmin=0.0, vmax=item.most, aspect="auto"
+    )
     for (i, k), value in np.ndenumerate(item.values):
         colour = "white" if value > 0.5 * item.most else palette.INK
         axes.text(k, i, _plain(item.texts[i][k]), ha="center", va="center", fontsize=8.5, color=colour)
     axes.set_xticks(range(len(item.columns)), [_plain(name) for name in item.columns])
-    axes.set_yticks(range(len(item.rows)), [_plain(name) for name in item.rows])
+    axes.set_yticks(range(len(item.rows)), [_plain(shortened(name, margin - 10.0)) for name in item.rows])
 
 
-def _scale(axes: Axes, way: str, wanted: Axis, length: float, own: bool) -> None:
+def _scale(axes: Axes, way: Way, wanted: Axis, length: float, own: bool) -> None:
     """Limits, scale and ticks of the axis "x" or "y" of this length [px]; the ticks only where it has its ``own``."""
     if wanted.log:
         axes.set(**{f"{way}scale": "log"})

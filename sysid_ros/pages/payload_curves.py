@@ -1,4 +1,4 @@
-"""What the figure of a payload shows, as arrays: quantities with their 95 % bands, spans of one status, and limits of the axes."""
+"""What the figure of a payload shows, as arrays: quantities with their 95 % bands, spans of one status, limits."""
 
 from __future__ import annotations
 
@@ -92,7 +92,9 @@ def status_spans(series: Sequence[PayloadEstimate]) -> list[Span]:
     return spans
 
 
-def payload_quantities(series: Sequence[PayloadEstimate], truth: Sequence[TruthSegment]) -> tuple[Quantities, Quantities, Quantities]:
+def payload_quantities(
+    series: Sequence[PayloadEstimate], truth: Sequence[TruthSegment]
+) -> tuple[Quantities, Quantities, Quantities]:
     """Mass [kg], centre of mass [mm] and diagonal of the inertia about it [1e-3 kg m^2].
 
     Centre and inertia are ratios to the mass: they are left out (NaN) where the mass is less than three of its own standard

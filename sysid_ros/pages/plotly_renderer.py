@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid_ros.pages import palette
 from sysid_ros.pages.figure import Axis, Band, Cells, Curve, Figure, Mark, Spans
-from sysid_ros.pages.layout import HEAD, NOTE, ROW, Place, fitting, mark_texts, places, ticks_on
+from sysid_ros.pages.layout import HEAD, NOTE, ROW, Place, fitting, mark_texts, places, shortened, ticks_on
 from sysid_ros.sample import FloatArray
 
 WIDTHS = (320.0, 680.0, 1080.0)
@@ -82,7 +82,7 @@ def _trace(item: Curve | Band | Cells, index: Callable[[FloatArray], int]) -> di
             return _named(item) | {"x": index(x), "y": index(y)} | area
         case Cells():
             texts = [[_text(text) for text in row] for row in item.texts]
-            names = {"x": [_text(name) for name in item.columns], "y": [_text(name) for name in item.rows]}
+            names = {"x": [_text(name) for name in item.columns], "y": [*range(len(item.rows))]}
             colours = {"zmin": 0.0, "zmax": item.most, "colorscale": [*enumerate(palette.CELLS)], "showscale": False}
             shown = {"text": texts, "texttemplate": "%{text}", "hoverinfo": "x+y+text"}
             return {"type": "heatmap", "z": item.values.tolist()} | names | colours | shown
@@ -133,13 +133,17 @@ def _layout(figure: Figure, width: float) -> dict[str, Any]:
     words: list[dict[str, Any]] = []
     for k, place in enumerate(placed, start=1):
         first = firsts.setdefault(place.stack, k)
-        x = _axis(place.panel.x, "x", place.width, place.axis) | {"anchor": _id("y", k), "domain": _domain(place.left, place.width, width)}
+        x = _axis(place.panel.x, "x", place.width, place.axis) | {
+            "anchor": _id("y", k),
+            "domain": _domain(place.left, place.width, width),
+        }
         y = _axis(place.panel.y, "y", place.height, True) | {"anchor": _id("x", k)}
         y |= {"domain": _domain(height - place.top - place.height, place.height, height)}
         if figure.stacks[place.stack].shared and k != first:
             x["matches"] = _id("x", first)
-        if any(isinstance(item, Cells) for item in place.panel.items):
-            y["autorange"] = "reversed"
+        for cells in (item for item in place.panel.items if isinstance(item, Cells)):
+            rows = [_text(shortened(name, place.margin - 10.0)) for name in cells.rows]
+            y |= {"autorange": "reversed", "tickvals": [*range(len(rows))], "ticktext": rows}
         axes |= {f"xaxis{k if k > 1 else ''}": x, f"yaxis{k if k > 1 else ''}": y}
         words += _words(place, k)
     # a finger that drags scrolls the page of a telephone
@@ -149,7 +153,12 @@ def _layout(figure: Figure, width: float) -> dict[str, Any]:
 
 def _axis(axis: Axis, way: str, length: float, told: bool) -> dict[str, Any]:
     style: dict[str, Any] = {"showgrid": axis.ticks != (), "gridcolor": palette.GRID, "zeroline": False}
-    style |= {"nticks": ticks_on(length, way), "showticklabels": told and axis.ticks != (), "type": "log" if axis.log else None, "tickangle": 0}
+    style |= {
+        "nticks": ticks_on(length, way),
+        "showticklabels": told and axis.ticks != (),
+        "type": "log" if axis.log else None,
+        "tickangle": 0,
+    }
     if axis.limits is not None:
         style["range"] = [float(x) for x in (np.log10(axis.limits) if axis.log else axis.limits)]
     if axis.ticks:
@@ -181,7 +190,13 @@ def _words(place: Place, k: int) -> list[dict[str, Any]]:
         out.append(corner | {"text": _text(place.panel.within), "x": 0.5, "y": 0.5, "yanchor": "middle"})
     for mark, row, before in mark_texts(place):
         side = {"xanchor": "right", "xshift": -1} if before else {"xanchor": "left", "xshift": 1}
-        at = {"xref": _id("x", k), "x": mark.at, "yanchor": "middle", "yshift": -(row + 0.5) * ROW, "font": {"color": mark.colour}}
+        at = {
+            "xref": _id("x", k),
+            "x": mark.at,
+            "yanchor": "middle",
+            "yshift": -(row + 0.5) * ROW,
+            "font": {"color": mark.colour},
+        }
         out.append(corner | at | side | {"text": _text(mark.text)})
     return out
 
