@@ -21,9 +21,9 @@ from sysid_ros.diagnosis.trajectories import Trajectories
 from sysid_ros.excitation.excite import Excitation
 from sysid_ros.frequency import FrequencyCheck
 from sysid_ros.identification.result import ResidualSeries
-from sysid_ros.pages import diagnosis_figures, identification_figures, write_payload_plot
+from sysid_ros.pages import diagnosis_figures, identification_figures, write_payload_plot, write_plot
 from sysid_ros.pages.diagnosis_page import diagnosis_page
-from sysid_ros.pages.excitation_figure import excitation_figure, write_excitation_plot
+from sysid_ros.pages.excitation_figure import excitation_figure
 from sysid_ros.pages.figure import Axis, Band, Cells, Curve, Figure, Mark, Panel, Spans, Stack, keys, legends, peaks
 from sysid_ros.pages.frequency_figure import frequency_figure, write_frequency_plot
 from sysid_ros.pages.layout import places
@@ -31,7 +31,7 @@ from sysid_ros.pages.matplotlib_renderer import drawn
 from sysid_ros.pages.page import page
 from sysid_ros.pages.payload_figure import payload_figure
 from sysid_ros.pages.plotly_renderer import WIDTHS, specification
-from sysid_ros.pages.tracking_figure import tracking_figure, write_tracking_plot
+from sysid_ros.pages.tracking_figure import tracking_figure
 
 BAD = '_<b>x</b>&"$a$</script><script>alert(1)</script>'
 NAMES = (f"{BAD}0", f"{BAD}1", "wrist")
@@ -152,8 +152,8 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 }
 PAGES: dict[str, Callable[[Path], object]] = {
     "payload": payload,
-    "tracking": lambda path: write_tracking_plot(path, runs(), EVENTS, 3.0),
-    "excitation": lambda path: write_excitation_plot(path, excitation(), BAD),
+    "tracking": lambda path: write_plot(path, tracking_figure(runs(), EVENTS, 3.0)),
+    "excitation": lambda path: write_plot(path, excitation_figure(excitation(), BAD)),
     "frequency": lambda path: write_frequency_plot(path, frequency(), BAD),
     "diagnosis": lambda path: path.write_text(diagnosis_page(diagnosis(), BAD, {"bags": [f"/home/{BAD}"]}, trajectories())),
     "refused": lambda path: path.write_text(diagnosis_page(Diagnosis("refused", NAMES, BAD), BAD, {"bags": ["/a/b"]})),

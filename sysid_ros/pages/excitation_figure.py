@@ -2,32 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from sysid_ros.excitation.excite import Excitation
 from sysid_ros.excitation.motion_limits import KINDS
 from sysid_ros.pages import palette
 from sysid_ros.pages.figure import Axis, Cells, Curve, Figure, Mark, Panel, Stack
-from sysid_ros.pages.page import write_plot
 
 _TITLES = {"position": "Position", "velocity": "Velocity", "acceleration": "Acceleration", "torque": "Nominal torque"}
 _POINTS = 1000
 _PERCENT = Axis(limits=(-112.0, 112.0), ticks=tuple((float(x), f"{x}") for x in (-100, -50, 0, 50, 100)))
-
-
-def write_excitation_plot(path: Path, excitation: Excitation, title: str) -> None:
-    """Write the motion, what it uses of its limits, and its criteria beside those of random motions.
-
-    Args:
-        path: .png, .svg or .pdf for a report; .html for a page that holds all it needs.
-        excitation: the motion. title: of the figure.
-
-    Raises:
-        SettingsError: the suffix is not known, or the folder is not there.
-    """
-    write_plot(path, excitation_figure(excitation, title))
 
 
 def excitation_figure(excitation: Excitation, title: str) -> Figure:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -52,62 +51,44 @@ def frequency_figure(result: FrequencyCheck, title: str) -> Figure:
     return Figure(stacks, title, told, columns, width=90.0 + 350.0 * columns)
 
 
-@dataclass(frozen=True, slots=True)
-class _Bode:
-    """Curves of one response: f (w,) [Hz]; magnitude and phase [degrees] with lower and upper ends, shape (3, w); coherence
-    (w,); the fitted cause on its own grid: fit_f (m,), fit_magnitude, fit_phase.
-
-    Windows in which the input is mostly noise, or whose 95 % circle is wider than the response, are left out of magnitude and
-    phase, as NaN.
-    """
-
-    f: FloatArray
-    magnitude: FloatArray
-    phase: FloatArray
-    coherence: FloatArray
-    fit_f: FloatArray
-    fit_magnitude: FloatArray
-    fit_phase: FloatArray
-
-
-def _bode(response: Response) -> _Bode:
-    f = np.array([w.f for w in response.windows])
-    told = [w.clear and w.radius < max(abs(w.H), 1.0) for w in response.windows]
-    H = np.array([w.H if ok else np.nan + 0j for w, ok in zip(response.windows, told, strict=True)])
-    radius = np.array([w.radius if ok else np.nan for w, ok in zip(response.windows, told, strict=True)])
-    size = np.abs(H)
-    # where the circle holds 0 the phase is not known
-    part = np.where(radius < size, radius / np.maximum(size, 1e-12), np.nan)
-    magnitude = np.clip([size, size - radius, size + radius], _SMALLEST, _LARGEST)
-    width = np.degrees(np.arcsin(part))
-    angle = np.where(np.isfinite(part), np.degrees(np.angle(H)), np.nan)
-    fit_f, fit = np.zeros(0), np.zeros(0, dtype=complex)
-    cause = response.cause
-    if cause is not None and cause.named:
-        fit_f = np.geomspace(*cause.band, _POINTS)
-        fit = cause.H(fit_f)
-    coherence = np.array([w.coherence for w in response.windows])
-    phase = np.array([angle, angle - width, angle + width])
-    return _Bode(f, magnitude, phase, coherence, fit_f, np.clip(np.abs(fit), _SMALLEST, _LARGEST), np.degrees(np.angle(fit)))
-
-
 def _joint(check: JointCheck, hertz: Axis) -> Stack:
     assert check.torque is not None
-    b = _bode(check.torque)
-    seen = np.concatenate([b.magnitude[0][np.isfinite(b.magnitude[0])], b.fit_magnitude, [1.0]])
+    f = np.array([w.f for w in check.torque.windows])
+    magnitude, phase = _bode(check.torque)
+    fit_f, fit = np.zeros(0), np.zeros(0, dtype=complex)
+    if (cause := check.torque.cause) is not None and cause.named:
+        fit_f = np.geomspace(*cause.band, _POINTS)
+        fit = cause.H(fit_f)
+    size = np.clip(np.abs(fit), _SMALLEST, _LARGEST)
+    seen = np.concatenate([magnitude[0][np.isfinite(magnitude[0])], size, [1.0]])
     limits = (max(min(0.45, seen.min() / 1.4), _SMALLEST), min(max(2.2, seen.max() * 1.4), _LARGEST))
     turn = float(np.degrees(np.arcsin(TOLERANCE)))
-    magnitude = _response(b.f, b.magnitude, (b.fit_f, b.fit_magnitude), (1.0 - TOLERANCE, 1.0, 1.0 + TOLERANCE))
-    phase = _response(b.f, b.phase, (b.fit_f, b.fit_phase), (-turn, 0.0, turn))
-    coherence = Curve(b.f, b.coherence, colour=palette.SOFT, width=1.1, step=True)
+    above = _response(f, magnitude, (fit_f, size), (1.0 - TOLERANCE, 1.0, 1.0 + TOLERANCE))
+    below = _response(f, phase, (fit_f, np.degrees(np.angle(fit))), (-turn, 0.0, turn))
+    coherence = Curve(f, np.array([w.coherence for w in check.torque.windows]), colour=palette.SOFT, width=1.1, step=True)
     half = Axis(limits=(0.0, 1.03), ticks=((0.0, "0"), (0.5, "0.5"), (1.0, "1")))
     panels = (
         Panel(_verdict(check.torque, hertz), x=hertz, y=Axis(limits=(0.0, 1.0), ticks=()), height=8.0),
-        Panel(magnitude, "magnitude", x=hertz, y=Axis(limits=limits, log=True, ticks=_RATIOS), height=160.0),
-        Panel(phase, "phase [°]", x=hertz, y=Axis(limits=(-190.0, 190.0), ticks=_DEGREES), height=130.0),
+        Panel(above, "magnitude", x=hertz, y=Axis(limits=limits, log=True, ticks=_RATIOS), height=160.0),
+        Panel(below, "phase [°]", x=hertz, y=Axis(limits=(-190.0, 190.0), ticks=_DEGREES), height=130.0),
         Panel((coherence,), "coherence", x=hertz, y=half, height=70.0),
     )
     return Stack(panels, check.joint, _short(check), least=260.0)
+
+
+def _bode(response: Response) -> tuple[FloatArray, FloatArray]:
+    """Magnitude and phase [degrees] with their lower and upper ends, shape (3, w) each.
+
+    Windows in which the input is mostly noise, or whose 95 % circle is wider than the response, are left out, as NaN.
+    """
+    told = np.array([w.clear and w.radius < max(abs(w.H), 1.0) for w in response.windows])
+    H = np.where(told, [w.H for w in response.windows], np.nan)
+    radius, size = np.where(told, [w.radius for w in response.windows], np.nan), np.abs(H)
+    # where the circle holds 0 the phase is not known
+    part = np.where(radius < size, radius / np.maximum(size, 1e-12), np.nan)
+    width = np.degrees(np.arcsin(part))
+    angle = np.where(np.isfinite(part), np.degrees(np.angle(H)), np.nan)
+    return np.clip([size, size - radius, size + radius], _SMALLEST, _LARGEST), np.array([angle, angle - width, angle + width])
 
 
 def _verdict(response: Response, hertz: Axis) -> tuple[Item, ...]:

@@ -18,6 +18,9 @@ STATUS = {
     "stale": "#555555",
     "inconsistent": ORANGE,
 }
-UNKNOWN_STATUS = "#000000"
-EVENT = {"external_force": PINK}
-EVENT_DASH = {"pick": "solid", "drop": "dashed", "change": "dashdot", "external_force": "dotted"}
+EVENT = {"pick": (INK, "solid"), "drop": (INK, "dashed"), "external_force": (PINK, "dotted")}
+
+
+def of_status(status: str) -> str:
+    """The colour of a status; black where it is not known."""
+    return STATUS.get(status, "#000000")

@@ -153,11 +153,6 @@ def inertia_diagonal_jacobian(theta: FloatArray) -> FloatArray:
     return jacobian
 
 
-def residual_limit(residual: FloatArray) -> float:
-    """Half the height of a residual's axis: its 99.5 % quantile with room, so that one peak does not squash it."""
-    return max(1.3 * float(np.quantile(np.abs(residual), 0.995)), 1e-3)
-
-
 def robust_limits(curves: Sequence[Quantity], believed: BoolArray, least: float) -> tuple[float, float]:
     """Limits that hold what is believed with nearly all of its band, and the truth, but not the wide bands of the warm-up.
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from sysid_ros.exceptions import DataError
 from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
 from sysid_ros.pages import palette
-from sysid_ros.pages.figure import Axis, Band, Curve, Figure, Item, Mark, Panel, Spans, Stack, evenly, peaks, with_gaps
+from sysid_ros.pages.figure import Axis, Band, Curve, Dash, Figure, Item, Mark, Panel, Spans, Stack, evenly, peaks, with_gaps
 from sysid_ros.pages.page import check_plot_path, write_plot
 from sysid_ros.pages.payload_curves import (
     BELIEVED,
@@ -23,7 +24,6 @@ from sysid_ros.pages.payload_curves import (
     longest_step,
     payload_quantities,
     relative_times,
-    residual_limit,
     status_spans,
 )
 from sysid_ros.pages.truth import TruthSegment
@@ -82,13 +82,12 @@ def payload_figure(
     """Estimates on the left, one residual a joint on the right; times since the first estimate."""
     t, spans, known = relative_times(series), status_spans(series), last_known(series, events)
     time = Axis(f"time since stamp {series[0].t:.3f} [s]", (0.0, max(spans[-1].end, 1e-3)))
-    marks = [(e.t - series[0].t, e) for e in events]
-    lines = tuple(Mark("x", when, colour=_event_colour(e), dash=_event_dash(e)) for when, e in marks)
-    shades = tuple(_shades(spans))
+    marks = [_mark(e.t - series[0].t, e) for e in events]
+    behind: tuple[Item, ...] = (*_shades(spans), *(replace(mark, text="") for mark in marks))
     estimates = [_strip(spans, marks, time)]
-    estimates += [_panel(q, t, known, truth, series[0].t, (*shades, *lines), time) for q in payload_quantities(series, truth)]
+    estimates += [_panel(q, t, known, truth, series[0].t, behind, time) for q in payload_quantities(series, truth)]
     residual = np.array([e.residual for e in series])
-    left = [_residual(t, residual[:, j], joint_names[j], units[j], (*shades, *lines), time) for j in range(len(joint_names))]
+    left = [_residual(t, residual[:, j], joint_names[j], units[j], behind, time) for j in range(len(joint_names))]
     values = "" if known is None else f"; numbers: the last estimate of status ok, at {series[known].t - series[0].t:.2f} s"
     subtitle = f"Frame {series[0].frame}, inertia along its axes; bands and ±: 95 % interval{values}"
     return Figure(
@@ -104,7 +103,7 @@ def payload_figure(
     )
 
 
-def _strip(spans: Sequence[Span], marks: Sequence[tuple[float, PayloadEvent]], time: Axis) -> Panel:
+def _strip(spans: Sequence[Span], marks: Sequence[Mark], time: Axis) -> Panel:
     """Coloured status below, labelled events above it."""
     present = [s for s in palette.STATUS if any(span.status == s for span in spans)]
     present += sorted({span.status for span in spans} - set(palette.STATUS))
@@ -112,9 +111,13 @@ def _strip(spans: Sequence[Span], marks: Sequence[tuple[float, PayloadEvent]], t
     for status in present:
         x = np.array([v for s in spans if s.status == status for v in (s.start, s.end, np.nan)])
         top = np.where(np.isfinite(x), 0.3, np.nan)
-        items.append(Band(x, 0.0 * top, top, status, _status_colour(status), 1.0))
-    items += [Mark("x", t, event_text(e), colour=_event_colour(e), dash=_event_dash(e)) for t, e in marks]
-    return Panel(tuple(items), "Status and events", x=time, y=Axis(limits=(0.0, 1.0), ticks=()), height=72.0)
+        items.append(Band(x, 0.0 * top, top, status, palette.of_status(status), 1.0))
+    return Panel((*items, *marks), "Status and events", x=time, y=Axis(limits=(0.0, 1.0), ticks=()), height=72.0)
+
+
+def _mark(t: float, event: PayloadEvent) -> Mark:
+    colour, dash = palette.EVENT.get(event.kind, (palette.INK, "dashdot"))
+    return Mark("x", t, event_text(event), colour=colour, dash=cast(Dash, dash))
 
 
 def _panel(
@@ -154,7 +157,8 @@ def _residual(t: FloatArray, residual: FloatArray, name: str, unit: str, behind:
     x, y = with_gaps(longest_step(t) * max(1.0, 2.0 * t.size / _MOST_POINTS), t[at], residual[at])
     zero = Mark("y", 0.0, colour=palette.SOFT, width=0.6)
     rms = float(np.sqrt(np.mean(residual**2)))
-    limit = 1.3 * residual_limit(residual)
+    # one peak does not squash the rest
+    limit = max(1.7 * float(np.quantile(np.abs(residual), 0.995)), 1.3e-3)
     items = (*behind, zero, Curve(x, y, colour=palette.BLUE, width=0.7))
     return Panel(items, f"{name} [{unit}]", f"rms {rms:.2g} {unit}", time, Axis(limits=(-limit, limit)), 60.0)
 
@@ -164,7 +168,7 @@ def _shades(spans: Sequence[Span]) -> list[Spans]:
     doubtful = dict.fromkeys(span.status for span in spans if span.status not in BELIEVED)
     parts = {status: [s for s in spans if s.status == status] for status in doubtful}
     return [
-        Spans("x", np.array([s.start for s in part]), np.array([s.end for s in part]), colour=_status_colour(status))
+        Spans("x", np.array([s.start for s in part]), np.array([s.end for s in part]), colour=palette.of_status(status))
         for status, part in parts.items()
     ]
 
@@ -187,15 +191,3 @@ def _events(series: Sequence[PayloadEstimate], events: Sequence[PayloadEvent]) -
     rows = [(e.kind, f"{e.t - series[0].t:.2f}", f"{e.mass_before:.3f}", f"{e.mass_after:.3f}") for e in events]
     head = ("event", "time [s]", "mass before [kg]", "mass after [kg]")
     return [{"title": "Events", "note": "Times since the first estimate.", "head": head, "rows": rows}] if rows else []
-
-
-def _status_colour(status: str) -> str:
-    return palette.STATUS.get(status, palette.UNKNOWN_STATUS)
-
-
-def _event_colour(event: PayloadEvent) -> str:
-    return palette.EVENT.get(event.kind, palette.INK)
-
-
-def _event_dash(event: PayloadEvent) -> Any:
-    return palette.EVENT_DASH.get(event.kind, "dashdot")

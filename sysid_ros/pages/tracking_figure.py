@@ -3,35 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from sysid_ros.control.tracking_run import TrackingRun
 from sysid_ros.pages import palette
 from sysid_ros.pages.figure import Axis, Curve, Figure, Mark, Panel, Stack
-from sysid_ros.pages.page import write_plot
 
 _COLOURS = (palette.SOFT, *palette.MANY[:4])
 _LEAST = 1e-3
 """Errors below this are drawn there, on a logarithmic axis [mm]."""
 
 
-def write_tracking_plot(path: Path, runs: Sequence[TrackingRun], events: Sequence[tuple[float, str]], mass: float) -> None:
-    """Write errors and masses of several runs of the same scenario.
+def tracking_figure(runs: Sequence[TrackingRun], events: Sequence[tuple[float, str]], mass: float) -> Figure:
+    """Errors above, masses below.
 
     Args:
-        path: .png, .svg or .pdf for a report; .html for a page that holds all it needs. events: t [s] and kind. mass: that is
-            carried between pick and drop [kg].
-
-    Raises:
-        SettingsError: the suffix is not known, or the folder is not there.
+        runs: of the same scenario. events: t [s] and kind. mass: that is carried between pick and drop [kg].
     """
-    write_plot(path, tracking_figure(runs, events, mass))
-
-
-def tracking_figure(runs: Sequence[TrackingRun], events: Sequence[tuple[float, str]], mass: float) -> Figure:
-    """Errors above, masses below."""
     end = max(float(run.t[-1]) for run in runs)
     time = Axis("time [s]", (0.0, end))
     errors, masses = [], []
