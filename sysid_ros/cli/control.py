@@ -15,7 +15,7 @@ from sysid_ros.cli.output import ManyValues, note, progress_bar, report, write_j
 from sysid_ros.control.control_settings import ControlSettings
 from sysid_ros.control.tracking_run import TrackingRun
 from sysid_ros.exceptions import SettingsError, SysidError
-from sysid_ros.pages import check_plot_path
+from sysid_ros.pages import check_plot_path, write_plot
 from sysid_ros.torque.model_file import ModelFile
 
 try:
@@ -123,9 +123,9 @@ def command(
     if json_path is not None:
         write_json(json_path, {"scenario": _plain(scenario), "laws": [_summary(run, scenario) for run in runs]})
     if plot_path is not None:
-        from sysid_ros.pages.tracking_plot import write_tracking_plot
+        from sysid_ros.pages.tracking_figure import tracking_figure
 
-        write_tracking_plot(plot_path, runs, _events(scenario), options["payload_mass"])
+        write_plot(plot_path, tracking_figure(runs, _events(scenario), options["payload_mass"]))
         note(f"Figure written to {plot_path}.")
 
 
