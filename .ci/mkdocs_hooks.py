@@ -1,4 +1,4 @@
-"""Docstrings name classes with a role and lead to equations with two colons, as Sphinx reads them; the site shows the plain words."""
+"""Docstrings name classes with a role and announce equations with two colons, for Sphinx; the site shows the plain words."""
 
 import re
 from typing import Any
