@@ -14,7 +14,7 @@ from sysid_ros.cli.output import ManyValues, command_line, note, progress_bar, w
 from sysid_ros.cli.recordings import read_recording
 from sysid_ros.exceptions import SysidError
 from sysid_ros.identification import Choices, identify_recordings
-from sysid_ros.identification.friction_search import FRICTIONS
+from sysid_ros.identification.free_effects import frictions
 from sysid_ros.identification.least_squares import METHODS
 from sysid_ros.identification.result import Problem
 from sysid_ros.identification.rows import FORMS
@@ -50,14 +50,22 @@ _PATH = click.Path(path_type=Path)
     type=click.Choice(METHODS),
     default="irls",
     show_default=True,
-    help="Least squares: plain, weighted by the noise of each joint and bag once, until it settles, or with a bounded loss.",
+    help="Least squares: plain, weighted by the noise of each joint and bag once, until it converges, or with a bounded loss.",
 )
 @click.option(
     "--friction",
-    type=click.Choice(FRICTIONS),
-    default=FRICTIONS[0],
+    type=click.Choice(("auto", *frictions())),
+    default="auto",
     show_default=True,
     help="Model of the dry friction; auto lets it grow with the load on the joints where that predicts better.",
+)
+@click.option(
+    "--effect",
+    "effects",
+    multiple=True,
+    metavar="ID",
+    help="Another effect, such as cogging or spring: free on the joints, or for the whole arm, where it predicts held-out data "
+    "better; its settings are searched. May be repeated.",
 )
 @click.option(
     "--physical/--no-physical",
@@ -89,6 +97,7 @@ def command(
     form: str,
     method: str,
     friction: str,
+    effects: tuple[str, ...],
     physical: bool,
     prior_weight: float | None,
     payload_bag: tuple[Path, ...],
@@ -104,8 +113,9 @@ def command(
     (halves, where there is one bag), and that error is shown.
 
     \b
-    Example:
+    Examples:
       sysid identify run1/ run2/ --urdf arm.urdf --validate run3/ --out model.yaml
+      sysid identify run1/ run2/ --urdf arm.urdf --effect cogging --effect spring --out model.yaml
 
     Exit codes: 0 done; 2 bad input or usage.
     """
@@ -124,7 +134,7 @@ def command(
                 read[: len(bags)],
                 read[len(bags) : len(bags) + len(validate)],
                 provenance,
-                Choices(method, form, friction, physical, prior_weight, accept_doubts, payload_frame),
+                Choices(method, form, friction, physical, prior_weight, accept_doubts, payload_frame, effects),
                 cutoff or 0.0,
                 settings.max_gap,
                 settings.velocity_source == "message",

@@ -9,16 +9,12 @@ import numpy as np
 from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.least_squares import Fit
 from sysid_ros.identification.result import BaseGroup
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.torque.base_parameters import BaseParameters
 from sysid_ros.torque.torque_model import TorqueModel
 
 _POSTURES = 600
-_LEFT_OUT = 1e-4
-"""Coefficients below it, relative to the size of what they multiply, are rounding."""
-
-_DETERMINED, _SHARED = 0.9, 0.5
-"""Part of the information from the bags from which on they determine a parameter, or share it with the prior."""
 
 
 def base_of_range(model: TorqueModel) -> BaseParameters:
@@ -61,7 +57,7 @@ def base_groups(model: TorqueModel, base: BaseParameters, found: Fit, prior: Pri
     out = []
     for g in np.argsort(base.independent):
         i = int(base.independent[g])
-        terms = [(float(T[g, d]), model.parameter_names[d]) for d in sorted(base.dependent) if abs(T[g, d]) > _LEFT_OUT]
+        terms = [(float(T[g, d]), model.parameter_names[d]) for d in sorted(base.dependent) if abs(T[g, d]) > TOL.rounding]
         out.append(
             BaseGroup(
                 name=model.parameter_names[i],
@@ -91,6 +87,6 @@ def in_words(name: str, terms: list[tuple[float, str]]) -> str:
 
 def determined_by(from_data: float) -> str:
     """Where a parameter's value comes from, in words, by the part of its information that comes from the bags."""
-    if from_data >= _DETERMINED:
+    if from_data >= TOL.determined:
         return "bags"
-    return "bags and prior" if from_data >= _SHARED else "prior"
+    return "bags and prior" if from_data >= TOL.shared else "prior"

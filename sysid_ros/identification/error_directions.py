@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.torque.torque_model import TorqueModel
 
 _POSTURES = 300
-_LEFT_OUT = 5e-3
 
 
 def error_directions(model: TorqueModel, covariance: FloatArray) -> FloatArray:
@@ -33,5 +33,5 @@ def error_directions(model: TorqueModel, covariance: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     power, mix = np.linalg.eigh(root.T @ information @ root)
-    directions: FloatArray = root @ mix[:, power > _LEFT_OUT * power.sum()]
+    directions: FloatArray = root @ mix[:, power > TOL.uncertainty_left_out * power.sum()]
     return directions

@@ -10,12 +10,11 @@ from sysid_ros.identification.held_out import Solvers
 from sysid_ros.identification.least_squares import Fit
 from sysid_ros.identification.link_posterior import LinkPosterior
 from sysid_ros.identification.rows import BagRows
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.torque.torque_model import TorqueModel
 
 _POSTURES = 400
-_SURE = 2.0
-"""Standard deviations by which the error may turn out larger than is expected."""
 
 
 class ExpectedError:
@@ -35,7 +34,7 @@ class ExpectedError:
         self._rows = _gram(solvers.model, bags)
         covariance = posterior.covariance
         self._risk = np.einsum("jab,bc,jcd->jad", self._rows, covariance, self._rows, optimize=True)
-        count = np.maximum(found.equations.count, 1e-12)
+        count = np.maximum(found.sums.count, 1e-12)
         noise = np.sum(found.squares * count, axis=0) / count.sum(axis=0)
         self._least = noise + np.einsum("jab,ab->j", self._rows, covariance)
         self._urdf = solvers.approximate(found.information, found.score, np.inf)
@@ -55,7 +54,7 @@ class ExpectedError:
         theta = self._solvers.approximate(self._found.information, self._found.score, weights)
         error, change = self._at(theta), theta - self._urdf
         std = 2.0 * np.sqrt(np.maximum(np.einsum("jab,a,b->j", self._risk, change, change), 0.0))
-        return error / self._of_urdf, (error + _SURE * std) / self._of_urdf
+        return error / self._of_urdf, (error + TOL.risk_sure * std) / self._of_urdf
 
 
 def _gram(model: TorqueModel, bags: Sequence[BagRows]) -> FloatArray:

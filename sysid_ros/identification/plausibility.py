@@ -10,17 +10,9 @@ import numpy as np
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification.result import Problem
 from sysid_ros.identification.rows import BagRows
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-
-_SHARE = 0.15
-"""Of the largest change of gravity torque of a joint; joints below it are not judged."""
-
-_FEWEST = 60
-_STANDARD_ERRORS = 4.0
-_TOO_LOW, _TOO_HIGH, _SUSPICIOUS = 0.35, 4.0, 1.8
-_EXPLAINED, _MOSTLY = 0.5, 0.8
-
 
 _CHANNELS: tuple[Callable[[BagRows], FloatArray], ...] = (
     lambda bag: bag.q,
@@ -62,7 +54,7 @@ def agreement(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatArray) -
     gravity = np.array([robot.gravity_torque(x) for x in q])
     for j in range(n):
         here = moving[:, j]
-        if int(here.sum()) < _FEWEST:
+        if int(here.sum()) < TOL.judged_rows:
             continue
         beside = np.stack([np.ones(int(here.sum())), np.sign(v[here, j]), v[here, j], a[here, j]], axis=1)
         x, y = _without(beside, gravity[here, j]), _without(beside, tau[here, j])
@@ -73,13 +65,13 @@ def agreement(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatArray) -
         slope[j] = float(x @ y) / power
         residual = y - slope[j] * x
         # neighbouring rows are alike, so eight count as one
-        error[j] = np.sqrt(8.0 * float(residual @ residual) / len(y) / power)
+        error[j] = np.sqrt(TOL.rows_alike * float(residual @ residual) / len(y) / power)
         x, y = _without(beside[:, :3], asked[here, j]), _without(beside[:, :3], tau[here, j])
         load[j] = np.std(x)
         residual = _without(np.stack([x, _without(beside[:, :3], a[here, j])], axis=1), y)
         explained[j] = 1.0 - float(residual @ residual) / max(float(y @ y), 1e-300)
-    judged = size >= max(_SHARE * float(np.nanmax(size, initial=0.0)), 1e-6)
-    loaded = load >= max(_SHARE * float(np.nanmax(load, initial=0.0)), 1e-6)
+    judged = size >= max(TOL.judged_gravity * float(np.nanmax(size, initial=0.0)), 1e-6)
+    loaded = load >= max(TOL.judged_gravity * float(np.nanmax(load, initial=0.0)), 1e-6)
     return Agreement(np.where(judged, slope, np.nan), np.where(judged, error, np.nan), np.where(loaded, explained, np.nan))
 
 
@@ -94,11 +86,11 @@ def check_plausible(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatAr
     """
     found = agreement(robot, bags, nominal)
     names = robot.joint_names
-    margin = _STANDARD_ERRORS * found.error
+    margin = TOL.slope_errors * found.error
     listed = ", ".join(f"{names[j]} {found.slope[j]:.2g}" for j in np.flatnonzero(np.isfinite(found.slope)))
     against = f"(slope of the effort on the URDF's gravity torque, 1 expected: {listed})"
     judged = np.isfinite(found.slope)
-    if flipped := [names[j] for j in np.flatnonzero(found.slope + margin < -0.2)]:
+    if flipped := [names[j] for j in np.flatnonzero(found.slope + margin < TOL.slope_flipped)]:
         raise DataError(
             f"the effort of {', '.join(flipped)} runs against gravity {against}. Set effort_sign to -1 for these joints in "
             "--config, or give the URDF of the robot that was recorded."
@@ -106,12 +98,12 @@ def check_plausible(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatAr
     loaded = np.isfinite(found.explained)
     follows = float(np.median(found.explained[loaded])) if loaded.any() else 1.0
     part = ", ".join(f"{names[j]} {100 * found.explained[j]:.0f} %" for j in np.flatnonzero(loaded))
-    if follows < _EXPLAINED:
+    if follows < TOL.follows_urdf:
         raise DataError(
             f"the effort does not follow the URDF: of what friction leaves, it explains {part}; most of it is expected. "
             "Give the URDF of the robot that was recorded, with its joints in the recording's zero and direction."
         )
-    low, high = found.slope + margin < _TOO_LOW, found.slope - margin > _TOO_HIGH
+    low, high = found.slope + margin < TOL.slope_low, found.slope - margin > TOL.slope_high
     if judged.any() and np.sum(low) > 0.5 * np.sum(judged):
         scale = 1.0 / float(np.median(found.slope[low]))
         raise DataError(
@@ -128,7 +120,7 @@ def check_plausible(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatAr
         Problem("", names[j], "effort_scale", f"The effort of {names[j]} is {_much(found.slope[j])} {against}. {_cure()}")
         for j in np.flatnonzero(low | high)
     ]
-    if follows < _MOSTLY:
+    if follows < TOL.follows_well:
         problems.append(
             Problem(
                 "",
@@ -138,7 +130,7 @@ def check_plausible(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatAr
                 "Is it the URDF of the robot that was recorded, with its zero and its joint order?",
             )
         )
-    doubtful = judged & (found.slope - margin > _SUSPICIOUS) & ~high
+    doubtful = judged & (found.slope - margin > TOL.slope_suspicious) & ~high
     if np.any(doubtful):
         which = ", ".join(names[j] for j in np.flatnonzero(doubtful))
         problems.append(

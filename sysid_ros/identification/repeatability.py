@@ -7,15 +7,14 @@ import math
 import numpy as np
 
 from sysid_ros.identification.base_groups import in_words
+from sysid_ros.identification.free_effects import is_friction
 from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.least_squares import Fit
 from sysid_ros.identification.result import Repeatability
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.base_parameters import BaseParameters
 from sysid_ros.torque.torque_model import TorqueModel
-
-_TOLD = 0.9
-"""Part of the information from a bag from which on the bag tells a parameter by itself."""
 
 
 def per_bag(found: Fit, prior: Prior, T: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -26,7 +25,7 @@ def per_bag(found: Fit, prior: Prior, T: FloatArray) -> tuple[FloatArray, FloatA
     for information, score, noise in zip(found.bag_information, found.bag_score, found.bag_score_covariance, strict=True):
         inverse = np.linalg.inv(information + np.diag(precision))
         covariance = inverse @ (noise + np.diag(precision)) @ inverse
-        told = 1.0 - np.einsum("ga,ac,gc->g", T, inverse, T) / before >= _TOLD
+        told = 1.0 - np.einsum("ga,ac,gc->g", T, inverse, T) / before >= TOL.determined
         value = T @ (inverse @ (score + precision * prior.mean))
         std = np.sqrt(np.maximum(np.einsum("ga,ac,gc->g", T, covariance, T), 0.0))
         values.append(np.where(told, value, np.nan))
@@ -49,12 +48,13 @@ def repeatability(
 ) -> tuple[Repeatability, ...]:
     """One entry for every base parameter that at least two bags tell by themselves, in the order of the model's parameters."""
     between = spread(values)
+    rubs = [is_friction(effect) for effect in model.free for _ in range(effect.p)]
     out = []
     for g in np.argsort(base.independent):
         if math.isnan(between[g]):
             continue
         i = int(base.independent[g])
-        terms = [(float(T[g, d]), model.parameter_names[d]) for d in sorted(base.dependent) if abs(T[g, d]) > 1e-4]
+        terms = [(float(T[g, d]), model.parameter_names[d]) for d in sorted(base.dependent) if abs(T[g, d]) > TOL.rounding]
         told = np.isfinite(stds[:, g])
         out.append(
             Repeatability(
@@ -64,6 +64,7 @@ def repeatability(
                 stds=tuple(stds[:, g].tolist()),
                 between=float(between[g]),
                 within=float(np.sqrt(np.mean(stds[told, g] ** 2))),
+                friction=rubs[i],
             )
         )
     return tuple(out)

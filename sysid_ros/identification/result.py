@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.base_parameters import BaseParameters
 from sysid_ros.torque.model_file import ModelFile
@@ -160,7 +161,7 @@ class WhitenessTest:
     @property
     def white(self) -> bool:
         """Whether whiteness can't be denied."""
-        return self.p_value >= 0.01
+        return self.p_value >= TOL.white
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +172,7 @@ class Repeatability:
         name, unit: of the parameter. values, stds: a bag, in the order of ``Identification.bags``; NaN where a bag can't tell.
         between: standard deviation of the values. within: rms of the stds. Much more between than within means that the robot
             was not the same in all bags (temperature, load, wear), which no interval from one bag shows.
+        friction: whether it is a parameter of the joint's friction.
     """
 
     name: str
@@ -179,6 +181,7 @@ class Repeatability:
     stds: tuple[float, ...]
     between: float
     within: float
+    friction: bool = False
 
 
 @dataclass(frozen=True, slots=True)
