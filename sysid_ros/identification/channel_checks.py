@@ -52,7 +52,7 @@ def _gaps(recording: Recording, max_gap: float) -> list[Problem]:
                 recording.name,
                 "",
                 "gaps",
-                f"{len(gaps)} gaps longer than {max_gap:g} s, {gaps.sum():.1f} s together, the longest {gaps.max():.1f} s. "
+                f"{len(gaps)} gaps longer than {max_gap:g} s, {gaps.sum():.1f} s in all, the longest {gaps.max():.1f} s. "
                 "Nothing is fitted across them; record without loss if they matter.",
             )
         )

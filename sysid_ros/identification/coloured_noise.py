@@ -1,4 +1,4 @@
-"""Residuals that are not white: what they leave of the data's worth, and a test of whether they are."""
+"""Residuals that are not white: how many independent rows they leave of the data, and a test of whether they are."""
 
 from __future__ import annotations
 

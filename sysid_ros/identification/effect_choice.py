@@ -59,7 +59,7 @@ def those_that_gain(
 ) -> list[int]:
     """The alternatives that differ from what they replace for certain, and improve the torque where it was not fitted.
 
-    An alternative is judged on all joints that it loads together, by the product of the parts of their errors that it leaves: the
+    An alternative is judged on all joints that it loads at once, by the product of the parts of their errors that it leaves: the
     likelihood of the torque that was held out.
 
     Args:

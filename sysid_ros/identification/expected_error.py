@@ -1,4 +1,4 @@
-"""The torque error that parameters are expected to leave on other motions than those that were recorded."""
+"""The torque error to be expected on other motions than those that were recorded, and the directions that it comes from."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.torque.torque_model import TorqueModel
 
 _POSTURES = 400
+_POSTURES_OF_DIRECTIONS = 300
 
 
 class ExpectedError:
@@ -70,3 +71,29 @@ def _gram(model: TorqueModel, bags: Sequence[BagRows]) -> FloatArray:
         rows[k], _ = model.split(Sample(0.0, q, v, a, np.zeros(robot.n)))
     gram: FloatArray = np.einsum("kja,kjb->jab", rows, rows, optimize=True) / _POSTURES
     return gram
+
+
+def error_directions(model: TorqueModel, covariance: FloatArray) -> FloatArray:
+    """L, shape (p, c), with ``Y L L' Y' = Y covariance Y'`` but for a small part, for motions in the robot's range.
+
+    Most of the covariance of standard parameters lies in combinations that no motion shows; they make no torque and are left out.
+
+    Args:
+        model: whose free effects the covariance belongs to. covariance: shape (p, p).
+    """
+    robot = model.robot
+    random = np.random.default_rng(0)
+    low, high = np.maximum(robot.position_lower, -np.pi), np.minimum(robot.position_upper, np.pi)
+    information = np.zeros((model.p, model.p))
+    for _ in range(_POSTURES_OF_DIRECTIONS):
+        q, v, a = random.uniform(low, high), random.normal(0.0, 0.5, robot.n), random.normal(0.0, 1.0, robot.n)
+        Y, _ = model.split(Sample(0.0, q, v, a, np.zeros(robot.n)))
+        # each joint counts by its own noise, or the weak joints of the wrist would not be seen beside the shoulder
+        scale = np.sqrt(np.maximum(np.einsum("ia,ab,ib->i", Y, covariance, Y), 1e-30))
+        Y = Y / scale[:, None]
+        information += Y.T @ Y / _POSTURES_OF_DIRECTIONS
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    power, mix = np.linalg.eigh(root.T @ information @ root)
+    directions: FloatArray = root @ mix[:, power > TOL.uncertainty_left_out * power.sum()]
+    return directions

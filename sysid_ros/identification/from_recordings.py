@@ -45,7 +45,7 @@ def identify_recordings(
         progress: called with what is being done, in words.
 
     Raises:
-        SettingsError: a choice is unknown. DataError: the recordings can't tell the robot's parameters, and why.
+        SettingsError: a choice is unknown. DataError: the recordings do not determine the robot's parameters, and why.
     """
     choices = choices or Choices()
     _require(choices)

@@ -125,7 +125,7 @@ class Solvers:
         """theta, shape (p,), and how it was found where it must be physical."""
         if not self.physical:
             return self.approximate(information, score, weights), None
-        # what is no link keeps its own prior, or a friction that these data hardly tell takes any value that is allowed
+        # what is no link keeps its own prior, or a friction that these data hardly determine takes any value that is allowed
         precision = np.where(self.prior.is_link, 0.0, self.prior.precision())
         least = float(np.min(weights, initial=math.inf))
         A, b = information + np.diag(precision), score + precision * self.prior.mean

@@ -3,33 +3,44 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification.advice import record_next
-from sysid_ros.identification.base_groups import base_groups, base_of_range, group_matrix
+from sysid_ros.identification.base_groups import (
+    base_groups,
+    base_of_range,
+    condition_number,
+    group_matrix,
+    parameter_table,
+    per_bag,
+    repeatability,
+    spread,
+)
 from sysid_ros.identification.contradictions import check_contradictions
-from sysid_ros.identification.error_directions import error_directions
-from sysid_ros.identification.free_effects import place_of
+from sysid_ros.identification.expected_error import error_directions
 from sysid_ros.identification.held_out import Folds, Prior, Solvers
 from sysid_ros.identification.least_squares import Fit, fit, noise_density
 from sysid_ros.identification.payload_difference import PayloadDifference, payload_difference
 from sysid_ros.identification.physical_consistency import PhysicalFit
 from sysid_ros.identification.prior_weight import choose_prior
-from sysid_ros.identification.repeatability import per_bag, repeatability, spread
 from sysid_ros.identification.result import (
+    BaseGroup,
     CutOff,
     Identification,
+    JointNoise,
     Knob,
     Parameter,
     PriorChoice,
     Problem,
+    Repeatability,
     ResidualSeries,
     TorqueError,
+    WhitenessTest,
 )
 from sysid_ros.identification.rows import BagRows
 from sysid_ros.identification.tolerances import TOL
@@ -100,7 +111,7 @@ def identify(
     """Weighted least squares on all recordings; its error from recordings held out in turn (halves, where there is one).
 
     First the unconstrained fit: it gives the noise of each joint in each bag, the covariance, and the base parameters as the
-    data tell them. Then, with these weights, the links that can exist and predict best what was not fitted.
+    data have them. Then, with these weights, the links that can exist and predict best what was not fitted.
 
     Args:
         model: from :func:`free_model`. bags: rows of recordings without a payload. validation: rows that are never fitted.
@@ -117,26 +128,15 @@ def identify(
     doubts = check_contradictions(bags, found, prior, model.robot.joint_names, choices.accept_doubts)
     solution = _solve(model, bags, prior, found, choices)
     held_out = _hold_out(bags, prior, solution)
-    torque_std, correlation_time = _error_elsewhere(held_out, len(bags))
-    base = base_of_range(model)
-    values, stds = per_bag(found, prior, group_matrix(base))
-    between = spread(values)
-    groups = base_groups(model, base, found, prior, between)
-    repeated = repeatability(model, base, group_matrix(base), values, stds)
-    condition = _condition_number(found.information, base)
-    joints = model.robot.joint_names
+    described = _describe(model, bags, prior, found, solution.theta)
     return Identification(
-        joint_names=joints,
+        joint_names=model.robot.joint_names,
         bags=tuple(bag.name for bag in bags),
         validation_bags=tuple(bag.name for bag in validation),
         theta=solution.theta,
         covariance=found.covariance,
         names=model.parameter_names,
         units=model.units,
-        parameters=_parameters(model, solution.theta, found, prior, dict(zip(base.independent, between, strict=True))),
-        groups=groups,
-        base=base,
-        bags_condition_number=condition,
         method=choices.method,
         form=choices.form,
         friction=choices.friction,
@@ -146,14 +146,43 @@ def identify(
         errors=held_out.errors,
         validation=tuple(torque_error(bag, solution.theta, prior.mean, solution.with_urdf) for bag in validation),
         series=_series(validation, held_out, solution.theta, prior.mean),
+        problems=(*problems, *doubts),
+        physical=solution.physical,
+        model=_model_file(model, solution.theta, found, _error_elsewhere(held_out, len(bags)), provenance),
+        payload=_payload(model, found, loaded, prior, choices) if loaded else None,
+        **described,
+    )
+
+
+class _Described(TypedDict):
+    parameters: tuple[Parameter, ...]
+    groups: tuple[BaseGroup, ...]
+    base: BaseParameters
+    bags_condition_number: float
+    noise: tuple[JointNoise, ...]
+    whiteness: tuple[WhitenessTest, ...]
+    repeatability: tuple[Repeatability, ...]
+    record_next: tuple[str, ...]
+
+
+def _describe(model: TorqueModel, bags: Sequence[BagRows], prior: Prior, found: Fit, theta: FloatArray) -> _Described:
+    """How well each parameter is known, in the bags and in each of them, and what to record next."""
+    base = base_of_range(model)
+    values, stds = per_bag(found, prior, group_matrix(base))
+    between = spread(values)
+    groups = base_groups(model, base, found, prior, between)
+    repeated = repeatability(model, base, group_matrix(base), values, stds)
+    condition = condition_number(found.information, base)
+    joints = model.robot.joint_names
+    return _Described(
+        parameters=parameter_table(model, theta, found, prior, dict(zip(base.independent, between, strict=True))),
+        groups=groups,
+        base=base,
+        bags_condition_number=condition,
         noise=tuple(x for b, bag in enumerate(bags) for x in joint_noise(bag, b, found, joints)),
         whiteness=tuple(x for bag in bags for x in whiteness_tests(bag, found.theta, joints)),
         repeatability=repeated,
-        problems=(*problems, *doubts),
         record_next=record_next(model.robot, bags, groups, repeated, condition),
-        physical=solution.physical,
-        model=_model_file(model, solution.theta, found, torque_std, correlation_time, provenance),
-        payload=_payload(model, found, loaded, prior, choices) if loaded else None,
     )
 
 
@@ -230,51 +259,14 @@ def _error_elsewhere(held_out: _HeldOut, bags: int) -> tuple[FloatArray, FloatAr
     return torque_std, np.sum(density * seconds, axis=0) / total / np.maximum(2.0 * torque_std**2, 1e-18)
 
 
-def _parameters(
-    model: TorqueModel, theta: FloatArray, found: Fit, prior: Prior, between: Mapping[int, float]
-) -> tuple[Parameter, ...]:
-    std, bound = np.sqrt(np.diag(found.covariance)), np.sqrt(np.diag(found.bound))
-    posterior = np.diag(np.linalg.inv(found.information + np.diag(prior.precision())))
-    out = []
-    for effect, where in zip(model.free, model.slices, strict=True):
-        for i in range(where.start, where.stop):
-            name = model.parameter_names[i]
-            out.append(
-                Parameter(
-                    name=name,
-                    effect=effect.id,
-                    joint=place_of(name),
-                    value=float(theta[i]),
-                    unit=model.units[i],
-                    std=float(std[i]),
-                    crb=float(bound[i]),
-                    ci95=(float(theta[i] - 1.96 * std[i]), float(theta[i] + 1.96 * std[i])),
-                    prior_std=float(prior.std[i]),
-                    from_data=float(np.clip(1.0 - posterior[i] / prior.std[i] ** 2, 0.0, 1.0)),
-                    between_bags=float(between.get(i, math.nan)),
-                )
-            )
-    return tuple(out)
-
-
-def _condition_number(information: FloatArray, base: BaseParameters) -> float:
-    """Of the base columns of these bags, each scaled to unit length; infinite where a column is zero."""
-    part = information[np.ix_(base.independent, base.independent)]
-    size = np.sqrt(np.diag(part))
-    if np.any(size <= 0.0):
-        return math.inf
-    values = np.linalg.eigvalsh(part / np.outer(size, size))
-    return float(np.sqrt(values[-1] / values[0])) if values[0] > 0.0 else math.inf
-
-
 def _model_file(
     model: TorqueModel,
     theta: FloatArray,
     found: Fit,
-    torque_std: FloatArray,
-    correlation_time: FloatArray,
+    error: tuple[FloatArray, FloatArray],
     provenance: dict[str, Any],
 ) -> ModelFile:
+    """What is written; ``error``: as of :func:`_error_elsewhere`."""
     robot = model.robot
     blocks = tuple(
         EffectBlock(e.id, e.joint_names, e.settings, theta[s], e.parameter_names, e.units, found.covariance[s, s])
@@ -285,8 +277,8 @@ def _model_file(
         joints=robot.joint_names,
         urdf_sha256=urdf_digest(robot.urdf),
         effects=blocks,
-        torque_std=torque_std,
-        correlation_time=correlation_time,
+        torque_std=error[0],
+        correlation_time=error[1],
         uncertainty=error_directions(model, found.covariance),
         provenance=provenance,
     )

@@ -60,7 +60,7 @@ def fit(bags: Sequence[BagRows], prior_mean: FloatArray, prior_std: FloatArray, 
 
     The weight w_bj of a bag and a joint is one over the long-run variance of its residual, so rows that follow one another
     closely do not count as independent; the prior decides the directions that the data leave open. With "ols" all joints and
-    bags weigh alike, "wls" takes the noise from the residual of that, "irls" repeats it until it settles, "robust" also bounds
+    bags weigh alike, "wls" takes the noise from the residual of that, "irls" repeats it until it converges, "robust" also bounds
     what a single row can do (Huber 1964). The covariance is that of the weighted least squares under the noise as it is, see
     :func:`~sysid_ros.identification.coloured_noise.coloured_information`, and the prior's.
 
@@ -91,6 +91,19 @@ def fit(bags: Sequence[BagRows], prior_mean: FloatArray, prior_std: FloatArray, 
             # one scale for all: it is only weighed against the prior
             found = np.full_like(found, float(found[known].mean()) if known.any() else 1.0)
         density = np.maximum(np.where(known, found, density), 1e-12)
+    return _fit_with_noise(bags, theta, prior, sums, weight, rows, density)
+
+
+def _fit_with_noise(
+    bags: Sequence[BagRows],
+    theta: FloatArray,
+    prior: FloatArray,
+    sums: BagSums,
+    weight: FloatArray,
+    rows: Sequence[FloatArray],
+    density: FloatArray,
+) -> Fit:
+    """The parameters with the covariance that coloured residuals leave, and with that of white ones."""
     information = sums.information(weight)
     inverse = np.linalg.inv(prior + information)
     root = np.asarray(np.linalg.cholesky(0.5 * (inverse + inverse.T)), dtype=np.float64)
@@ -99,6 +112,7 @@ def fit(bags: Sequence[BagRows], prior_mean: FloatArray, prior_std: FloatArray, 
         score_covariance[b], level[b] = coloured_information(bag, residuals(bag, theta), factor * weight[b], root)
     covariance = inverse @ (score_covariance.sum(axis=0) + prior) @ inverse
     squares = sums.squares(theta) / np.maximum(sums.count, 1.0)
+    periods = np.array([bag.period for bag in bags])[:, None]
     band = np.array([_GAUSSIAN_BAND / bag.cutoff_hz for bag in bags])[:, None]
     white = periods / np.maximum(squares * band, 1e-14)
     bound = np.linalg.inv(prior + sums.information(white))

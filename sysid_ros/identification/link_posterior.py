@@ -1,4 +1,4 @@
-"""What the recordings and the URDF together say of all parameters, and how far the URDF's links can be trusted."""
+"""What the recordings and the URDF say of all parameters, and how far the URDF's links can be trusted."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import linalg
@@ -77,37 +78,8 @@ def payload_difference(model: TorqueModel, empty: Fit, loaded: Fit, frame: str =
             f"a payload at '{frame}' needs a model whose links are all free and a frame that some joint moves. Choose another "
             "frame."
         )
-    p = model.p
-    start = links.start + 10 * (placed.parentJoint - 1)
-    move = np.zeros((p, 10))
-    for k, unit in enumerate(np.eye(10)):
-        move[start : start + 10, k] = inertial_parameters.move(
-            unit, np.array(placed.placement.rotation), np.array(placed.placement.translation)
-        )
-    changes = _changes(model, empty.theta, TOL.friction_change)
-    other = np.flatnonzero(changes > 0.0)
-    first = np.hstack([np.eye(p), np.zeros((p, len(other) + 10))])
-    second = np.hstack([np.eye(p), np.eye(p)[:, other], move])
-    prior = Prior.of(model)
-    std = np.concatenate([prior.std, changes[other], _payload_std()])
-    mean = np.concatenate([prior.mean, np.zeros(len(other) + 10)])
-    # in units of the prior every number is near 1 or a signal-to-noise ratio
-    first, second = first * std, second * std
-    eye = np.eye(len(std))
-    information = first.T @ empty.information @ first + second.T @ loaded.information @ second + eye
-    score = first.T @ empty.score + second.T @ loaded.score + mean / std
-    scatter = (
-        first.T @ empty.bag_score_covariance.sum(axis=0) @ first
-        + second.T @ loaded.bag_score_covariance.sum(axis=0) @ second
-        + eye
-    )
-    factor = linalg.cho_factor(information)
-    found = linalg.cho_solve(factor, score)
-    inverse = linalg.cho_solve(factor, eye)
-    payload = slice(len(std) - 10, len(std))
-    covariance = np.outer(std, std)[payload, payload] * (inverse @ scatter @ inverse)[payload, payload]
-    covariance = 0.5 * (covariance + covariance.T)
-    free = std[payload] * found[payload]
+    move = _placed(model.p, links.start + 10 * (placed.parentJoint - 1), placed.placement)
+    free, covariance, left_to_prior = _difference(model, empty, loaded, move)
     theta, distance = project(free, covariance)
     mass, com, inertia = inertial_parameters.to_com(theta)
     jacobian = inertial_parameters.com_jacobian(theta)
@@ -123,8 +95,41 @@ def payload_difference(model: TorqueModel, empty: Fit, loaded: Fit, frame: str =
         inertia_com=inertia,
         distance=distance,
         consistent=bool(distance <= chi2.ppf(TOL.payload_confidence, 10)),
-        from_data=np.clip(1.0 - np.diag(inverse)[payload], 0.0, 1.0),
+        from_data=np.clip(1.0 - left_to_prior, 0.0, 1.0),
     )
+
+
+def _placed(p: int, start: int, placement: Any) -> FloatArray:
+    """T, shape (p, 10): a body in a frame as parameters of the link that carries it, whose own begin at ``start``."""
+    move = np.zeros((p, 10))
+    for k, unit in enumerate(np.eye(10)):
+        body = inertial_parameters.move(unit, np.array(placement.rotation), np.array(placement.translation))
+        move[start : start + 10, k] = body
+    return move
+
+
+def _difference(model: TorqueModel, empty: Fit, loaded: Fit, move: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """pi and its covariance, shape (10,) and (10, 10), and the part of its information that is the prior's, shape (10,)."""
+    p = model.p
+    changes = _changes(model, empty.theta, TOL.friction_change)
+    other = np.flatnonzero(changes > 0.0)
+    first = np.hstack([np.eye(p), np.zeros((p, len(other) + 10))])
+    second = np.hstack([np.eye(p), np.eye(p)[:, other], move])
+    prior = Prior.of(model)
+    std = np.concatenate([prior.std, changes[other], _payload_std()])
+    mean = np.concatenate([prior.mean, np.zeros(len(other) + 10)])
+    # in units of the prior every number is near 1 or a signal-to-noise ratio
+    first, second = first * std, second * std
+    eye = np.eye(len(std))
+    information = first.T @ empty.information @ first + second.T @ loaded.information @ second + eye
+    score = first.T @ empty.score + second.T @ loaded.score + mean / std
+    noise = [fitted.bag_score_covariance.sum(axis=0) for fitted in (empty, loaded)]
+    scatter = first.T @ noise[0] @ first + second.T @ noise[1] @ second + eye
+    factor = linalg.cho_factor(information)
+    found, inverse = linalg.cho_solve(factor, score), linalg.cho_solve(factor, eye)
+    payload = slice(len(std) - 10, len(std))
+    covariance = np.outer(std, std)[payload, payload] * (inverse @ scatter @ inverse)[payload, payload]
+    return std[payload] * found[payload], 0.5 * (covariance + covariance.T), np.diag(inverse)[payload]
 
 
 def _payload_std() -> FloatArray:

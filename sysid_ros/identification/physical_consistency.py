@@ -52,7 +52,7 @@ class PhysicalProblem:
     P_k is the pseudo-inertia of link k, U_k the URDF's, and ``D(P || U) = tr(U^-1 P) - log det(U^-1 P) - 4`` the entropic
     divergence (Lee, Wensing, Park 2020). D depends neither on units nor on the frame of the link. With A the
     information of weighted least squares the whole cost is without unit: about a link whose ten parameters are uncertain by a
-    part s of themselves is told by ``w = 1 / s^2``.
+    part s of themselves has ``w = 1 / s^2``.
 
     Inside, every P_k is written ``C_k X_k C_k'`` with ``U_k = C_k C_k'``, so that the unknowns are near the identity whatever
     the robot's size.
@@ -89,7 +89,7 @@ class PhysicalProblem:
         bounded = [j for effect, where in blocks if effect.nonnegative for j in range(where.start, where.stop)]
         self._bounded = np.array(bounded, dtype=np.intp)
         self._information, self._score = 0.5 * (information + information.T), score
-        # the unit of every parameter that is no link is what the data can just tell from zero
+        # the unit of every parameter that is no link is what the data can just distinguish from zero
         power = np.maximum(np.diag(self._information), 0.0)
         self._to_theta = np.diag(np.where(power > 0.0, 1.0 / np.sqrt(np.where(power > 0.0, power, 1.0)), 1.0))
         for start, reference in zip(self._starts, references, strict=True):

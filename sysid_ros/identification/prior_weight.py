@@ -18,7 +18,7 @@ from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
 
 WEIGHTS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 1e5, math.inf)
-"""Weights of the prior worth trying; at ``inf`` a link is the URDF's."""
+"""Weights of the prior that are tried; at ``inf`` a link is the URDF's."""
 
 
 def choose_weights(compare: Callable[[FloatArray], tuple[FloatArray, FloatArray]], links: int) -> FloatArray:
@@ -62,7 +62,7 @@ def choose_weights(compare: Callable[[FloatArray], tuple[FloatArray, FloatArray]
             best = following
         return best
 
-    # from the URDF's links no single link may gain where several together do
+    # from the URDF's links no single link may gain where several at once do
     loosest = min((np.full(links, w) for w in reversed(WEIGHTS[:-1])), key=cost)
     best = min((descend(np.full(links, math.inf)), descend(loosest)), key=cost)
     most = cost(best) + TOL.firmer
@@ -78,7 +78,7 @@ def choose_prior(bags: Sequence[BagRows], folds: Folds, solvers: Solvers, found:
     """The weights of the prior: as given, else by the error expected on other motions.
 
     The error on held-out parts of the same recordings is worked out beside it for one weight for all links. It does not decide:
-    parts of a short recording share its noise and its postures, and seldom tell one link's inertials from another's.
+    parts of a short recording share its noise and its postures, and seldom separate one link's inertials from another's.
     """
     names = tuple(solvers.model.robot.body_names[j] for j in solvers.link_joints)
     if given is not None:
