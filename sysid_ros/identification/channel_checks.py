@@ -119,8 +119,7 @@ def _frozen_position(recording: Recording, j: int, joint: str, spoiled: BoolArra
     total, since = 0, 0.0
     for r in np.flatnonzero(lengths * period >= TOL.frozen_position):
         where = slice(int(starts[r]), int(starts[r] + lengths[r]))
-        travel = float(np.nansum(np.abs(v[where]))) * period
-        if travel > TOL.frozen_travel * TOL.moved and float(np.nanmedian(np.abs(v[where]))) > TOL.frozen_speed:
+        if float(np.nanmedian(np.abs(v[where]))) > TOL.frozen_speed:
             since = since if total else float(recording.t[where.start] - recording.t[0])
             spoiled[where] = True
             total += int(lengths[r])

@@ -50,7 +50,7 @@ def check_contradictions(
         f"{which}: one model for all leaves in {names[worst]} a residual of {joints}. The arm carried something else, or the "
         "effort was in another scale or sign. Identify with bags in which it carries the same, or with each bag by itself"
     )
-    loud = against & (pooled > TOL.contradicts_alone * own) & (pooled > TOL.contradicts_part_alone * torque)
+    loud = against & (pooled > TOL.contradicts_alone * own)
     if (loud.any() or (against.sum(axis=1) > 1).any()) and not accept:
         raise DataError(f"{text}; --accept-doubts goes on regardless.")
     return [Problem("" if odd is None else names[odd], "", "bags_contradict", f"{text[0].upper()}{text[1:]}.")]
@@ -84,7 +84,7 @@ def _own(sums: BagSums, prior: Prior) -> FloatArray:
 
 def _against(sums: BagSums, theta: FloatArray, own: FloatArray, torque: FloatArray) -> NDArray[np.bool_]:
     pooled = _rms(sums, theta)
-    enough = sums.count > TOL.contradicts_rows
+    enough = sums.count > sums.score.shape[2]  # a fit follows fewer rows than it has parameters
     return np.asarray(enough & (pooled > TOL.contradicts * own) & (pooled > TOL.contradicts_part * torque))
 
 

@@ -88,7 +88,7 @@ def _candidates(
     out = [search.effect(u, setting) for u, setting in enumerate(settings)]
     found = [
         [
-            FoundKnob(knob.name, ", ".join(joints), value, search.unit(joints, knob), sure)
+            FoundKnob(knob.name, ", ".join(joints), float(value), search.unit(joints, knob), sure)
             for knob, value, sure in zip(knobs, setting, certain, strict=True)
         ]
         for joints, setting, certain in zip(where, settings, determined, strict=True)

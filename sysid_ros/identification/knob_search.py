@@ -73,7 +73,7 @@ class KnobSearch:
 
     def effect(self, u: int, setting: Setting) -> Effect:
         """The effect at a place with a setting."""
-        named = {knob.name: value for knob, value in zip(self._knobs, setting, strict=True)}
+        named = {knob.name: float(value) for knob, value in zip(self._knobs, setting, strict=True)}
         return self._kind.from_settings(self._model.robot, self._places[u].joints, named)
 
     def unit(self, joints: tuple[str, ...], knob: Knob) -> str:

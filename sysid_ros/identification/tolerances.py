@@ -82,8 +82,6 @@ class Tolerances:
     """Part of the motion, a half, from which on a frozen channel measures nothing."""
     frozen_position: float = 0.2
     """Chosen: time for which a position must stand while the velocity says otherwise [s]."""
-    frozen_travel: float = 5.0
-    """Way by the velocity meanwhile, in units of `moved`."""
     frozen_speed: float = 0.05
     """And its usual speed: above what dry friction lets a joint creep at [rad/s]."""
     saturated: float = 0.03
@@ -98,8 +96,6 @@ class Tolerances:
     # Effort against URDF, bag against bag
     judged_gravity: float = 0.15
     """Chosen: change of a joint's gravity torque over the greatest one, below which friction hides the slope."""
-    judged_rows: int = 60
-    """Ten rows for each of the six columns of the regression."""
     rows_alike: float = 8.0
     """A row shares its measurements with so many neighbours: four rows a period of the cut-off, a low-pass as long as that."""
     slope_errors: float = 4.0
@@ -122,10 +118,6 @@ class Tolerances:
     """Chosen: and over the torque."""
     contradicts_alone: float = 3.0
     """Chosen: one joint alone must speak louder, being one of many."""
-    contradicts_part_alone: float = 0.10
-    """Chosen: and over the torque."""
-    contradicts_rows: float = 50.0
-    """Chosen: fewest rows of which a residual is compared."""
     rows_as_one: float = 4.0
     """Rows that count as one where only the size of the residual is known: a period of the cut-off."""
 
