@@ -11,7 +11,7 @@ from robots import ROBOTS, random_sample, robot
 from sysid_ros.effects import CoulombFriction, Effect, LinkInertia, Payload, RotorInertia, TorqueOffset, ViscousFriction
 from sysid_ros.exceptions import ModelFileError, SysidError
 from sysid_ros.identification import free_model
-from sysid_ros.identification.error_directions import error_directions
+from sysid_ros.identification.expected_error import error_directions
 from sysid_ros.sample import Sample
 from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel

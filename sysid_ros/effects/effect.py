@@ -122,6 +122,16 @@ class Effect(ABC):
         """Constructor arguments beside robot and joints, in plain types."""
         return {}
 
+    @property
+    def nominal(self) -> FloatArray:
+        """Its parameters as the URDF has them, shape (p,): what is expected of them before any data."""
+        return np.zeros(self.p)
+
+    @property
+    def nonnegative_rows(self) -> FloatArray:
+        """What must not be negative, as rows times the parameters, shape (m, p): each of them where physics forbids it."""
+        return np.eye(self.p) if self.nonnegative else np.zeros((0, self.p))
+
     @classmethod
     def from_settings(cls, robot: RobotModel, joints: Sequence[str], settings: dict[str, Any]) -> Effect:
         """The effect that ``settings`` describe."""

@@ -45,6 +45,10 @@ class StribeckFriction(JointCurves):
     def settings(self) -> dict[str, Any]:
         return {"vs": self.vs, "width": self.width}
 
+    @property
+    def nonnegative_rows(self) -> FloatArray:
+        return np.vstack([np.eye(self.p), np.kron(np.eye(len(self.joints)), [-1.0, 1.0])])  # Fs - Fc
+
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         s = np.tanh(state.v / self.width)
         e = np.exp(-((state.v / self.vs) ** 2))

@@ -1,4 +1,4 @@
-"""NormalEquations: all that least squares needs to know of some recordings, whatever their length."""
+"""BagSums: all that least squares needs to know of some recordings, whatever their length."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _CHUNK = 4096
 
 
 @dataclass(frozen=True, slots=True)
-class NormalEquations:
+class BagSums:
     """Sums over the rows of moving joints, a bag and a joint each: B bags, n joints, p parameters.
 
     Attributes:
@@ -28,7 +28,7 @@ class NormalEquations:
     count: FloatArray
 
     @classmethod
-    def of(cls, bags: Sequence[BagRows], weights: Sequence[FloatArray] | None = None) -> NormalEquations:
+    def of(cls, bags: Sequence[BagRows], weights: Sequence[FloatArray] | None = None) -> BagSums:
         """Sum up rows, in pieces.
 
         Args:
@@ -55,14 +55,14 @@ class NormalEquations:
                     count[b, j] += float(w.sum())
         return cls(normal, score, power, count)
 
-    def only(self, bags: Sequence[int]) -> NormalEquations:
+    def only(self, bags: Sequence[int]) -> BagSums:
         """Those of some of the bags."""
         which = list(bags)
-        return NormalEquations(self.normal[which], self.score[which], self.power[which], self.count[which])
+        return BagSums(self.normal[which], self.score[which], self.power[which], self.count[which])
 
-    def columns(self, which: NDArray[np.intp]) -> NormalEquations:
+    def columns(self, which: NDArray[np.intp]) -> BagSums:
         """Those of some of the parameters."""
-        return NormalEquations(self.normal[:, :, which][:, :, :, which], self.score[:, :, which], self.power, self.count)
+        return BagSums(self.normal[:, :, which][:, :, :, which], self.score[:, :, which], self.power, self.count)
 
     def information(self, weight: FloatArray) -> FloatArray:
         """``sum w Y' Y``, shape (p, p), for weights of bags and joints of shape (B, n)."""
