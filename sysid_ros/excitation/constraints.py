@@ -6,7 +6,6 @@ import numpy as np
 
 from sysid_ros.excitation.feasibility import Feasibility, Use
 from sysid_ros.excitation.fourier_trajectory import FourierBasis
-from sysid_ros.excitation.motion_limits import FRICTION_WIDTH
 from sysid_ros.sample import FloatArray
 
 _DEPTH = 0.1
@@ -67,12 +66,9 @@ class MotionConstraints:
 
     def _torque_gradient(self, q: FloatArray, v: FloatArray, a: FloatArray, weight: FloatArray) -> FloatArray:
         """Of the weighted torques, shape (n, K, n)."""
-        robot, n = self._limits.robot, self._limits.robot.n
-        by_q, by_v, by_a = robot.rnea_derivatives_along(q, v, a)
-        slope = robot.damping + robot.friction / FRICTION_WIDTH / np.cosh(np.minimum(np.abs(v) / FRICTION_WIDTH, 100.0)) ** 2
-        by_v[:, np.arange(n), np.arange(n)] += slope
+        n = self._limits.robot.n
         total = np.zeros((n, self.functions[0].shape[1], n))
-        for function, derivative in zip(self.functions, (by_q, by_v, by_a), strict=True):
+        for function, derivative in zip(self.functions, self._limits.torque_derivatives(q, v, a), strict=True):
             total += np.einsum("ti,tij,tk->ikj", weight, derivative, function, optimize=True)
         return total
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.effects import CoulombFriction, Effect, JointEffect
+from sysid_ros.effects import Effect
 from sysid_ros.excitation.motion_limits import MotionLimits
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -71,13 +71,7 @@ class ExcitationCriteria:
         self._scale: FloatArray = 1.0 / np.sqrt(np.einsum("kia,kia->a", weighted, weighted) / _STATES)
         # a search by gradients can't see the step of dry friction between two of its samples
         self._smooth = TorqueModel(
-            self.robot,
-            [
-                CoulombFriction(e.robot, e.joint_names, width=_SMOOTH * float(np.min(limits.velocity[e.joints])))
-                if isinstance(e, CoulombFriction)
-                else e
-                for e in model.free
-            ],
+            self.robot, [e.smoothed(_SMOOTH * float(np.min(limits.velocity[e.joints]))) for e in model.free]
         )
 
     def _rows(self, q: FloatArray, v: FloatArray, a: FloatArray, model: TorqueModel | None = None) -> FloatArray:
@@ -156,7 +150,7 @@ def _column_gradient(effect: Effect, states: FloatArray, columns: FloatArray, di
     gradient = np.zeros(states.shape)
     # columns are affine in the acceleration, where a long step costs nothing
     steps = (_STEP, _STEP, 1.0)
-    if isinstance(effect, JointEffect):
+    if effect.diagonal is not None and not effect.depends_on:
         # a joint's column depends on that joint alone, so all can be moved together
         for kind, step in enumerate(steps):
             moved = np.array(states)

@@ -24,6 +24,7 @@ from sysid_ros.frequency.verdict import MOSTLY_SMOOTH, verdict
 from sysid_ros.identification.channel_checks import check_channels
 from sysid_ros.identification.recording import Recording
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.known_effect import KnownEffect
 
@@ -171,7 +172,7 @@ def _dry(stretch: Stretch, joint: int) -> FloatArray | None:
     if not own.any():
         return None
     unit = 0.1 if stretch.motion.robot.is_prismatic[joint] else 1.0
-    return np.column_stack([own, *(np.tanh(stretch.motion.v[:, joint] / (w * unit)) for w in _TURNS)])
+    return np.column_stack([own, *(smoothed_sign(stretch.motion.v[:, joint], w * unit) for w in _TURNS)])
 
 
 def _gravity_stiffness(stretch: Stretch, joint: int) -> float:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid_ros.frequency.lines import ComplexArray, cleaned_torque, rests
-from sysid_ros.frequency.stretches import Stretch, links_mass
+from sysid_ros.frequency.stretches import Stretch
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel
@@ -67,14 +67,11 @@ def linearised(stretches: Sequence[Stretch], joint: int, known: Sequence[KnownEf
     weights = np.array([len(s.motion.t) for s in stretches], dtype=float)
     posture = np.average([s.motion.q.mean(axis=0) for s in stretches], axis=0, weights=weights)
     nothing = np.zeros_like(posture)
-    rotor = TorqueModel(robot, [], known).known_theta("rotor_inertia")
-    M = float(links_mass(robot, known, posture[None])[0, joint, joint] + rotor[joint])
+    model = TorqueModel(robot, [], known)
+    M = float(model.mass_along(posture[None])[0, joint, joint] + model.armature()[joint])
+    D = float(model.damping()[joint])
     by_q, _, _ = robot.rnea_derivatives_along(posture[None], nothing[None], nothing[None])
     K = float(by_q[0, joint, joint])
-    viscous = [k for k in known if k.effect.id == "viscous_friction"]
-    D = float(TorqueModel(robot, [], known).known_theta("viscous_friction")[joint]) if viscous else 0.0
-    if not any(k.effect.id == "link_inertia" for k in known):
-        D += float(robot.damping[joint])
     inputs, outputs, linear_power, rest_power = [], [], 0.0, 0.0
     every = max(1, int(1.0 / (stretches[0].period * max(_PER_CYCLE * top_hz, _SLOWEST))))
     for stretch in stretches:

@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid_ros.frequency.lines import rests
 from sysid_ros.frequency.stretches import Stretch
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 
 _TURNS = 0.02
@@ -54,7 +55,7 @@ def missing_friction(stretches: Sequence[Stretch], joint: int) -> MissingFrictio
         return None
     turns = _TURNS * (0.1 if prismatic else 1.0)
     beside = np.column_stack([np.ones_like(v), np.concatenate(others)])
-    columns = np.column_stack([np.tanh(v / turns), v, beside])
+    columns = np.column_stack([smoothed_sign(v, turns), v, beside])
     theta, left = _fit(columns, e)
     power = max(float(np.sum((e - e.mean()) ** 2)), 1e-300)
     dry, both = ((_fit(columns[:, first:], e)[1] - left) / power for first in (1, 2))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.effects import LinkInertia, Motion
+from sysid_ros.effects import Motion
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification.channel_checks import CheckedRecording
 from sysid_ros.identification.recording import Recording
@@ -98,9 +98,8 @@ def stretches_of(
         robot: the URDF's model. checked: the recording and what is spoiled in it. known: effects of a model.yaml; none for the
             URDF's links and ``<dynamics>``. top_hz: below it the filters leave everything as it is [Hz].
     """
-    recording = checked.recording
+    recording, model, n = checked.recording, TorqueModel(robot, [], known), robot.n
     out = []
-    n = robot.n
     for part in recording.stretches(max_gap):
         t, q, v, tau = (x[part] for x in (recording.t, recording.q, recording.v, recording.tau))
         if len(t) < 8:
@@ -120,16 +119,8 @@ def stretches_of(
                 continue
             at = (x[good] for x in (smooth.t - recording.t[0], smooth.q, smooth.v, smooth.a, smooth.tau[:, :n]))
             motion = Motion(robot, *at)
-            out.append(
-                _stretch(
-                    robot,
-                    known,
-                    recording,
-                    motion,
-                    smooth.tau[good, n:] if published else None,
-                    noise,
-                )
-            )
+            velocity = smooth.tau[good, n:] if published else None
+            out.append(_stretch(model, recording, motion, velocity, noise))
     return out
 
 
@@ -160,72 +151,21 @@ def _clean(spoiled: FloatArray) -> list[slice]:
 
 
 def _stretch(
-    robot: RobotModel,
-    known: Sequence[KnownEffect],
-    recording: Recording,
-    motion: Motion,
-    published: FloatArray | None,
-    noise: FloatArray,
+    model: TorqueModel, recording: Recording, motion: Motion, published: FloatArray | None, noise: FloatArray
 ) -> Stretch:
-    links, whole, smooth, rotor = model_torque(robot, known, motion)
+    torque = model.torques_along(motion)
     some = np.unique(np.linspace(0, len(motion.t) - 1, _SAMPLED).astype(int))
-    masses = links_mass(robot, known, motion.q[some])
+    masses = model.mass_along(motion.q[some])
     own = np.einsum("kjj->kj", masses)
-    total = masses + np.diag(rotor)
+    total = masses + np.diag(model.armature())
     return Stretch(
         name=recording.name,
-        motion=motion.with_torques(links, whole),
-        model=whole,
-        smooth=smooth,
+        motion=motion.with_torques(torque.link, torque.total),
+        model=torque.total,
+        smooth=torque.total - torque.jumps,
         published=published,
         mass=np.mean(total**2, axis=0),
         inertia=np.stack([own.mean(axis=0), own.std(axis=0)]),
         position_noise=noise,
         raw_period=_mean_period(recording.t, recording.period),
     )
-
-
-DRY = ("coulomb_friction", "asymmetric_coulomb_friction", "stribeck_friction", "load_dependent_friction", "presliding_hysteresis")
-"""Effects whose torque jumps where the velocity changes its sign."""
-
-
-def model_torque(
-    robot: RobotModel, known: Sequence[KnownEffect], motion: Motion
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Torque along a motion: of the links, of the whole model, of all but dry friction, shape (N, n) each; and rotors, (n,).
-
-    Effects that remember (hysteresis, elasticity, a delay) are worked out along the motion.
-    """
-    inertia = [k for k in known if isinstance(k.effect, LinkInertia)]
-    bare = TorqueModel(robot, [], inertia)
-    if inertia:
-        links = np.stack([bare.known_torque(s) for s in motion.samples()])
-        whole, smooth = links.copy(), links.copy()
-    else:
-        links = motion.rigid_torque
-        smooth = links + robot.damping * motion.v
-        whole = smooth + robot.friction * np.tanh(motion.v / 0.02)
-    rotor = TorqueModel(robot, [], known).known_theta("rotor_inertia")
-    late = [k for k in known if k.effect.id == "time_delay"]
-    for k in [k for k in known if k not in inertia and k not in late] + late:
-        torque = k.effect.torque_along(motion.with_torques(links, whole), k.theta)
-        whole = whole + torque
-        if k.effect.id not in DRY:
-            smooth = smooth + torque
-    return links, whole, smooth, rotor
-
-
-def links_mass(robot: RobotModel, known: Sequence[KnownEffect], q: FloatArray) -> FloatArray:
-    """Mass matrix of the (corrected) links without rotors at postures q (N, n), shape (N, n, n) [kg m^2]."""
-    nothing = np.zeros_like(q)
-    mass = robot.rnea_derivatives_along(q, nothing, nothing)[2] - np.diag(np.array(robot.model.armature))
-    for k in known:
-        if isinstance(k.effect, LinkInertia):
-            correction = np.zeros_like(robot.pi).reshape(-1, 10)
-            correction[k.effect.joints] = (k.theta - k.effect.nominal).reshape(-1, 10)
-            rest = robot.regressor_along(q, nothing, nothing) @ correction.ravel()
-            for j in range(robot.n):
-                pushed = np.zeros_like(q)
-                pushed[:, j] = 1.0
-                mass[:, :, j] += robot.regressor_along(q, nothing, pushed) @ correction.ravel() - rest
-    return mass

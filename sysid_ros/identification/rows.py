@@ -187,9 +187,7 @@ def _filter(
 
 
 def _known(model: TorqueModel, motion: SmoothMotion) -> FloatArray:
-    if not model.known and any(isinstance(e, LinkInertia) for e in model.free):
-        return np.zeros_like(motion.tau)
-    return np.array([model.known_torque(s) for s in _along(model, motion, slice(None)).samples()])
+    return model.torque_along(_along(model, motion, slice(None)))
 
 
 def _along(model: TorqueModel, motion: SmoothMotion, where: slice) -> Motion:

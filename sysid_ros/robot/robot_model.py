@@ -222,6 +222,13 @@ class RobotModel:
             self.model.gravity.linear = kept
         return out
 
+    def link_torque_along(self, q: FloatArray, v: FloatArray, a: FloatArray, pi: FloatArray) -> FloatArray:
+        """``Y pi`` of a whole motion for link inertials, or changes of them, that need not be bodies, shape (N, n) [N m]."""
+        out = np.empty((len(q), self.n))
+        for i in range(len(q)):
+            out[i] = pin.computeJointTorqueRegressor(self.model, self._aside, q[i], v[i], a[i]) @ pi
+        return out
+
     def regressor_along(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """:meth:`regressor` of a whole motion, shape (N, n, 10 n)."""
         out = np.empty((len(q), self.n, 10 * self.n))
