@@ -159,7 +159,7 @@ def check_dict(found: JointCheck) -> dict[str, Any]:
 
 
 def cut(recording: Recording, rows: slice) -> Recording:
-    return Recording(recording.name, *(x[rows] for x in (recording.t, recording.q, recording.v, recording.tau)))
+    return recording.at(rows)
 
 
 def test_bad_recordings_are_refused_in_words() -> None:

@@ -22,10 +22,10 @@ from sysid_ros.frequency.sentences import together, with_sentences
 from sysid_ros.frequency.stretches import SHORTEST, Stretch, stretches_of, top_frequency
 from sysid_ros.frequency.verdict import MOSTLY_SMOOTH, verdict
 from sysid_ros.identification.channel_checks import check_channels
-from sysid_ros.identification.recording import Recording
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 from sysid_ros.torque.known_effect import KnownEffect
 
 ASSUMPTIONS = (

@@ -10,9 +10,9 @@ import numpy as np
 from sysid_ros.effects import Motion
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification.channel_checks import CheckedRecording
-from sysid_ros.identification.recording import Recording
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.zero_phase import KinematicFilter, on_even_grid
 from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel
@@ -101,16 +101,15 @@ def stretches_of(
     recording, model, n = checked.recording, TorqueModel(robot, [], known), robot.n
     out = []
     for part in recording.stretches(max_gap):
-        t, q, v, tau = (x[part] for x in (recording.t, recording.q, recording.v, recording.tau))
+        t, q, tau = (x[part] for x in (recording.t, recording.q, recording.tau))
         if len(t) < 8:
             continue
         period = _mean_period(t, recording.period)
         kinematics = KinematicFilter(period, top_hz / 3.0)
         if len(t) <= 2 * kinematics.half + 8 or t[-1] - t[0] < SHORTEST:
             continue
-        published = bool(np.isfinite(v).all())
-        channels = np.hstack([tau, v]) if published else tau
-        smooth = kinematics.apply(t, q, v, channels, False, checked.spoiled[part])
+        channels = tau if recording.v is None else np.hstack([tau, recording.v[part]])
+        smooth = kinematics.apply(t, q, None, channels, checked.spoiled[part])
         if smooth is None:
             continue
         noise = _position_noise(t, q, period)
@@ -119,7 +118,7 @@ def stretches_of(
                 continue
             at = (x[good] for x in (smooth.t - recording.t[0], smooth.q, smooth.v, smooth.a, smooth.tau[:, :n]))
             motion = Motion(robot, *at)
-            velocity = smooth.tau[good, n:] if published else None
+            velocity = None if recording.v is None else smooth.tau[good, n:]
             out.append(_stretch(model, recording, motion, velocity, noise))
     return out
 

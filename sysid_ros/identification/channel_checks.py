@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.exceptions import DataError
-from sysid_ros.identification.recording import Recording
 from sysid_ros.identification.result import Problem
 from sysid_ros.identification.rows import BoolArray
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 
 _FROZEN = 0.5
 """Time for which a value must repeat exactly while the joint moves, to count as frozen [s]."""
@@ -125,15 +125,15 @@ def _moving_samples(q: FloatArray, t: FloatArray) -> int:
 
 def _frozen_position(recording: Recording, j: int, joint: str, spoiled: BoolArray) -> list[Problem]:
     """The position repeats while the message's velocity says that the joint moves."""
-    v, q, period = recording.v[:, j], recording.q[:, j], recording.period
-    if np.isnan(v).all():
+    if recording.v is None:
         return []
+    v, q, period = recording.v[:, j], recording.q[:, j], recording.period
     starts, lengths = _runs(q)
     total, since = 0, 0.0
     for r in np.flatnonzero(lengths * period >= 0.2):
         where = slice(int(starts[r]), int(starts[r] + lengths[r]))
-        travel = float(np.nansum(np.abs(v[where]))) * period
-        if travel > 5.0 * _MOVED and float(np.nanmedian(np.abs(v[where]))) > 0.05:
+        travel = float(np.sum(np.abs(v[where]))) * period
+        if travel > 5.0 * _MOVED and float(np.median(np.abs(v[where]))) > 0.05:
             since = since if total else float(recording.t[where.start] - recording.t[0])
             spoiled[where] = True
             total += int(lengths[r])

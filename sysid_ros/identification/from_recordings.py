@@ -12,12 +12,12 @@ from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.identify import Choices, free_model, identify, require_motion
 from sysid_ros.identification.least_squares import METHODS
 from sysid_ros.identification.plausibility import check_plausible
-from sysid_ros.identification.recording import Recording
 from sysid_ros.identification.result import CutOff, Identification, Problem
 from sysid_ros.identification.rows import FORMS, BagRows, collect_rows
 from sysid_ros.identification.spectrum import choose_cutoff
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 from sysid_ros.torque.torque_model import TorqueModel
 
 

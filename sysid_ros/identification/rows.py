@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from sysid_ros.effects import LinkInertia, Motion, RotorInertia
 from sysid_ros.exceptions import DataError
-from sysid_ros.identification.recording import Recording
 from sysid_ros.sample import FloatArray, Measurement
 from sysid_ros.signals.causal_derivative import default_cutoff
+from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.zero_phase import GaussianLowPass, KinematicFilter, SmoothMotion
 from sysid_ros.torque.torque_model import TorqueModel
 
@@ -104,17 +104,18 @@ def collect_rows(
     Raises:
         DataError: the recording is too short to leave a row.
     """
-    recording = measurements if isinstance(measurements, Recording) else _recording(name, measurements)
+    recording = measurements if isinstance(measurements, Recording) else Recording.from_measurements(name, measurements)
     period = recording.period
     cutoff = cutoff_hz or default_cutoff(1.0 / max(period, 1e-9))
     stretches: list[SmoothMotion] = []
     if period > 0.0:
         kinematics = KinematicFilter(period, cutoff)
         for part in recording.stretches(max_gap):
-            t, q, v, tau = (x[part] for x in (recording.t, recording.q, recording.v, recording.tau))
+            t, q, tau = (x[part] for x in (recording.t, recording.q, recording.tau))
+            v = recording.v[part] if measured_velocity and recording.v is not None else None
             bad = None if spoiled is None else spoiled[part]
             long_enough = part.stop - part.start > 2 * kinematics.half
-            smooth = kinematics.apply(t, q, v, tau, measured_velocity, bad) if long_enough else None
+            smooth = kinematics.apply(t, q, v, tau, bad) if long_enough else None
             if smooth is not None:
                 stretches.append(smooth)
     grid_period = kinematics.grid_period if stretches else 0.25 / cutoff
@@ -138,13 +139,6 @@ def collect_rows(
         q[rows], v[rows], a[rows] = smooth.q[middle], smooth.v[middle], smooth.a[middle]
         _filter(model, smooth, middle, low_pass, form, Y[rows], y[rows], tau[rows], slow[rows])
     return BagRows(name, t, row_period, Y, y, tau, slow < _SLOW_PART, q, v, a, cutoff)
-
-
-def _recording(name: str, measurements: Iterable[Measurement]) -> Recording:
-    try:
-        return Recording.of(name, measurements)
-    except DataError as error:
-        raise DataError(f"{error} Record at least 10 s.") from None
 
 
 def _space(count: int, n: int, p: int) -> FloatArray:

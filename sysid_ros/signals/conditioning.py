@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 from scipy import fft, interpolate, signal
 
@@ -37,20 +35,14 @@ def motions(robot: RobotModel, recording: Recording) -> list[Motion]:
     line; both through the same low-pass forward and backward; velocity and acceleration are derivatives of the quintic spline
     through the positions. A temperature that is not known all along a stretch is NaN in all of it.
     """
-    t, keep = np.asarray(recording.t, dtype=float), np.ones(len(recording.t), dtype=bool)
-    newest = np.maximum.accumulate(t)
-    keep[1:] = t[1:] > newest[:-1]
-    keep &= np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.tau).all(axis=1)
-    t, q, tau = t[keep] - recording.start, recording.q[keep], recording.tau[keep]
-    warm = None if recording.temperature is None else recording.temperature[keep]
-    cuts = [0, *(np.flatnonzero(np.diff(t) > max(MAX_GAP, 3.0 / recording.rate)) + 1), len(t)]
-    out = []
-    for a, b in pairwise(cuts):
-        if b - a > 20 and t[b - 1] - t[a] >= SHORTEST:
-            out.append(_smooth(robot, t[a:b], q[a:b], tau[a:b]))
+    recording, usual = recording.in_order(), recording.period
+    t, out = recording.t - recording.start, []
+    for part in recording.stretches(max(MAX_GAP, 3.0 * usual)):
+        if part.stop - part.start > 20 and t[part][-1] - t[part][0] >= SHORTEST:
+            out.append(_smooth(robot, t[part], recording.q[part], recording.tau[part]))
             out[-1].recording = recording.name
-            if warm is not None:
-                out[-1].temperature = _along(out[-1].t, t[a:b], warm[a:b])
+            if recording.temperature is not None:
+                out[-1].temperature = _along(out[-1].t, t[part], recording.temperature[part])
     return out
 
 

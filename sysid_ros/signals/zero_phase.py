@@ -75,29 +75,28 @@ class KinematicFilter:
         self,
         t: FloatArray,
         q: FloatArray,
-        v: FloatArray,
+        v: FloatArray | None,
         tau: FloatArray,
-        measured_velocity: bool,
         spoiled: NDArray[np.bool_] | None = None,
     ) -> SmoothMotion | None:
         """The smooth motion of a stretch; None where it is shorter than the filter.
 
         Args:
-            t: shape (N,). q, v, tau: shape (N, n). measured_velocity: take v, where it is measured throughout, in place of the
-                derivative of q, and its derivative as the acceleration. spoiled: what must not be used, shape (N, n).
+            t: shape (N,). q: shape (N, n). tau: shape (N, c). v: measured velocities, shape (N, n), to take in place of the
+                derivative of q, with their derivative as the acceleration; None for q's. spoiled: what must not be used, shape
+                (N, n).
         """
-        even, channels = on_even_grid(t, np.hstack([q, v, tau]), self.period)
+        even, channels = on_even_grid(t, np.hstack([q, tau] if v is None else [q, tau, v]), self.period)
         if len(even) < 2 * self.half + 1:
             return None
         n = q.shape[1]
-        position, velocity, torque = channels[:, :n], channels[:, n : 2 * n], channels[:, 2 * n :]
-        measured = measured_velocity and not np.isnan(velocity).any()
+        position, torque, velocity = np.split(channels, [n, n + tau.shape[1]], axis=1)
         grid = even[self.half : len(even) - self.half : self.step]
         return SmoothMotion(
             t=grid,
             q=self._convolve(position, self._smooth),
-            v=self._convolve(velocity, self._smooth) if measured else self._convolve(position, self._slope),
-            a=self._convolve(velocity, self._slope) if measured else self._convolve(position, self._bend),
+            v=self._convolve(velocity, self._smooth) if v is not None else self._convolve(position, self._slope),
+            a=self._convolve(velocity, self._slope) if v is not None else self._convolve(position, self._bend),
             tau=self._convolve(torque, self._smooth),
             spoiled=self._spoiled(t, grid, spoiled, n),
         )
