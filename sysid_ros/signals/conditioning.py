@@ -9,6 +9,7 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.motion import Motion
 from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.zero_phase import low_passed, on_even_grid
 
 SMOOTHING = 20.0
 """Cut-off of the zero-phase low-pass on positions and torques [Hz]: far enough above the band that is judged."""
@@ -31,8 +32,8 @@ _EDGE = 0.25
 def motions(robot: RobotModel, recording: Recording) -> list[Motion]:
     """Smooth motions of the stretches without a gap; times since the recording's first stamp.
 
-    Stamps that repeat or run back are left out. Positions go through an even grid by cubic interpolation, torques by a straight
-    line; both through the same low-pass forward and backward; velocity and acceleration are derivatives of the quintic spline
+    Stamps that repeat or run back are left out. Positions and torques go through the same even grid and the same low-pass
+    forward and backward; velocity and acceleration are derivatives of the quintic spline
     through the positions. A temperature that is not known all along a stretch is NaN in all of it.
     """
     recording, usual = recording.in_order(), recording.period
@@ -47,36 +48,32 @@ def motions(robot: RobotModel, recording: Recording) -> list[Motion]:
 
 
 def _smooth(robot: RobotModel, t: FloatArray, q: FloatArray, tau: FloatArray) -> Motion:
-    rate = 1.0 / float(np.median(np.diff(t)))
-    grid = t[0] + np.arange(int((t[-1] - t[0]) * rate)) / rate
-    even_q = interpolate.CubicSpline(t, q)(grid)
-    even_tau = interpolate.make_interp_spline(t, tau, k=1)(grid)
-    smooth_q, smooth_tau = (as_measured(x, 1.0 / rate) for x in (even_q, even_tau))
+    period, n = float(np.median(np.diff(t))), q.shape[1]
+    rate = 1.0 / period
+    grid, even = on_even_grid(t, np.hstack([q, tau]), period)
+    smooth_q, smooth_tau = np.split(as_measured(even, period), [n], axis=1)
     every = max(1, int(rate / FINEST))
     grid, smooth_q, smooth_tau = grid[::every], smooth_q[::every], smooth_tau[::every]
     spline = interpolate.make_interp_spline(grid, smooth_q, k=5)
     inside = slice(*np.searchsorted(grid, [grid[0] + _EDGE, grid[-1] - _EDGE]))
     v, a = (spline(grid, nu=order)[inside] for order in (1, 2))
     motion = Motion(robot, grid[inside], smooth_q[inside], v, a, smooth_tau[inside])
-    motion.clear = clear_band(even_q, rate)
+    motion.clear = clear_band(even[:, :n], rate)
     return motion
 
 
 def as_measured(x: FloatArray, period: float) -> FloatArray:
     """Columns of a channel on an even grid, through the low-pass that measured torques go through, shape (N, n)."""
-    rate = 1.0 / period
-    smooth: FloatArray = signal.sosfiltfilt(signal.butter(4, min(SMOOTHING, rate / 5.0), fs=rate, output="sos"), x, axis=0)
-    return smooth
+    return low_passed(x, min(SMOOTHING, 0.2 / period), period)
 
 
 def _along(grid: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
     """Columns of slow values on a grid, without the steps of their sensors, shape (grid, n); NaN where one of a column is."""
-    rate = 1.0 / float(np.median(np.diff(grid)))
-    sections = signal.butter(2, 2.0 * _SLOW / rate, output="sos")
+    period = float(np.median(np.diff(grid)))
     out = np.full((len(grid), values.shape[1]), np.nan)
     for j in np.flatnonzero(np.isfinite(values).all(axis=0)):
         even = np.interp(grid, t, values[:, j])
-        out[:, j] = signal.sosfiltfilt(sections, even, padlen=min(len(even) - 1, int(rate / _SLOW)))
+        out[:, j] = low_passed(even, _SLOW, period, order=2, padding=1.0 / _SLOW)
     return out
 
 

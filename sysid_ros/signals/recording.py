@@ -107,7 +107,7 @@ class Recording:
     def in_order(self) -> Recording:
         """Without messages whose stamp repeats or runs back, or whose position or torque is no number."""
         t = np.asarray(self.t, dtype=float)
-        keep: NDArray[np.bool_] = np.isfinite(np.hstack([self.q, self.tau])).all(axis=1)
+        keep = np.asarray(np.isfinite(np.hstack([self.q, self.tau])).all(axis=1))
         keep[1:] &= t[1:] > np.maximum.accumulate(t)[:-1]
         return self if keep.all() else self.at(keep)
 

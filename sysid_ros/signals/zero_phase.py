@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.low_pass import butterworth_sections
 
 _STOP_DECIBEL = 80.0
 _WIDTH = 4.0
@@ -153,6 +154,22 @@ class GaussianLowPass:
     def half(self) -> int:
         """Rows on each side of the middle."""
         return len(self.kernel) // 2
+
+
+def low_passed(x: FloatArray, cutoff_hz: float, period: float, order: int = 4, padding: float | None = None) -> FloatArray:
+    """Channels (N, ...) on an even grid through the Butterworth low-pass of :mod:`.low_pass`, forward and backward: half the
+    amplitude at the cut-off, no phase.
+
+    Args:
+        cutoff_hz: [Hz]. period: of the grid [s]. order: of one pass. padding: time by which the ends go on, mirrored at
+            themselves [s]; None for a few samples.
+    """
+    from scipy import signal
+
+    sections = butterworth_sections(order, cutoff_hz, 1.0 / period)
+    length = None if padding is None else min(len(x) - 1, int(padding / period))
+    smooth: FloatArray = signal.sosfiltfilt(sections, x, axis=0, padlen=length)
+    return smooth
 
 
 def on_even_grid(t: FloatArray, channels: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
