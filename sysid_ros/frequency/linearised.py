@@ -16,12 +16,11 @@ import numpy as np
 
 from sysid_ros.frequency.lines import ComplexArray, cleaned_torque, rests
 from sysid_ros.frequency.stretches import Stretch
+from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel
 
-_SMALL = 0.3
-"""Part of the linear torque that the rest of the model may have about a posture, for the motion to be called small."""
 _WHITENED = 0.98
 _SLOWEST = 30.0
 """Rate of the signals at least [Hz]."""
@@ -102,5 +101,5 @@ def linearised(stretches: Sequence[Stretch], joint: int, known: Sequence[KnownEf
         D,
         K,
         posture,
-        rest_power < _SMALL**2 * linear_power,
+        rest_power < TOLERANCES.small**2 * linear_power,
     )

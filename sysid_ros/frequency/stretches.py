@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid_ros.effects import Motion
 from sysid_ros.exceptions import DataError
+from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.identification.channel_checks import CheckedRecording
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -17,14 +18,6 @@ from sysid_ros.signals.zero_phase import KinematicFilter, on_even_grid
 from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel
 
-HIGHEST = 40.0
-"""Upper end of the band that is looked at where nothing is asked for [Hz]."""
-_OF_RATE = 0.2
-"""The same as a part of the rate: up to there differences of positions are accelerations within 1 %."""
-SHORTEST = 4.0
-"""Shorter stretches are left out [s]."""
-_FLOOR = (0.2, 0.42)
-"""Band in which positions hold nothing but noise, as a part of the rate."""
 _SEGMENT = 1024
 _SAMPLED = 100
 """Postures that the mass matrix is taken at."""
@@ -80,13 +73,13 @@ def top_frequency(recordings: Sequence[Recording], asked: float = 0.0) -> float:
     slowest = min(recordings, key=lambda r: 1.0 / max(r.period, 1e-9) if r.period > 0.0 else 0.0)
     if not slowest.period > 0.0:
         raise DataError(f"{slowest.name}: it holds {len(slowest.t)} samples without a rate. Record at least 10 s.")
-    allowed = _OF_RATE / slowest.period
+    allowed = TOLERANCES.of_rate / slowest.period
     if asked > allowed * (1.0 + 1e-6):
         raise DataError(
             f"{slowest.name}: its rate of {1.0 / slowest.period:.4g} Hz allows a check up to {allowed:.3g} Hz (a fifth of it); "
-            f"{asked:g} Hz is asked for. Ask for less, or record at {asked / _OF_RATE:.0f} Hz or more."
+            f"{asked:g} Hz is asked for. Ask for less, or record at {asked / TOLERANCES.of_rate:.0f} Hz or more."
         )
-    return asked or min(HIGHEST, allowed)
+    return asked or min(TOLERANCES.highest, allowed)
 
 
 def stretches_of(
@@ -106,7 +99,7 @@ def stretches_of(
             continue
         period = _mean_period(t, recording.period)
         kinematics = KinematicFilter(period, top_hz / 3.0)
-        if len(t) <= 2 * kinematics.half + 8 or t[-1] - t[0] < SHORTEST:
+        if len(t) <= 2 * kinematics.half + 8 or t[-1] - t[0] < TOLERANCES.shortest:
             continue
         channels = tau if recording.v is None else np.hstack([tau, recording.v[part]])
         smooth = kinematics.apply(t, q, None, channels, checked.spoiled[part])
@@ -114,7 +107,7 @@ def stretches_of(
             continue
         noise = _position_noise(t, q, period)
         for good in _clean(smooth.spoiled.max(axis=1)):
-            if (good.stop - good.start) * kinematics.grid_period < SHORTEST:
+            if (good.stop - good.start) * kinematics.grid_period < TOLERANCES.shortest:
                 continue
             at = (x[good] for x in (smooth.t - recording.t[0], smooth.q, smooth.v, smooth.a, smooth.tau[:, :n]))
             motion = Motion(robot, *at)
@@ -140,7 +133,7 @@ def _position_noise(t: FloatArray, q: FloatArray, period: float) -> FloatArray:
     white = np.random.default_rng(0).standard_normal((len(t), 1))
     _, even = on_even_grid(t, np.hstack([q - q[0], white]), period)
     f, power = signal.welch(even, nperseg=min(len(even), _SEGMENT), detrend="linear", axis=0)
-    level = np.median(power[(f > _FLOOR[0]) & (f < _FLOOR[1])], axis=0)
+    level = np.median(power[(f > TOLERANCES.floor[0]) & (f < TOLERANCES.floor[1])], axis=0)
     return np.asarray(level[:-1] / level[-1])
 
 

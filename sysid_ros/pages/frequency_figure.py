@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from sysid_ros.frequency import FrequencyCheck, JointCheck
-from sysid_ros.frequency.verdict import TOLERANCE
+from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.pages import palette
 from sysid_ros.pages.frequency_curves import FITTED, LARGEST, MEASURED, SAYS, SMALLEST, Bode, bode, short, shown, span
 
@@ -44,7 +44,7 @@ def frequency_figure(result: FrequencyCheck, title: str) -> Figure:
     handles = [
         Line2D([], [], color=MEASURED, linewidth=1.4, marker="o", markersize=3, label="response, with 95 % region"),
         Line2D([], [], color=FITTED, linewidth=1.6, label="cause that was found"),
-        Patch(color=_HELD, label=f"within {100.0 * TOLERANCE:.0f} % of 1"),
+        Patch(color=_HELD, label=f"within {100.0 * TOLERANCES.misfit:.0f} % of 1"),
         *(Patch(color=colour, label=f"band: {says}") for says, colour in SAYS.items()),
     ]
     figure.legend(handles=handles, loc="lower center", ncols=len(handles) if columns > 2 else 3, fontsize=9, frameon=False)
@@ -100,7 +100,7 @@ def _draw_strip(axes: Axes, curves: Bode, ends: tuple[float, float]) -> None:
 
 
 def _draw_magnitude(axes: Axes, curves: Bode) -> None:
-    axes.axhspan(1.0 - TOLERANCE, 1.0 + TOLERANCE, color=_HELD, linewidth=0.0)
+    axes.axhspan(1.0 - TOLERANCES.misfit, 1.0 + TOLERANCES.misfit, color=_HELD, linewidth=0.0)
     axes.axhline(1.0, color="#888888", linewidth=0.8)
     axes.fill_between(curves.f, curves.magnitude[1], curves.magnitude[2], color=MEASURED, alpha=0.2, linewidth=0.0)
     axes.plot(curves.f, curves.magnitude[0], color=MEASURED, linewidth=1.3, marker="o", markersize=2.2)
@@ -114,7 +114,7 @@ def _draw_magnitude(axes: Axes, curves: Bode) -> None:
 
 
 def _draw_phase(axes: Axes, curves: Bode) -> None:
-    limit = np.degrees(np.arcsin(TOLERANCE))
+    limit = np.degrees(np.arcsin(TOLERANCES.misfit))
     axes.axhspan(-limit, limit, color=_HELD, linewidth=0.0)
     axes.axhline(0.0, color="#888888", linewidth=0.8)
     axes.fill_between(curves.f, curves.phase[1], curves.phase[2], color=MEASURED, alpha=0.2, linewidth=0.0)

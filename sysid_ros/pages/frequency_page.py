@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from sysid_ros.frequency import FrequencyCheck
-from sysid_ros.frequency.verdict import TOLERANCE
+from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.pages import palette
 from sysid_ros.pages.frequency_curves import FITTED, MEASURED, SAYS, bode, short, shown, span
 
@@ -34,8 +34,8 @@ def frequency_page(result: FrequencyCheck, title: str) -> str:
     for i, check in enumerate(checks):
         assert check.torque is not None
         curves, row = bode(check.torque), 3 * i + 1
-        limit = float(np.degrees(np.arcsin(TOLERANCE)))
-        bands = ((curves.magnitude, 1.0 - TOLERANCE, 1.0 + TOLERANCE), (curves.phase, -limit, limit))
+        limit = float(np.degrees(np.arcsin(TOLERANCES.misfit)))
+        bands = ((curves.magnitude, 1.0 - TOLERANCES.misfit, 1.0 + TOLERANCES.misfit), (curves.phase, -limit, limit))
         for k, (values, least, most) in enumerate(bands):
             figure.add_hrect(y0=least, y1=most, fillcolor=_HELD, line_width=0, row=row + k, col=1)
             seen = np.isfinite(values).all(axis=0)
