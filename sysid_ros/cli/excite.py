@@ -16,6 +16,7 @@ from sysid_ros.exceptions import BagError, SettingsError
 from sysid_ros.excitation.excitation_settings import ExcitationSettings
 from sysid_ros.excitation.excite import Excitation, excite, steps
 from sysid_ros.excitation.joint_limits_file import read_joint_limits
+from sysid_ros.excitation.motion_limits import JointLimit
 from sysid_ros.identification import free_model
 from sysid_ros.pages import check_plot_path
 from sysid_ros.robot.collision_model import CollisionModel
@@ -141,12 +142,7 @@ def command(
     robot = RobotModel.from_urdf(urdf_text(urdf), joint_names or online.joint_names, online.gravity)
     for sentence in robot.notes:
         note(sentence)
-    given = {}
-    if limits_path is not None:
-        given = read_joint_limits(limits_path)
-        if others := sorted(set(given) - set(robot.joint_names)):
-            note(f"Joints in {limits_path} that do not move here: {', '.join(others)}.")
-    given = {name: limit for name, limit in given.items() if name in robot.joint_names}
+    given = _limits(limits_path, robot)
     collision = None
     if not no_collisions:
         pairs = [_pair(text) for text in ignore_pair]
@@ -168,6 +164,13 @@ def command(
         write_excitation_plot(plot, result, f"Exciting motion of {robot.name}")
     show(result)
     note(f"Motion written to {out_path}{f' and {bag}' if bag else ''}. How to send it: sysid excite --help")
+
+
+def _limits(path: Path | None, robot: RobotModel) -> dict[str, JointLimit]:
+    given = read_joint_limits(path) if path is not None else {}
+    if others := sorted(set(given) - set(robot.joint_names)):
+        note(f"Joints in {path} that do not move here: {', '.join(others)}.")
+    return {name: limit for name, limit in given.items() if name in robot.joint_names}
 
 
 def _settings(options: dict[str, Any]) -> ExcitationSettings:

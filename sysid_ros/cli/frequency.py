@@ -11,7 +11,7 @@ from sysid_ros.cli.frequency_tables import show
 from sysid_ros.cli.inputs import read_config, settings_from
 from sysid_ros.cli.output import ManyValues, command_line, note, progress_bar, warn, write_json
 from sysid_ros.cli.recordings import read_recording
-from sysid_ros.frequency import check_frequency
+from sysid_ros.frequency import FrequencyCheck, check_frequency
 from sysid_ros.identification.result import Problem
 from sysid_ros.pages import check_plot_path
 from sysid_ros.robot.robot_model import RobotModel
@@ -92,8 +92,11 @@ def command(
         write_json(json_path, result.as_dict())
     show(result)
     if plot:
-        from sysid_ros.pages.frequency_plot import write_frequency_plot
+        _write_plot(plot, result, model_path.name if model_path else "the URDF", bags)
 
-        model = f"{model_path.name}" if model_path else "the URDF"
-        write_frequency_plot(plot, result, f"Measured torque over that of {model}: {', '.join(b.name for b in bags)}")
-        note(f"Plot written to {plot}.")
+
+def _write_plot(path: Path, result: FrequencyCheck, model: str, bags: tuple[Path, ...]) -> None:
+    from sysid_ros.pages.frequency_plot import write_frequency_plot
+
+    write_frequency_plot(path, result, f"Measured torque over that of {model}: {', '.join(b.name for b in bags)}")
+    note(f"Plot written to {path}.")

@@ -16,11 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.frequency.transfer_functions import FORMS, UNITS, Form
-from sysid_ros.frequency.transfer_functions import FOLDS, LineFit, bounds
 from sysid_ros.frequency.lines import ComplexArray, Record
 from sysid_ros.frequency.local_fit import Window
 from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency.transfer_functions import FOLDS, FORMS, UNITS, Form, LineFit, bounds
 from sysid_ros.sample import FloatArray
 
 _GRID = 60

@@ -11,7 +11,6 @@ import numpy as np
 from sysid_ros.exceptions import DataError
 from sysid_ros.frequency.beyond_linear import distortion, missing_friction
 from sysid_ros.frequency.causes import find_cause
-from sysid_ros.frequency.transfer_functions import FORMS, Form
 from sysid_ros.frequency.linearised import linearised
 from sysid_ros.frequency.lines import Channel, Record, joint_records, rests
 from sysid_ros.frequency.local_fit import local_fit
@@ -20,6 +19,7 @@ from sysid_ros.frequency.result import FrequencyCheck, JointCheck, Response
 from sysid_ros.frequency.sentences import together, with_sentences
 from sysid_ros.frequency.stretches import Stretch, stretches_of, top_frequency
 from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency.transfer_functions import FORMS, Form
 from sysid_ros.frequency.verdict import verdict
 from sysid_ros.identification.channel_checks import check_channels
 from sysid_ros.robot.robot_model import RobotModel

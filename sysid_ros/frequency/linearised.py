@@ -76,7 +76,7 @@ def linearised(stretches: Sequence[Stretch], joint: int, known: Sequence[KnownEf
     for stretch in stretches:
         motion = stretch.motion
         whole, _, part = rests(motion.v[:, joint], stretch.period, bool(robot.is_prismatic[joint]))
-        if part < 0.3 or (whole.stop - whole.start) * stretch.period < 4.0:
+        if part < TOLERANCES.moving or (whole.stop - whole.start) * stretch.period < TOLERANCES.shortest:
             continue
         linear = M * motion.a[:, joint] + D * motion.v[:, joint] + K * (motion.q[:, joint] - posture[joint])
         u = stretch.smooth[:, joint]
