@@ -15,7 +15,7 @@ class Tolerances:
     rounding: float = 1e-4
     """part of a limit that is left for the rounding of what is written: joint angles have four digits in a file"""
     limit: float = 0.999
-    """part of a limit that the optimiser may use: what is left is for what lies between its samples, and is shrunk away if more"""
+    """part of a limit that the optimiser may use: what is left is for what lies between its samples, or is shrunk away"""
     under: float = 0.995
     """the same where a motion is looked at every 10 ms: ``1 - (pi f dt)^2 / 2`` for f = 3 Hz"""
     depth: float = 0.1
