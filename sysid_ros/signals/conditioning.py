@@ -1,4 +1,9 @@
-"""From raw recordings to smooth motions on an even grid, without shifting any channel in time."""
+"""From raw recordings to smooth motions on an even grid, without shifting any channel in time.
+
+The order of the stamps, the stretches without a gap, the even grid and the design of the low-pass are those of every recording
+(:mod:`.recording`, :mod:`.zero_phase`). The low-pass itself is not that of identification's rows: the same one must go over
+modelled dry friction on the motion's own grid (:func:`as_measured`), which a filter that decimates can't do.
+"""
 
 from __future__ import annotations
 
