@@ -81,10 +81,8 @@ class Cause:
     @property
     def explains(self) -> bool:
         """Whether it explains enough of the misfit to be believed: on data not fitted, unless a resonance stands out."""
-        held = self.held_out_gain >= TOLERANCES.held_out
-        if self.name.endswith("resonance"):
-            return held or self.delta_bic > TOLERANCES.obvious
-        return held and (self.held_out_gain >= TOLERANCES.most or self.misfit < TOLERANCES.much_left)
+        stands_out = self.name.endswith("resonance") and self.delta_bic > TOLERANCES.obvious
+        return stands_out or self.held_out_gain >= TOLERANCES.held_out
 
     def H(self, f: FloatArray) -> ComplexArray:
         """Response at f (K,) [Hz]."""

@@ -100,10 +100,8 @@ def joint_records(
             both[whole, 1] = _without_stiction(both[whole, :2], still)
         both[:, 0] -= dry[:, 0]
         if periods is not None:
-            record = _periodic(both, periods, stretch, channel, top_hz)
-            if np.sum(np.abs(record.U) ** 2 > TOLERANCES.excited * record.input_noise) > 8:
-                out.append(record)
-                continue
+            out.append(_periodic(both, periods, stretch, channel, top_hz))
+            continue
         count = whole.stop - whole.start
         spectrum = fft.rfft(both[whole.start : whole.start + count] - both[whole].mean(axis=0), axis=0, norm="ortho")
         f = fft.rfftfreq(count, stretch.period)

@@ -30,8 +30,6 @@ class Tolerances:
     """part of the time that a joint must move for a record to be used"""
     stiction: float = 4.0
     """power of the misfit at rest over that in motion from which on it is dry friction: an F test of one rest at 5 % is 3.84"""
-    excited: float = 10.0
-    """power of a line over that of its noise from which on it is excited: noise reaches it once in exp(10) = 22,000 lines"""
     shortest_period: float = 1.0
     """shortest period that is looked for [s]"""
     repeats: float = 2e-3
@@ -61,11 +59,7 @@ class Tolerances:
     negligible: float = 0.05
     """largest |H - 1| in the band up to which a cause is not worth a word: half of what a model is held to"""
     held_out: float = 0.1
-    """part of the misfit on held-out lines that a cause must explain"""
-    most: float = 0.5
-    """and one that leaves much of it"""
-    much_left: float = 4.0
-    """mean square misfit over the noise that is much"""
+    """part of the misfit on held-out lines that a cause must explain: what it removes must not be what was fitted by chance"""
     obvious: float = 200.0
     """gain of BIC from which on a resonance needs no held-out lines: it may be narrower than the window that is left out"""
     most_noise: float = 0.6
