@@ -136,14 +136,11 @@ class TorqueModel:
         """Torque of what is known along a whole motion, shape (N, n) [N m]."""
         return self.torques_along(motion).total
 
-    def torques_along(self, motion: Motion, more: Sequence[KnownEffect] = ()) -> TorquesAlong:
+    def torques_along(self, motion: Motion) -> TorquesAlong:
         """The same with its parts.
 
         Effects are worked out in the order in which torque goes from the links to the message: those of the links, of the
         drives, of the measurement, and what makes it late at last. Each sees what has been added up before it.
-
-        Args:
-            more: effects that are known beside those of the model.
         """
         robot, nothing = self.robot, np.zeros_like(motion.q)
         link = motion.rigid_torque if self._urdf_links else motion.link_torque
@@ -153,7 +150,7 @@ class TorqueModel:
         jumps = robot.friction * smoothed_sign(motion.v, self._turns) if self._dynamics else nothing
         drive, own = link + damping + jumps, link + nothing if self._urdf_links else nothing
         total = own + damping + jumps
-        for k in sorted((*self._others, *more), key=_from_link_to_message):
+        for k in sorted(self._others, key=_from_link_to_message):
             late, acts = k.effect.as_delay(k.theta) != 0.0, k.effect.acts
             torque = k.effect.torque_along(motion.with_torques(link, total if late else drive), k.theta)
             total = total + torque
