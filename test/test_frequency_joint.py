@@ -157,7 +157,7 @@ def check_dict(found: JointCheck) -> dict[str, Any]:
 
 
 def cut(recording: Recording, rows: slice) -> Recording:
-    return Recording(recording.name, *(x[rows] for x in (recording.t, recording.q, recording.v, recording.tau)))
+    return recording.at(rows)
 
 
 def test_bad_recordings_are_refused_in_words() -> None:
@@ -218,6 +218,7 @@ def test_intervals_of_resonance_and_modes_over_seeds() -> None:
 def test_friction_that_the_model_lacks_is_named_first() -> None:
     robot, known = model_of(RIGID)
     good = published(RIGID, sweep(24.0, 0.1, 6.0, 0.4), 0, **NOISY)
+    assert good.v is not None
     rough = Recording("rough", good.t, good.q, good.v, good.tau + 4.0 * np.sign(good.v) + 3.0 * good.v)
     found = check_frequency(robot, [rough], known).joints[0]
     assert found.friction is not None
@@ -237,6 +238,7 @@ def test_dry_friction_of_the_model_has_a_response_of_its_own() -> None:
     robot, known = model_of(RIGID)
     known = [*known, KnownEffect(CoulombFriction(robot), np.array([4.0]))]
     good = published(RIGID, sweep(24.0, 0.3, 20.0, 0.1), 0, **NOISY)
+    assert good.v is not None
     rough = Recording("rough", good.t, good.q, good.v, good.tau + 4.4 * np.tanh(good.v / 0.06))
     found = check_frequency(robot, [rough], known).joints[0]
     assert found.friction is None

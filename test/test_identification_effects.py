@@ -49,7 +49,7 @@ class LoadRipple(JointCurves):
         return {"N": self.N}
 
     def curves(self, state: Sample | SmoothMotion, load: FloatArray) -> FloatArray:
-        return np.abs(load) * np.stack([np.sin(self.N * state.q), np.cos(self.N * state.q)])
+        return np.asarray(np.abs(load) * np.stack([np.sin(self.N * state.q), np.cos(self.N * state.q)]))
 
 
 class SidewaysPull(Effect):

@@ -137,7 +137,7 @@ def test_payloads_of_a_real_arm(run: str, mass: float, part: float) -> None:
         for name in names:
             source, arm = open_bag(UR10E / name, "/joint_states", UR10E / "ur10e.urdf", settings)
             gate = InputGate(arm, settings)
-            recording = Recording.of(name, (m for m in map(gate.accept, source) if isinstance(m, Measurement)))
+            recording = Recording.from_measurements(name, (m for m in map(gate.accept, source) if isinstance(m, Measurement)))
             rows.append(collect_rows(free_model(arm), recording, name, 5.0))
         prior = Prior.of(free_model(arm))
         fits.append(fit(rows, prior.mean, prior.std))

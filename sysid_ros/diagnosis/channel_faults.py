@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sysid_ros.effects import ChannelEffect, Channels, JointOrder, JointSign, TorqueSign, TorqueUnit
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.conditioning import motions
 from sysid_ros.signals.recording import Recording
@@ -87,7 +88,7 @@ class _Screen:
         rest = tau - (self.robot.rnea_along(q, v, a) if nominal is None else nominal)
         out = np.empty(self.robot.n)
         for j in range(self.robot.n):
-            X = np.stack([np.tanh(v[:, j] / 0.02), v[:, j]], axis=1)
+            X = np.stack([smoothed_sign(v[:, j]), v[:, j]], axis=1)
             theta = np.linalg.lstsq(X, rest[:, j], rcond=None)[0]
             out[j] = np.mean((rest[:, j] - X @ theta) ** 2)
         return out
@@ -130,7 +131,7 @@ def _gains(screen: _Screen) -> Fault | None:
     n = screen.robot.n
     gains, stds, fits = np.ones(n), np.full(n, np.inf), np.zeros(n)
     for j in range(n):
-        X = np.stack([screen.nominal[:, j], np.tanh(screen.v[:, j] / 0.02), screen.v[:, j], np.ones(len(screen.v))], axis=1)
+        X = np.stack([screen.nominal[:, j], smoothed_sign(screen.v[:, j]), screen.v[:, j], np.ones(len(screen.v))], axis=1)
         theta, *_ = np.linalg.lstsq(X, screen.tau[:, j], rcond=None)
         rest = screen.tau[:, j] - X @ theta
         spread = np.var(rest) * np.linalg.pinv(X.T @ X)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy import optimize
 
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
@@ -13,7 +14,6 @@ from sysid_ros.diagnosis.term import Term
 
 COMPLIANT = ("joint_elasticity", "backlash")
 """Effects in which a link lags behind its motor."""
-_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 _SIDES = (-1, 0, 1)
 _FIRST = {
     "joint_elasticity": (("damping", 0.0), ("around", 1.05), ("damping", 1.5), ("around", 1.01)),
@@ -76,19 +76,11 @@ class _Search:
             self.attempt(**{name: float(x)})
 
     def narrow(self, name: str, low: float, high: float) -> None:
-        """Golden sections of the logarithm."""
-        a, b = np.log(low), np.log(high)
-        x1, x2 = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
-        f1, f2 = (self.attempt(**{name: float(np.exp(x))}) for x in (x1, x2))
-        for _ in range(_NARROWED):
-            if f1 < f2:
-                b, x2, f2 = x2, x1, f1
-                x1 = b - _GOLDEN * (b - a)
-                f1 = self.attempt(**{name: float(np.exp(x1))})
-            else:
-                a, x1, f1 = x1, x2, f2
-                x2 = a + _GOLDEN * (b - a)
-                f2 = self.attempt(**{name: float(np.exp(x2))})
+        """Brent's method on the logarithm; :meth:`attempt` keeps the best."""
+        bounds, steps = (np.log(low), np.log(high)), {"maxiter": _NARROWED + 2}
+        optimize.minimize_scalar(
+            lambda x: self.attempt(**{name: float(np.exp(x))}), bounds=bounds, method="bounded", options=steps
+        )
 
     def slopes(self, names: tuple[str, ...]) -> None:
         """A step of Gauss and Newton in the logarithms of some settings."""

@@ -11,6 +11,7 @@ from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.temperature import over_temperature
 from sysid_ros.diagnosis.unsteady import Leftover, unsteady
 from sysid_ros.effects import Motion
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 
 _MOST = 6
@@ -73,7 +74,7 @@ def features(motion: Motion, names: Sequence[str], warm: Mapping[int, float] | N
         warm: joints whose temperature is known, with the one that it is counted from [degrees Celsius].
     """
     out: dict[str, FloatArray] = {}
-    signs = np.tanh(motion.v / 0.02)
+    signs = smoothed_sign(motion.v)
     for i, name in enumerate(names):
         q, v = motion.q[:, i], motion.v[:, i]
         out[f"direction of {name}"] = signs[:, i]

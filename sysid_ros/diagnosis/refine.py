@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from scipy import optimize
 
 from sysid_ros.diagnosis.compliant import COMPLIANT, settle
 from sysid_ros.diagnosis.fit import Fit, Problem
@@ -14,14 +15,13 @@ from sysid_ros.diagnosis.term import Term
 from sysid_ros.diagnosis.torque_noise import Noise
 from sysid_ros.effects import Knob
 
-_STEPS = 8
+_STEPS = 10
 _FIXED_POINTS = 3
 _BUMPY = ("t0", "harmonic")
 """Knobs with several local optima near the first value."""
 _SCAN = 13
 _NEAR, _APART = 8, 0.015
 """Number and spacing of the times on each side of an event that are tried at last [s]."""
-_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 def refine(problem: Problem, library: Library, fit: Fit, terms: Sequence[Term]) -> Fit:
@@ -98,7 +98,7 @@ def _whole(problem: Problem, library: Library, fit: Fit, term: Term) -> Term:
 
 
 def search(term: Term, settings: dict[str, Any], cost: Callable[[dict[str, Any]], float]) -> dict[str, Any]:
-    """Settings of the least cost, by golden sections of each knob in turn."""
+    """Settings of the least cost, of each knob in turn, by Brent's method within bounds."""
     best = cost(settings)
     for knob in term.effect.knobs:
         if knob.name not in settings:
@@ -106,28 +106,17 @@ def search(term: Term, settings: dict[str, Any], cost: Callable[[dict[str, Any]]
         low, high = _around(term, knob, float(settings[knob.name]))
         a, b = (np.log(low), np.log(high)) if knob.logarithmic else (low, high)
 
-        def at(x: float, knob: Knob = knob, settings: dict[str, Any] = settings) -> tuple[float, dict[str, Any]]:
-            changed = {**settings, knob.name: float(np.exp(x) if knob.logarithmic else x)}
-            return cost(changed), changed
+        def moved(x: float, knob: Knob = knob, settings: dict[str, Any] = settings) -> dict[str, Any]:
+            return {**settings, knob.name: float(np.exp(x) if knob.logarithmic else x)}
 
         if knob.name in _BUMPY:
             grid = np.linspace(a, b, _SCAN)
-            x = grid[int(np.argmin([at(float(g))[0] for g in grid]))]
+            x = grid[int(np.argmin([cost(moved(float(g))) for g in grid]))]
             a, b = x - (grid[1] - grid[0]), x + (grid[1] - grid[0])
-        x1, x2 = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
-        f1, f2 = at(x1), at(x2)
-        for _ in range(_STEPS):
-            if f1[0] < f2[0]:
-                b, x2, f2 = x2, x1, f1
-                x1 = b - _GOLDEN * (b - a)
-                f1 = at(x1)
-            else:
-                a, x1, f1 = x1, x2, f2
-                x2 = a + _GOLDEN * (b - a)
-                f2 = at(x2)
-        for found, changed in (f1, f2):
-            if found < best:
-                best, settings = found, changed
+        steps = {"maxiter": _STEPS}
+        found = optimize.minimize_scalar(lambda x: cost(moved(float(x))), bounds=(a, b), method="bounded", options=steps)
+        if found.fun < best:
+            best, settings = float(found.fun), moved(float(found.x))
     return settings
 
 

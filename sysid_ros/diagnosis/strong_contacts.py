@@ -11,10 +11,9 @@ from sysid_ros.diagnosis.contacts import SMEARED, Contact, find_contacts, is_cha
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.effects import Motion
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 
-_SIGN = 0.02
-"""Width of the sign of a velocity [rad/s]."""
 _RATE = 50.0
 """Rate at which strong contacts are looked for [Hz]."""
 _OWN = 7
@@ -113,7 +112,7 @@ def _rows(robot: RobotModel, motions: list[Motion], nominal: list[FloatArray], m
         payloads.append(X[:, :, :10])
         for j in range(n):
             v = motion.v[:, j]
-            s, own = np.tanh(v / _SIGN), slice(10 + _OWN * j, 10 + _OWN * (j + 1))
+            s, own = smoothed_sign(v), slice(10 + _OWN * j, 10 + _OWN * (j + 1))
             X[:, j, own] = np.stack([s, v, np.ones(count), motion.a[:, j], s * late, v * late, late], axis=1)
         columns.append(X)
     return _Rows(

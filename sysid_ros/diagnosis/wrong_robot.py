@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.conditioning import motions
 from sysid_ros.signals.recording import Recording
@@ -28,7 +29,6 @@ _TIMES = 8
 _CURRENT = 3.3
 """Factor from which efforts can be currents."""
 _FITS = 0.05
-_SIGN = 0.02
 _OWN = 4
 _BLOCKS, _FOLDS, _CUT = 12, 4, 1e-3
 _BODIES = 0.5
@@ -142,7 +142,7 @@ def _drift(own: FloatArray, late: FloatArray) -> FloatArray:
 
 def _own(v: FloatArray, a: FloatArray) -> FloatArray:
     """Friction, rotor and offset of each joint, shape (N, n, 4)."""
-    return np.stack([np.tanh(v / _SIGN), v, a, np.ones_like(v)], axis=-1)
+    return np.stack([smoothed_sign(v), v, a, np.ones_like(v)], axis=-1)
 
 
 def _left(X: FloatArray, y: FloatArray) -> float:

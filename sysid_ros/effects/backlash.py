@@ -11,6 +11,7 @@ from sysid_ros.effects.compliance import deflection, torque_of
 from sysid_ros.effects.effect import Depends, Effect, Knob, positive
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -78,12 +79,12 @@ class Backlash(Effect):
     def fill(self, sample: Sample, out: FloatArray) -> None:
         state = sample.q[None], sample.v[None], sample.a[None]
         by_q, _, _ = self.robot.rnea_derivatives_along(*state)
-        side = np.tanh(self.robot.rnea_along(*state)[0] / self.width)
+        side = smoothed_sign(self.robot.rnea_along(*state)[0], self.width)
         out[:] = -0.5 * (by_q[0] * side)[:, self.joints]
 
     def columns_along(self, motion: Motion) -> FloatArray:
         if not self.around:
-            side = np.tanh(motion.link_torque / self.width)
+            side = smoothed_sign(motion.link_torque, self.width)
             return np.asarray(-0.5 * (motion.sensitivity[0] * side[:, None])[:, :, self.joints])
         out = []
         for j in self.joints:

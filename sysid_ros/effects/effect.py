@@ -80,6 +80,7 @@ class Effect(ABC):
         usual: how often a real arm's joint (or a real arm) has it so that it shows, before any data: a probability.
         jumps: True where its torque jumps when the velocity changes its sign.
         replaces_links: True where its parameters are the inertials of the links themselves, which then are not the URDF's.
+        in_urdf: True where a URDF's ``<inertial>`` and ``<dynamics>`` hold all of it.
     """
 
     id: ClassVar[str]
@@ -95,6 +96,7 @@ class Effect(ABC):
     usual: ClassVar[float] = 0.05
     jumps: ClassVar[bool] = False
     replaces_links: ClassVar[bool] = False
+    in_urdf: ClassVar[bool] = False
     parameter_names: tuple[str, ...]
     units: tuple[str, ...]
 
@@ -144,6 +146,11 @@ class Effect(ABC):
         :meth:`RobotModel.rnea` has run on this sample just before.
         """
 
+    @property
+    def diagonal(self) -> JointEffect | None:
+        """The effect itself where it has one parameter for each joint of the robot, whose column loads that joint alone."""
+        return None
+
     def columns(self, sample: Sample) -> FloatArray:
         """Y of this effect, shape (n, p) [N m per unit of the parameter]."""
         self.robot.rnea(sample.q, sample.v, sample.a)
@@ -187,6 +194,10 @@ class Effect(ABC):
         none."""
         return self
 
+    def add_spread(self, sample: Sample, directions: FloatArray, out: FloatArray) -> None:
+        """Add ``Y directions`` to ``out``, shape (n, c): what errors of the parameters, directions of shape (p, c), do."""
+        out += self.columns(sample) @ directions
+
     def torque(self, sample: Sample, theta: FloatArray) -> FloatArray:
         """Joint torques of this effect, shape (n,) [N m]: what a simulation adds at each step."""
         return self.columns(sample) @ theta
@@ -209,6 +220,10 @@ class JointEffect(Effect):
         self.units = tuple(self.slide_unit if robot.is_prismatic[j] else self.unit for j in self.joints)
         self._columns = np.arange(len(self.joints))
 
+    @property
+    def diagonal(self) -> JointEffect | None:
+        return self if len(self.joints) == self.robot.n else None
+
     @abstractmethod
     def curve(self, sample: Sample | Motion) -> FloatArray:
         """c of every joint, shape (n,) [N m per unit of the parameter]; of a whole motion, shape (N, n) or one that fits it."""
@@ -230,6 +245,13 @@ class JointEffect(Effect):
         out = np.zeros((len(motion.t), self.robot.n, self.p))
         out[:, self.joints, self._columns] = self.curves_along(motion)[0][:, self.joints]
         return out
+
+    def add_spread(self, sample: Sample, directions: FloatArray, out: FloatArray) -> None:
+        curve = self.curve(sample)
+        if len(self.joints) == self.robot.n:
+            out += curve[:, None] * directions
+        else:
+            out[self.joints] += curve[self.joints, None] * directions
 
     def torque(self, sample: Sample, theta: FloatArray) -> FloatArray:
         curve = self.curve(sample)

@@ -10,6 +10,7 @@ import numpy as np
 from sysid_ros.effects.effect import Depends, JointCurves, Knob, positive
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -45,7 +46,7 @@ class FrictionDrift(JointCurves):
         self,
         robot: RobotModel,
         joints: Sequence[str] = (),
-        width: float = 0.02,
+        width: float = TURNS,
         start: float = 0.0,
         over: str = "time",
         reference: float = 25.0,
@@ -66,7 +67,7 @@ class FrictionDrift(JointCurves):
         return {"width": self.width, "start": self.start}
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
-        s = np.tanh(state.v / self.width)
+        s = smoothed_sign(state.v, self.width)
         if self.over == "time":
             x = (np.asarray(state.t) - self.start)[..., None]
         elif state.temperature is None:

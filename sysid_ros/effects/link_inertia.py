@@ -28,6 +28,7 @@ class LinkInertia(Effect):
     acts: ClassVar[Acts] = Acts.LINK
     usual: ClassVar[float] = 0.9
     replaces_links: ClassVar[bool] = True
+    in_urdf: ClassVar[bool] = True
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
         super().__init__(robot, joints)

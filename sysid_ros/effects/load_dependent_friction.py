@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid_ros.effects.effect import Depends, JointCurves, Knob, positive
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -36,7 +37,7 @@ class LoadDependentFriction(JointCurves):
     look_alikes: ClassVar[tuple[str, ...]] = ("torque_scale", "asymmetric_coulomb_friction", "coulomb_friction")
     separated_by: ClassVar[str] = "the same loaded and unloaded postures passed in both directions"
 
-    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = 0.02) -> None:
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = TURNS) -> None:
         super().__init__(robot, joints)
         self.width = positive(width, "width", self.id)
 
@@ -45,7 +46,7 @@ class LoadDependentFriction(JointCurves):
         return {"width": self.width}
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
-        s = np.tanh(state.v / self.width)
+        s = smoothed_sign(state.v, self.width)
         return np.stack([s, s * np.abs(load)])
 
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:

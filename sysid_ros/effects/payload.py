@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
+import numpy as np
+
 from sysid_ros.effects.effect import Acts, Effect
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
@@ -48,6 +50,13 @@ class Payload(Effect):
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         self.robot.fill_payload_regressor(sample.q, self.frame_index, out)
+
+    def as_links(self, theta: FloatArray) -> FloatArray:
+        frame = self.robot.model.frames[self.frame_index]
+        out = super().as_links(theta)
+        placement = np.array(frame.placement.rotation), np.array(frame.placement.translation)
+        out[frame.parentJoint - 1] = inertial_parameters.move(theta, *placement)
+        return out
 
     def columns_along(self, motion: Motion) -> FloatArray:
         return motion.payload_regressor(self.frame)

@@ -48,6 +48,9 @@ class PayloadChange(Payload):
         if sample.t < self.t0:
             out[:] = 0.0
 
+    def as_links(self, theta: FloatArray) -> FloatArray:
+        return np.zeros((self.robot.n, 10))
+
     def columns_along(self, motion: Motion) -> FloatArray:
         later = motion.t >= self.t0
         if self.recording and motion.recording != self.recording:

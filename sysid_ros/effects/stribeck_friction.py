@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid_ros.effects.effect import JointCurves, Knob, positive
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -37,7 +38,7 @@ class StribeckFriction(JointCurves):
     look_alikes: ClassVar[tuple[str, ...]] = ("coulomb_friction", "presliding_hysteresis", "viscous_friction")
     separated_by: ClassVar[str] = "slow moves at several constant speeds between 0.02 and 0.2 rad/s, in both directions"
 
-    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), vs: float = 0.05, width: float = 0.02) -> None:
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), vs: float = 0.05, width: float = TURNS) -> None:
         super().__init__(robot, joints)
         self.vs, self.width = positive(vs, "vs", self.id), positive(width, "width", self.id)
 
@@ -50,7 +51,7 @@ class StribeckFriction(JointCurves):
         return np.vstack([np.eye(self.p), np.kron(np.eye(len(self.joints)), [-1.0, 1.0])])  # Fs - Fc
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
-        s = np.tanh(state.v / self.width)
+        s = smoothed_sign(state.v, self.width)
         e = np.exp(-((state.v / self.vs) ** 2))
         return np.stack([s * (1.0 - e), s * e])
 

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.exceptions import DataError
-from sysid_ros.identification.recording import Recording
 from sysid_ros.identification.result import Problem
 from sysid_ros.identification.rows import BoolArray
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,14 +112,14 @@ def _moving_samples(q: FloatArray, t: FloatArray) -> int:
 
 def _frozen_position(recording: Recording, j: int, joint: str, spoiled: BoolArray) -> list[Problem]:
     """The position repeats while the message's velocity says that the joint moves."""
-    v, q, period = recording.v[:, j], recording.q[:, j], recording.period
-    if np.isnan(v).all():
+    if recording.v is None:
         return []
+    v, q, period = recording.v[:, j], recording.q[:, j], recording.period
     starts, lengths = _runs(q)
     total, since = 0, 0.0
     for r in np.flatnonzero(lengths * period >= TOL.frozen_position):
         where = slice(int(starts[r]), int(starts[r] + lengths[r]))
-        if float(np.nanmedian(np.abs(v[where]))) > TOL.frozen_speed:
+        if float(np.median(np.abs(v[where]))) > TOL.frozen_speed:
             since = since if total else float(recording.t[where.start] - recording.t[0])
             spoiled[where] = True
             total += int(lengths[r])

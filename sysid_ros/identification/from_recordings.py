@@ -13,12 +13,12 @@ from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.identify import Choices, identify, require_motion
 from sysid_ros.identification.least_squares import METHODS
 from sysid_ros.identification.plausibility import check_plausible
-from sysid_ros.identification.recording import Recording
 from sysid_ros.identification.result import CutOff, Identification, Problem
 from sysid_ros.identification.rows import FORMS, BagRows, SmoothRecording, collect_rows
 from sysid_ros.identification.spectrum import choose_cutoff
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 
 
 def identify_recordings(

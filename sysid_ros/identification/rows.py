@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from sysid_ros.effects import Effect, Motion
 from sysid_ros.exceptions import DataError
-from sysid_ros.identification.recording import Recording
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement
 from sysid_ros.signals.causal_derivative import default_cutoff
+from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.zero_phase import GaussianLowPass, KinematicFilter, SmoothMotion
 from sysid_ros.torque.torque_model import TorqueModel
 
@@ -92,7 +92,7 @@ def collect_rows(
 
 def _recording(name: str, measurements: Iterable[Measurement]) -> Recording:
     try:
-        return Recording.of(name, measurements)
+        return Recording.from_measurements(name, measurements)
     except DataError as error:
         raise DataError(f"{error} Record at least 10 s.") from None
 
@@ -156,10 +156,11 @@ class SmoothRecording:
         if period > 0.0:
             kinematics = KinematicFilter(period, cutoff)
             for part in recording.stretches(max_gap):
-                t, q, v, tau = (x[part] for x in (recording.t, recording.q, recording.v, recording.tau))
+                t, q, tau = (x[part] for x in (recording.t, recording.q, recording.tau))
+                v = recording.v[part] if measured_velocity and recording.v is not None else None
                 bad = None if spoiled is None else spoiled[part]
                 long_enough = part.stop - part.start > 2 * kinematics.half
-                smooth = kinematics.apply(t, q, v, tau, measured_velocity, bad) if long_enough else None
+                smooth = kinematics.apply(t, q, v, tau, bad) if long_enough else None
                 if smooth is not None:
                     stretches.append(smooth)
         grid_period = kinematics.grid_period if stretches else 0.25 / cutoff
@@ -239,9 +240,7 @@ class SmoothRecording:
                 out[k] += self.low_pass.slope @ momentum[window]
 
     def _known(self, model: TorqueModel, smooth: SmoothMotion) -> FloatArray:
-        if not model.known and any(e.replaces_links for e in model.free):
-            return np.zeros_like(smooth.tau)
-        return np.array([model.known_torque(s) for s in self._motion(smooth, slice(None)).samples()])
+        return model.torque_along(self._motion(smooth, slice(None)))
 
     def _motion(self, s: SmoothMotion, where: slice) -> Motion:
         return Motion(self.robot, s.t[where] - self.start, s.q[where], s.v[where], s.a[where], s.tau[where])

@@ -77,7 +77,7 @@ class FreeParameters:
             whole, effects, known_effects, settings.effort_type == "total", known.uncertainty if known else None
         )
         self._coulomb = _dry_friction(robot, known_effects)
-        self._viscous = np.abs(self.model.known_theta("viscous_friction"))
+        self._viscous = np.abs(TorqueModel(whole, [], known_effects, links=False).damping())
         bias = np.full(3 if self._bias else 0, settings.accelerometer_bias_std)
         self.prior_std = np.concatenate([self._payload_prior(), *self._friction_prior(), bias])
 

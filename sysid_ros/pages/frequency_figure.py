@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid_ros.exceptions import DataError
 from sysid_ros.frequency import FrequencyCheck, JointCheck, Response
-from sysid_ros.frequency.verdict import TOLERANCE
+from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.pages import palette
 from sysid_ros.pages.figure import Axis, Band, Curve, Figure, Item, Mark, Panel, Spans, Stack
 from sysid_ros.pages.page import check_plot_path, write_plot
@@ -62,8 +62,8 @@ def _joint(check: JointCheck, hertz: Axis) -> Stack:
     size = np.clip(np.abs(fit), _SMALLEST, _LARGEST)
     seen = np.concatenate([magnitude[0][np.isfinite(magnitude[0])], size, [1.0]])
     limits = (max(min(0.45, seen.min() / 1.4), _SMALLEST), min(max(2.2, seen.max() * 1.4), _LARGEST))
-    turn = float(np.degrees(np.arcsin(TOLERANCE)))
-    above = _response(f, magnitude, (fit_f, size), (1.0 - TOLERANCE, 1.0, 1.0 + TOLERANCE))
+    turn = float(np.degrees(np.arcsin(TOLERANCES.misfit)))
+    above = _response(f, magnitude, (fit_f, size), (1.0 - TOLERANCES.misfit, 1.0, 1.0 + TOLERANCES.misfit))
     below = _response(f, phase, (fit_f, np.degrees(np.angle(fit))), (-turn, 0.0, turn))
     coherence = Curve(f, np.array([w.coherence for w in check.torque.windows]), colour=palette.SOFT, width=1.1, step=True)
     half = Axis(limits=(0.0, 1.03), ticks=((0.0, "0"), (0.5, "0.5"), (1.0, "1")))
@@ -110,7 +110,7 @@ def _response(
     # an area has no room about one window alone
     alone = np.isfinite(values[0]) & np.isnan(np.append(values[0][1:], np.nan)) & np.isnan(np.append(np.nan, values[0][:-1]))
     upright = np.column_stack([values[1], values[2], np.full(len(f), np.nan)])[alone].ravel()
-    within = f"within {100.0 * TOLERANCE:.0f} % of 1"
+    within = f"within {100.0 * TOLERANCES.misfit:.0f} % of 1"
     return (
         Spans("y", np.array([least]), np.array([most]), within, palette.GREEN, 0.12),
         Mark("y", right, colour="#888888", width=0.8),

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.motion import Motion
+from sysid_ros.signals.zero_phase import low_passed
 from sysid_ros.simulation.hidden_effects.channels import Signals
 from sysid_ros.simulation.hidden_effects.sensor_noise import BAND
+from sysid_ros.torque.torque_model import TorqueModel
 
 _SLOW = 0.015
 _GRID = 100.0
@@ -27,12 +29,12 @@ def nominal_residual(robot: RobotModel, exact: Signals) -> tuple[FloatArray, Flo
     period = float(exact.t[1] - exact.t[0])
     v = (exact.q[2:] - exact.q[:-2]) / (2.0 * period)
     a = (exact.q[2:] - 2.0 * exact.q[1:-1] + exact.q[:-2]) / period**2
-    low = butter(4, BAND, fs=1.0 / period, output="sos")
     every = max(round(1.0 / period / _GRID), 1)
     # inverse dynamics at 100 Hz of a motion below BAND
-    q_s, v_s, a_s, tau_s = (sosfiltfilt(low, x, axis=0)[::every] for x in (exact.q[1:-1], v, a, exact.tau[1:-1]))
-    nominal = robot.rnea_along(q_s, v_s, a_s) + robot.damping * v_s + robot.friction * np.tanh(v_s / _SLOW)
-    return exact.t[1:-1][::every], v_s, tau_s - nominal
+    q_s, v_s, a_s, tau_s = (low_passed(x, BAND, period)[::every] for x in (exact.q[1:-1], v, a, exact.tau[1:-1]))
+    t = exact.t[1:-1][::every]
+    nominal = TorqueModel(robot, [], turns=_SLOW).torque_along(Motion(robot, t, q_s, v_s, a_s, tau_s))
+    return t, v_s, tau_s - nominal
 
 
 def shown(residual: FloatArray, floor: FloatArray) -> FloatArray:

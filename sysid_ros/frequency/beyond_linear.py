@@ -1,4 +1,8 @@
-"""Is it linear at all? Whole periods tell noise, which changes from one to the next, from distortion, which does not."""
+"""What no linear response explains: distortion, and dry friction that the model lacks.
+
+Whole periods tell noise, which changes from one to the next, from distortion, which does not. Dry friction that is missing looks
+like other causes, so it is looked for before them.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid_ros.frequency.causes import Cause
-from sysid_ros.frequency.lines import Record
+from sysid_ros.frequency.lines import Record, rests
 from sysid_ros.frequency.local_fit import Window
+from sysid_ros.frequency.stretches import Stretch
+from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.robot.smoothed_sign import SLIDE, TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray
-
-_SURE = 0.01
-_EXCITED = 1e-3
-"""Power of a harmonic of a position over the largest one's, from which on it is excited on purpose."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +41,7 @@ class Distortion:
     @property
     def found(self) -> bool:
         """Whether more than chance repeats itself."""
-        return self.p_value < _SURE
+        return self.p_value < TOLERANCES.sure
 
 
 def distortion(
@@ -114,7 +117,7 @@ def _between(record: Record, positions: FloatArray | None, noise: float) -> tupl
     """Measured torque on harmonics that no joint was asked to make."""
     if positions is None:
         return None, None
-    excited = positions > _EXCITED * positions.max()
+    excited = positions > TOLERANCES.harmonic * positions.max()
     last = int(np.flatnonzero(excited)[-1])
     order = np.arange(1, len(excited) + 1)
     spare = ~excited & (order <= last + 1)
@@ -129,3 +132,52 @@ def _between(record: Record, positions: FloatArray | None, noise: float) -> tupl
         level = float(np.sum(power[own] - noise)) if own.any() else None
         out.append(None if level is None else float(np.sqrt(max(2.0 * level / points, 0.0))))
     return out[0], out[1]
+
+
+@dataclass(frozen=True, slots=True)
+class MissingFriction:
+    """``tau_measured - tau_model = Fc sign(v) + b v + offset + g tau_model - d dtau_model/dt + e d2tau_model/dt2``.
+
+    The last three are what a gain, a delay and a spring do at first, and keep them from being taken for friction.
+
+    Attributes:
+        coulomb, viscous: Fc [N m], b [N m s/rad]. part: of the misfit's power that both explain.
+    """
+
+    coulomb: float
+    viscous: float
+    part: float
+
+
+def missing_friction(stretches: Sequence[Stretch], joint: int) -> MissingFriction | None:
+    """Dry friction that the model lacks on a joint, by least squares while it moves; None where it is nothing to speak of."""
+    rest, speed, torque, others = [], [], [], []
+    prismatic = bool(stretches[0].motion.robot.is_prismatic[joint])
+    for stretch in stretches:
+        motion = stretch.motion
+        whole, _, _ = rests(motion.v[:, joint], stretch.period, prismatic)
+        rest.append((motion.tau[:, joint] - stretch.model[:, joint])[whole])
+        speed.append(motion.v[whole, joint])
+        torque.append(motion.tau[whole, joint])
+        model = stretch.smooth[:, joint]
+        rate = motion.rate_of(model)
+        others.append(np.stack([model, rate, motion.rate_of(rate)], axis=1)[whole])
+    e, v = np.concatenate(rest), np.concatenate(speed)
+    if len(e) < 50:
+        return None
+    turns = TURNS * (SLIDE if prismatic else 1.0)
+    beside = np.column_stack([np.ones_like(v), np.concatenate(others)])
+    columns = np.column_stack([smoothed_sign(v, turns), v, beside])
+    theta, left = _least_squares(columns, e)
+    power = max(float(np.sum((e - e.mean()) ** 2)), 1e-300)
+    dry, both = ((_least_squares(columns[:, first:], e)[1] - left) / power for first in (1, 2))
+    size = float(np.sqrt(np.mean(np.concatenate(torque) ** 2)))
+    named = dry > TOLERANCES.friction or (dry > TOLERANCES.some_friction and both > TOLERANCES.all_friction and theta[1] > 0.0)
+    return MissingFriction(float(theta[0]), float(theta[1]), both) if named and theta[0] > TOLERANCES.notable * size else None
+
+
+def _least_squares(columns: FloatArray, e: FloatArray) -> tuple[FloatArray, float]:
+    """Parameters and sum of squares that is left."""
+    size = np.maximum(np.sqrt(np.sum(columns**2, axis=0)), 1e-300)
+    theta = np.linalg.lstsq(columns / size, e, rcond=None)[0] / size
+    return theta, float(np.sum((e - columns @ theta) ** 2))

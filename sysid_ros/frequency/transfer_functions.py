@@ -1,32 +1,131 @@
-"""LineFit: lines of one channel, weighted by their noise, for fits of transfer functions."""
+"""What a model may miss, as a transfer function from its torque to the measured one; s = 2 pi i f.
+
+    gain            g
+    delay           g exp(-s d)
+    low_pass        g / (1 + s / w)
+    resonance       g (1 + b s + s^2 / z^2) / (1 + b s + s^2 / p^2),      b = 2 zeta / p,  z > p
+    anti_resonance  g (1 + 2 zeta s / z + s^2 / z^2)
+
+The last two are a joint of two masses, motor Jm and link M with a spring k and a damper b k between them (Spong 1987):
+p^2 = k / M is the link's oscillation with the motor held, z^2 = k (M + Jm) / (M Jm) that of both against each other. Where the
+encoder stands on the motor, torque of the rigid model M + Jm times H is the motor's torque; where it stands on the link, only the
+zero is left.
+
+:class:`LineFit` fits them to the lines of one channel, weighted by their noise.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from sysid_ros.frequency.forms import Form
 from sysid_ros.frequency.lines import ComplexArray, Record
-from sysid_ros.frequency.local_fit import Window, beside_basis, enough
-from sysid_ros.frequency.noise_level import smoothed_noise
+from sysid_ros.frequency.local_fit import Window, beside_basis, enough, smoothed_noise
+from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 
+Shape = Callable[[FloatArray, FloatArray], ComplexArray]
 FOLDS = 4
 """Every fourth window is held out in turn."""
-_MOST_NOISE = 0.6
-"""Part of the input's power that may be noise in a window between others, as beside the resonance of a link."""
-_LAST_NOISE = 0.35
-"""The same of the last window."""
-_LOST = 2
-_WRONG = 0.1
-"""Part of the dry friction that the model may have wrong in ways that change from one reversal to the next."""
 _AT_ONCE = 40
-BEYOND = 1.1
-"""Part by which the band must go on above an oscillation: it is told from both of its sides."""
-_MOST_DAMPED = 0.25
-"""Damping of what is called an oscillation at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """A family of transfer functions.
+
+    Attributes:
+        name: of the cause. shape: (parameters, f) -> H. parameters: names of what is searched for.
+        logarithmic: whether the logarithm of each is searched.
+        says: name and unit of what is reported, for each parameter.
+        free_gain: whether the gain is one of them.
+    """
+
+    name: str
+    shape: Shape
+    parameters: tuple[str, ...]
+    logarithmic: tuple[bool, ...]
+    free_gain: bool
+
+    @property
+    def p(self) -> int:
+        """Number of parameters."""
+        return len(self.parameters)
+
+    def H(self, x: FloatArray, f: FloatArray) -> ComplexArray:
+        """The response at f (K,) [Hz] for parameters as they are searched, shape (p,)."""
+        return self.shape(self.values(x), f)
+
+    def values(self, x: FloatArray) -> FloatArray:
+        """Parameters in their units from those that are searched."""
+        return np.where(self.logarithmic, np.exp(np.where(self.logarithmic, x, 0.0)), x)
+
+    def searched(self, values: FloatArray) -> FloatArray:
+        """The inverse of :meth:`values`."""
+        return np.where(self.logarithmic, np.log(np.where(self.logarithmic, values, 1.0)), values)
+
+
+UNITS = {"gain": "", "delay": "s", "cutoff": "Hz", "frequency": "Hz", "damping": "", "zero_ratio": "", "zero_damping": ""}
+
+
+def _s(f: FloatArray) -> ComplexArray:
+    return np.asarray(2j * np.pi * f)
+
+
+def _gain(v: FloatArray, f: FloatArray) -> ComplexArray:
+    return np.full(len(f), v[0], dtype=complex)
+
+
+def _delay(v: FloatArray, f: FloatArray) -> ComplexArray:
+    return np.asarray(np.exp(-_s(f) * v[0]))
+
+
+def _low_pass(v: FloatArray, f: FloatArray) -> ComplexArray:
+    return np.asarray(1.0 / (1.0 + 1j * f / v[0]))
+
+
+def _resonance(v: FloatArray, f: FloatArray) -> ComplexArray:
+    """v: frequency and damping of the pole, the zero's frequency over the pole's, less one."""
+    x = f / v[0]
+    loss = 2j * v[1] * x
+    return np.asarray((1.0 + loss - (x / (1.0 + v[2])) ** 2) / (1.0 + loss - x**2))
+
+
+def _anti_resonance(v: FloatArray, f: FloatArray) -> ComplexArray:
+    x = f / v[0]
+    return np.asarray(1.0 + 2j * v[1] * x - x**2)
+
+
+def _times(one: Shape, count: int, other: Shape) -> Shape:
+    return lambda v, f: np.asarray(one(v[:count], f) * other(v[count:], f))
+
+
+def _forms() -> tuple[Form, ...]:
+    plain = {
+        "delay": (_delay, ("delay",), (False,)),
+        "low_pass": (_low_pass, ("cutoff",), (True,)),
+        "resonance": (_resonance, ("frequency", "damping", "zero_ratio"), (True, True, True)),
+        "anti_resonance": (_anti_resonance, ("frequency", "damping"), (True, True)),
+    }
+    out = [
+        Form("nothing", lambda v, f: np.ones(len(f), dtype=complex), (), (), False),
+        Form("gain", _gain, ("gain",), (False,), True),
+    ]
+    for name, (shape, parameters, logarithmic) in plain.items():
+        out.append(Form(name, shape, parameters, logarithmic, False))
+        out.append(Form(name, _times(_gain, 1, shape), ("gain", *parameters), (False, *logarithmic), True))
+    late, names, logs = plain["delay"]
+    for name in ("resonance", "anti_resonance"):
+        shape, parameters, logarithmic = plain[name]
+        both = _times(_gain, 1, _times(late, 1, shape))
+        out.append(Form(f"delay+{name}", both, ("gain", *names, *parameters), (False, *logs, *logarithmic), True))
+    return tuple(out)
+
+
+FORMS = _forms()
 
 
 class LineFit:
@@ -132,7 +231,7 @@ def _together(bases: Sequence[tuple[int, ComplexArray]], count: int) -> Any:
 def _dry(records: Sequence[Record], window: Window) -> float:
     """Power of a line that may be dry friction which the model has wrong, and which no response of its own follows."""
     parts = [np.abs(r.D[k, 0]) ** 2 for r, k in zip(records, window.lines, strict=True) if r.D is not None]
-    return float(_WRONG**2 * np.mean(np.concatenate(parts))) if parts and sum(map(len, parts)) else 0.0
+    return float(TOLERANCES.wrong_friction**2 * np.mean(np.concatenate(parts))) if parts and sum(map(len, parts)) else 0.0
 
 
 def _useful(windows: Sequence[Window]) -> list[Window]:
@@ -142,24 +241,24 @@ def _useful(windows: Sequence[Window]) -> list[Window]:
     """
     last, lost = -1, 0
     for i, window in enumerate(windows):
-        lost = lost + 1 if window.input_noise >= _MOST_NOISE else 0
-        if lost > _LOST:
+        lost = lost + 1 if window.input_noise >= TOLERANCES.most_noise else 0
+        if lost > TOLERANCES.lost:
             break
-        if window.input_noise < _LAST_NOISE:
+        if window.input_noise < TOLERANCES.last_noise:
             last = i
-    return [w for w in windows[: last + 1] if w.input_noise < _MOST_NOISE]
+    return [w for w in windows[: last + 1] if w.input_noise < TOLERANCES.most_noise]
 
 
 def bounds(form: Form, f: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Limits of the parameters as they are searched, shape (p,) each, for lines at f (K,) [Hz]."""
     low, high = float(f.min()), float(f.max())
-    inside = max(high / BEYOND, 2.0 * low)
+    inside = max(high / TOLERANCES.beyond, 2.0 * low)
     limits = {
         "gain": (0.05, 20.0),
         "delay": (-0.1, 0.1),
         "cutoff": (0.2 * low, 20.0 * high),
         "frequency": (1.5 * low, inside),
-        "damping": (1e-3, _MOST_DAMPED),
+        "damping": (1e-3, TOLERANCES.most_damped),
         "zero_ratio": (0.02, 20.0),
     }
     pairs = np.array([limits[name] for name in form.parameters])
