@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from sysid_ros.estimators.jump_search import JumpRule
 from sysid_ros.sample import FloatArray
 
 STATUSES = ("warming_up", "ok", "not_excited", "outlier", "not_finite")
@@ -30,13 +32,45 @@ class Estimate(NamedTuple):
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """What there is to estimate.
+
+    Attributes:
+        prior_std: standard deviation of each parameter before any data, shape (p,).
+        floor: least long-run variance of a row, shape (m,). period: time between updates [s].
+        forgetting_time: time constant of what is forgotten [s].
+        jump: which parameters may jump.
+        part: least variance of a single row as a part of ``floor``, which is that of the mean of many: what a low-pass leaves.
+    """
+
+    prior_std: FloatArray
+    floor: FloatArray
+    period: float
+    forgetting_time: float
+    jump: JumpRule
+    part: float = 1.0
+
+
 class Estimator(ABC):
     """A recursive estimator of ``tau = Y theta + e``; it knows nothing of robots.
 
+    A new one implements :meth:`update` and :meth:`reset`, and keeps ``_theta``, ``_P`` and ``_sensitivity`` or answers
+    :attr:`theta` and :meth:`covariance` in its own way. What it says of noise and jumps is here that the noise is as given and
+    that nothing jumps; :func:`sysid_ros.estimators.make_estimator` puts such a one into a :class:`.WatchedEstimator`, which
+    learns both from its innovations.
+
     Attributes:
         p: number of parameters. m: number of rows of an update.
+        watches_itself: True where it learns its noise and finds jumps by itself.
+        jumps: how many jumps of the parameters it has found. last_jump: change of the parameters that may jump at the newest one.
+        found_after: updates from a jump until it is found.
     """
 
+    watches_itself: ClassVar[bool] = False
+    found_after: ClassVar[int] = 0
+    jumps: int = 0
+    last_jump: FloatArray = np.zeros(0)
     _theta: FloatArray
     _P: FloatArray
     """Covariance of theta, without the considered errors, shape (p, p)."""
@@ -46,6 +80,13 @@ class Estimator(ABC):
     def __init__(self, p: int, m: int) -> None:
         self.p, self.m = p, m
         self._nothing_considered = np.empty((m, 0))
+
+    @classmethod
+    def of(cls, problem: Problem) -> Estimator:
+        """The estimator for a problem; here of a class that is made from prior, floor, period and forgetting time."""
+        make: Any = cls
+        made: Estimator = make(problem.prior_std, problem.floor, problem.period, problem.forgetting_time)
+        return made
 
     @property
     def theta(self) -> FloatArray:
@@ -57,6 +98,21 @@ class Estimator(ABC):
         if self._sensitivity.shape[1] == 0:
             return self._P.copy()
         return self._P + self._sensitivity @ self._sensitivity.T
+
+    @property
+    def noise_known(self) -> bool:
+        """True once covariances rest on noise that the data have shown, or that was given."""
+        return True
+
+    @property
+    def noise_variance(self) -> FloatArray:
+        """Long-run variance of the residual of each row, shape (m,); NaN where nothing was learned of it."""
+        return np.full(self.m, np.nan)
+
+    @property
+    def row_variance(self) -> FloatArray:
+        """Variance of the residual of single rows, without what follows from their colour, shape (m,); NaN as above."""
+        return np.full(self.m, np.nan)
 
     def _estimate(self, innovation: FloatArray, status: str, reason: str) -> Estimate:
         return Estimate(self._theta.copy(), self.covariance(), innovation, status, reason)
