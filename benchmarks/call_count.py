@@ -84,10 +84,8 @@ def _calls_of_messages(record: ArmRecord) -> list[Calls]:
         node._on_description(_string(record.urdf))
         counted = []
         for m in measurements:
-            velocity = [] if m.v is None else m.v.tolist()
-            message = JointState(
-                name=names, position=m.q.tolist(), velocity=[] if m.v is None else m.v.tolist(), effort=m.tau.tolist()
-            )
+            assert m.v is not None
+            message = JointState(name=names, position=m.q.tolist(), velocity=m.v.tolist(), effort=m.tau.tolist())
             message.header.stamp = stamp_of(1.0 + m.t)
             if m.t < KNOWN:
                 node._on_joint_states(message)

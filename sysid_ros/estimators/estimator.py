@@ -58,18 +58,19 @@ class Estimator(ABC):
     A new one implements :meth:`update` and :meth:`reset`, and keeps ``_theta``, ``_P`` and ``_sensitivity`` or answers
     :attr:`theta` and :meth:`covariance` in its own way. What it says of noise and jumps is here that the noise is as given and
     that nothing jumps; :func:`sysid_ros.estimators.make_estimator` puts such a one into a :class:`.WatchedEstimator`, which
-    learns both from its innovations.
+    adds both.
 
     Attributes:
         p: number of parameters. m: number of rows of an update.
         watches_itself: True where it learns its noise and finds jumps by itself.
-        jumps: how many jumps of the parameters it has found. last_jump: change of the parameters that may jump at the newest one.
-        found_after: updates from a jump until it is found.
+        jumps: how many jumps of the parameters it has found. found_after: updates from a jump until it is found.
+        before_jump, last_jump: of the parameters that may jump, before the newest one, and by how much they changed.
     """
 
     watches_itself: ClassVar[bool] = False
     found_after: ClassVar[int] = 0
     jumps: int = 0
+    before_jump: FloatArray = np.zeros(0)
     last_jump: FloatArray = np.zeros(0)
     _theta: FloatArray
     _P: FloatArray

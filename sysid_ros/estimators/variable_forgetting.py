@@ -89,7 +89,7 @@ class VariableForgetting(Estimator):
         self._early: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         self._early_jump = False
         self.jumps = 0
-        self.last_jump = np.zeros(self._jump.least.size)
+        self.before_jump = self.last_jump = np.zeros(self._jump.least.size)
 
     @property
     def prior_variance(self) -> FloatArray:
@@ -266,7 +266,7 @@ class VariableForgetting(Estimator):
         if change is None:
             return False
         self.jumps += 1
-        self.last_jump = change
+        self.before_jump, self.last_jump = self._theta[self._jump.block].copy(), change
         self._settling = max(round(self._jump.memory / self._period), 1)
         self._interrupt_noise()
         self._begin_again()

@@ -194,7 +194,7 @@ class OnlineEstimation:
             judgement.check.add(rows.tau[:n], (rows.y - rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD])[:n])
         if known and estimator.jumps != jumps:
             delay = front_end.delay + estimator.found_after * front_end.period
-            mass = float(before[0] - self._tare[0][0])
+            mass = float(estimator.before_jump[0] - self._tare[0][0])
             self._log.add(rows.sample.t - delay, mass, mass + float(estimator.last_jump[0]))
         if estimate.status == "not_finite":
             self._forget_filters()
