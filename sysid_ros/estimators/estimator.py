@@ -64,6 +64,9 @@ class Estimator(ABC):
         p: number of parameters. m: number of rows of an update.
         watches_itself: True where it learns its noise and finds jumps by itself.
         jumps: how many jumps of the parameters it has found. found_after: updates from a jump until it is found.
+        noise_known: True once covariances rest on noise that the data have shown, or that was given.
+        noise_variance: over a long run, of the residual of each row, shape (m,); NaN where nothing was learned of it.
+        row_variance: of the residual of single rows, without what follows from their colour, shape (m,); NaN as above.
         before_jump, last_jump: of the parameters that may jump, before the newest one, and by how much they changed.
     """
 
@@ -81,6 +84,9 @@ class Estimator(ABC):
     def __init__(self, p: int, m: int) -> None:
         self.p, self.m = p, m
         self._nothing_considered = np.empty((m, 0))
+        self.noise_known = True
+        self.noise_variance: FloatArray = np.full(m, np.nan)
+        self.row_variance: FloatArray = np.full(m, np.nan)
 
     @classmethod
     def of(cls, problem: Problem) -> Estimator:
@@ -100,23 +106,9 @@ class Estimator(ABC):
             return self._P.copy()
         return self._P + self._sensitivity @ self._sensitivity.T
 
-    @property
-    def noise_known(self) -> bool:
-        """True once covariances rest on noise that the data have shown, or that was given."""
-        return True
-
-    @property
-    def noise_variance(self) -> FloatArray:
-        """Long-run variance of the residual of each row, shape (m,); NaN where nothing was learned of it."""
-        return np.full(self.m, np.nan)
-
-    @property
-    def row_variance(self) -> FloatArray:
-        """Variance of the residual of single rows, without what follows from their colour, shape (m,); NaN as above."""
-        return np.full(self.m, np.nan)
-
     def _estimate(self, innovation: FloatArray, status: str, reason: str) -> Estimate:
-        return Estimate(self._theta.copy(), self.covariance(), innovation, status, reason)
+        covariance = self.covariance() if self._sensitivity.shape[1] else self._P.copy()
+        return Estimate(self._theta.copy(), covariance, innovation, status, reason)
 
     @abstractmethod
     def update(

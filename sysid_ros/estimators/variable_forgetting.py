@@ -15,6 +15,9 @@ from sysid_ros.estimators.row_sums import RowSums
 from sysid_ros.estimators.variable_update import BLOCK_FULL, BROKEN_DOWN, NOT_ORDINARY, TAKEN_IN
 from sysid_ros.sample import FloatArray
 
+_NOT_FINITE = "the rows hold values that are not finite, or absurd"
+_BROKEN_DOWN = "the recursion broke down and started again"
+
 
 class VariableForgetting(Estimator):
     """Joseph-form recursive least squares that remembers while the innovations fit and forgets when they do not.
@@ -45,6 +48,8 @@ class VariableForgetting(Estimator):
     FORGET_EVERY = 10
     SPREAD_MEMORY = 10.0
     """Time constant of the mean of squared residuals [s]."""
+    CLIP_AFTER = 0.5
+    """Time from which on a squared residual counts as :data:`.variable_update.MOST_SPREAD` times their mean at most [s]."""
     SPREAD_ANEW = 0.2
     """What the mean of squared residuals before a jump counts for after it [s]."""
     INDEPENDENT = 0.1
@@ -79,6 +84,11 @@ class VariableForgetting(Estimator):
         self._sensitivity = np.zeros((self.p, 0))
         self.noise = LongRunVariance(self.m, self._period, self._floor)
         self._levels = np.stack([self._floor * self.noise.CAUTION, self._floor, self._part * self._floor])
+        self.noise_known, self.noise_variance, self.row_variance = (
+            False,
+            self.noise.variance,
+            self._levels[variable_update.SPREAD],
+        )
         self._spread_count = 0
         self._updates = 0
         self._blocks = BlockInnovations(self.noise.lengths, self.m, self.p)
@@ -90,24 +100,6 @@ class VariableForgetting(Estimator):
         self._early_jump = False
         self.jumps = 0
         self.before_jump = self.last_jump = np.zeros(self._jump.least.size)
-
-    @property
-    def prior_variance(self) -> FloatArray:
-        """Diagonal of the covariance before any data, which bounds it at all times, shape (p,)."""
-        return self._prior_variance
-
-    @property
-    def noise_known(self) -> bool:
-        return self.noise.known
-
-    @property
-    def noise_variance(self) -> FloatArray:
-        return self.noise.variance
-
-    @property
-    def row_variance(self) -> FloatArray:
-        variance: FloatArray = self._levels[variable_update.SPREAD].copy()
-        return variance
 
     @property
     def settling(self) -> bool:
@@ -136,7 +128,10 @@ class VariableForgetting(Estimator):
             outlier = z > self.THRESHOLD and not self._settling
             done = self._take_in(Y, tau, extra, Z, innovation, np.inf, z if outlier else 1.0)
         if done not in (TAKEN_IN, BLOCK_FULL):
-            return self._not_taken(done, innovation)
+            broken = done == BROKEN_DOWN
+            if broken:
+                self.reset()
+            return self._estimate(innovation, "not_finite", _BROKEN_DOWN if broken else _NOT_FINITE)
         if self._settling:
             self._settle()
         if not self.noise.known:
@@ -164,12 +159,6 @@ class VariableForgetting(Estimator):
         self._burst = max(self._burst - 1, 0)
         return False
 
-    def _not_taken(self, done: int, innovation: FloatArray) -> Estimate:
-        if done != BROKEN_DOWN:
-            return self._estimate(innovation, "not_finite", "the rows hold values that are not finite, or absurd")
-        self.reset()
-        return self._estimate(innovation, "not_finite", "the recursion broke down and started again")
-
     def _take_in(
         self,
         Y: FloatArray,
@@ -180,29 +169,15 @@ class VariableForgetting(Estimator):
         threshold: float,
         inflation: float = 1.0,
     ) -> int:
-        blocks, rate, clip = self._blocks, 0.0, False
+        blocks, count, rate = self._blocks, self._spread_count, 0.0
+        self.row_variance = self._levels[variable_update.SPREAD]
         if self.noise.known and not self._settling:
-            rate, clip = self._next_rate()
+            rate = max(1.0 / (count + 1), self._period / self.SPREAD_MEMORY)
         done: int = variable_update.take_in(
-            Y,
-            tau,
-            extra,
-            Z,
-            self._theta,
-            self._P,
-            self._sensitivity,
-            self._sums.rows,
-            self._levels,
-            blocks.total,
-            blocks.starts,
-            blocks.known,
-            blocks.progress,
-            innovation,
-            threshold,
-            inflation,
-            rate,
-            clip,
-        )
+            Y, tau, extra, Z, self._theta, self._P, self._sensitivity, self._sums.rows, self._levels,
+            blocks.total, blocks.starts, blocks.known, blocks.progress,
+            innovation, threshold, inflation, rate, count * self._period > self.CLIP_AFTER,
+        )  # fmt: skip
         if rate > 0.0 and done in (TAKEN_IN, BLOCK_FULL):
             self._spread_count += 1
         return done
@@ -211,13 +186,9 @@ class VariableForgetting(Estimator):
         super()._consider(count)
         self._sums.consider(count)
 
-    def _next_rate(self) -> tuple[float, bool]:
-        """How much the next squared residual counts in the mean of them, and whether a large one counts less."""
-        count = self._spread_count
-        return max(1.0 / (count + 1), self._period / self.SPREAD_MEMORY), count * self._period > 0.5
-
     def _weigh_anew(self) -> None:
         """Rows were weighted with the noise known when they came; weight them all with what is known now."""
+        self.noise_known, self.noise_variance = self.noise.known, self.noise.variance
         self._levels[variable_update.NOISE] = self.noise.variance
         self._theta, self._P, self._sensitivity = self._sums.solve(self.noise.variance)
 
@@ -231,10 +202,7 @@ class VariableForgetting(Estimator):
 
     def _learn_early(self, Y: FloatArray, tau: FloatArray, extra: FloatArray) -> None:
         """The first residuals say nothing while the fit still follows every row: the noise is read from one fit to all first
-        rows.
-
-        They were weighted with the least noise; once it is known they are taken in again with what it is.
-        """
+        rows. They were weighted with the least noise; once it is known they are taken in again with what it is."""
         if self._settling:
             return
         self._early.append((Y, tau, extra))
@@ -247,7 +215,9 @@ class VariableForgetting(Estimator):
             residual = (torque - rows @ self._theta) / np.sqrt(freedom)
             spread = self._levels[variable_update.SPREAD]
             weighted = residual * np.sqrt(spread / (spread + more))
-            variable_update.learn_spread(residual, more, self._levels, *self._next_rate())
+            rate = max(1.0 / (self._spread_count + 1), self._period / self.SPREAD_MEMORY)
+            clip = self._spread_count * self._period > self.CLIP_AFTER
+            variable_update.learn_spread(residual, more, self._levels, rate, clip)
             self._spread_count += 1
             if count == fewest:
                 self.noise.add(weighted)

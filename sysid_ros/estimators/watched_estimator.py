@@ -31,11 +31,18 @@ class WatchedEstimator(Estimator):
         super().__init__(inner.p, inner.m)
         self._inner, self._floor = inner, problem.floor
         self._watch = VariableForgetting.of(problem)
+        self._see()
+
+    def _see(self) -> None:
+        """Take over what the watch knows."""
+        watch = self._watch
+        self.noise_known, self.noise_variance, self.row_variance = watch.noise_known, watch.noise_variance, watch.row_variance
+        self.jumps, self.last_jump, self.before_jump = watch.jumps, watch.last_jump, watch.before_jump
 
     def reset(self) -> None:
         self._inner.reset()
         self._watch.reset()
-        self.jumps = 0
+        self._see()
 
     def forget(self) -> None:
         self._inner.forget()
@@ -47,18 +54,6 @@ class WatchedEstimator(Estimator):
 
     def covariance(self) -> FloatArray:
         return self._inner.covariance()
-
-    @property
-    def noise_known(self) -> bool:
-        return self._watch.noise_known
-
-    @property
-    def noise_variance(self) -> FloatArray:
-        return self._watch.noise_variance
-
-    @property
-    def row_variance(self) -> FloatArray:
-        return self._watch.row_variance
 
     def update(
         self,
@@ -72,8 +67,8 @@ class WatchedEstimator(Estimator):
         seen = self._watch.update(Y, tau, hold, extra_variance, considered)
         if self._watch.jumps != self.jumps or (settling and not self._watch.settling):
             self._inner.forget()
-        self.jumps, self.last_jump, self.before_jump = self._watch.jumps, self._watch.last_jump, self._watch.before_jump
-        variance = self._watch.noise_variance if extra_variance is None else self._watch.noise_variance + extra_variance
+        self._see()
+        variance = self.noise_variance if extra_variance is None else self.noise_variance + extra_variance
         if seen.status == "outlier":
             variance = variance + seen.innovation**2
         extra = np.maximum(variance - self._floor, 0.0)

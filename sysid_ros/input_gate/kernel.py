@@ -174,7 +174,7 @@ def check(
     all_zero = True
     for j in range(index.size):
         q, v, effort = raw[0, index[j]], raw[1, index[j]], raw[2, index[j]]
-        fault = _value_fault(q, v, effort, has_velocity, limits, j)
+        fault: int = _value_fault(q, v, effort, has_velocity, limits, j)
         if fault != OK:
             return fault + CODES * j
         turns = state[TURNS, j] if clock[FRESH] != 0.0 else _unwrap(q, t - clock[LAST_T], limits, state, j)
@@ -189,4 +189,5 @@ def check(
     _accept(raw, has_velocity, index, t, state, clock, out)
     if not has_velocity or t - clock[WINDOW_SINCE] < VELOCITY_WINDOW:
         return OK
-    return _compare_velocities(t, state, clock, out)
+    verdict: int = _compare_velocities(t, state, clock, out)
+    return verdict

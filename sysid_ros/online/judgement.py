@@ -26,6 +26,8 @@ class ModelCheck:
 
     Attributes:
         ready: True once there are enough updates for a verdict.
+        part: as of the last verdict, rms of what is unexplained over rms of the torque, a joint, shape (n,); 0 where the joint
+            carries next to nothing.
     """
 
     PART = 0.25
@@ -43,6 +45,7 @@ class ModelCheck:
         self._unexplained = np.zeros(n)
         self._count = 0
         self.ready = False
+        self.part: FloatArray = np.zeros(n)
 
     def add(self, torque: FloatArray, unexplained: FloatArray) -> None:
         """Take in measured torque and what known model and payload leave of it, after the low-pass, shape (n,) each [N m]."""
@@ -51,12 +54,6 @@ class ModelCheck:
         rate = max(1.0 / self._count, 1.0 / self._memory)
         self._torque += rate * (torque * torque - self._torque)
         self._unexplained += rate * (unexplained * unexplained - self._unexplained)
-
-    @property
-    def part(self) -> FloatArray:
-        """rms of what is unexplained over rms of the torque, a joint, shape (n,); 0 where the joint carries next to nothing."""
-        part: FloatArray = np.sqrt(self._unexplained / np.maximum(self._torque, self._weak**2))
-        return part
 
     def verdict(self, noise: FloatArray, residual: FloatArray, floor: FloatArray) -> str:
         """A sentence that names the worst joints where the model is wrong, else an empty string.
@@ -67,7 +64,7 @@ class ModelCheck:
         """
         if not self.ready:
             return ""
-        part = self.part
+        self.part = part = np.sqrt(self._unexplained / np.maximum(self._torque, self._weak**2))
         if float(part.sum()) < self.PART * part.size:
             return ""
         usual = float(np.quantile(np.sqrt(noise / floor), self.JOINTS))

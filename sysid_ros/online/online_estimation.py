@@ -189,7 +189,7 @@ class OnlineEstimation:
         extra = None if friction is None else friction.hidden_variance(rows.slow, rows.speed, before[PAYLOAD.stop :])
         estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
         self._outliers += estimate.status == "outlier"
-        if not hold and estimator.noise_known:
+        if not hold and known:
             n = self._floor.size if self.base is None else FREE
             judgement.check.add(rows.tau[:n], (rows.y - rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD])[:n])
         if known and estimator.jumps != jumps:
@@ -242,7 +242,7 @@ class OnlineEstimation:
             theta, distance = project(theta, covariance)
             if not distance <= _NOT_A_BODY:
                 status, reason = "not_physical", "No body of positive density has these parameters, whatever the noise."
-        if status != "warming_up":
+        if status != "warming_up" and (self.base is not None or t <= self._log.open_until):
             self._log.refine(t, float(theta[0]))
         if self._set_down is not None and status in ("ok", "no_payload"):
             self._log.set_down(self._set_down, float(theta[0]), float(std[0]))
