@@ -84,11 +84,7 @@ class VariableForgetting(Estimator):
         self._sensitivity = np.zeros((self.p, 0))
         self.noise = LongRunVariance(self.m, self._period, self._floor)
         self._levels = np.stack([self._floor * self.noise.CAUTION, self._floor, self._part * self._floor])
-        self.noise_known, self.noise_variance, self.row_variance = (
-            False,
-            self.noise.variance,
-            self._levels[variable_update.SPREAD],
-        )
+        self.noise_known, self.noise_variance = False, self.noise.variance
         self._spread_count = 0
         self._updates = 0
         self._blocks = BlockInnovations(self.noise.lengths, self.m, self.p)
