@@ -189,7 +189,7 @@ class OnlineEstimation:
         extra = None if friction is None else friction.hidden_variance(rows.slow, rows.speed, before[PAYLOAD.stop :])
         estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
         self._outliers += estimate.status == "outlier"
-        if not hold and known:
+        if not hold and estimator.noise_known:
             n = self._floor.size if self.base is None else FREE
             judgement.check.add(rows.tau[:n], (rows.y - rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD])[:n])
         if known and estimator.jumps != jumps:
