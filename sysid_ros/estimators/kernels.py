@@ -43,50 +43,38 @@ def joseph_update_considering(
     Args:
         S: shape (p, c). Z: shape (m, c).
     """
-    gain, projected, carried = np.empty(theta.size), np.empty(theta.size), np.empty(S.shape[1])
+    p, c = S.shape
+    gain = np.empty(p)
+    projected = np.empty(p)
+    carried = np.empty(c)
     for i in range(tau.size):
         if not np.isfinite(variance[i]):
             continue
-        s, innovation = _project(P, Y[i], variance[i], theta, tau[i], projected)
-        _carry(Y[i], Z[i], S, carried)
-        for a in range(theta.size):
+        innovation = tau[i]
+        s = variance[i]
+        projected[:] = 0.0
+        for b in range(p):
+            if Y[i, b] != 0.0:
+                for a in range(p):
+                    projected[a] += P[b, a] * Y[i, b]
+        for a in range(p):
+            s += projected[a] * Y[i, a]
+            innovation -= Y[i, a] * theta[a]
+        carried[:] = Z[i]
+        for a in range(p):
+            if Y[i, a] != 0.0:
+                for k in range(c):
+                    carried[k] += Y[i, a] * S[a, k]
+        for a in range(p):
             g = projected[a] / s
             gain[a] = g
             theta[a] += g * innovation
-            for k in range(carried.size):
+            for k in range(c):
                 S[a, k] -= g * carried[k]
-        for a in range(theta.size):
+        for a in range(p):
             g, h = gain[a], projected[a]
-            for b in range(theta.size):
+            for b in range(p):
                 P[a, b] += s * (g * gain[b]) - (g * projected[b] + h * gain[b])
-
-
-@njit(**_JIT)  # type: ignore[untyped-decorator]
-def _project(
-    P: FloatArray, y: FloatArray, variance: float, theta: FloatArray, tau: float, projected: FloatArray
-) -> tuple[float, float]:
-    """``projected <- P y``, shape (p,); variance ``y' P y + r`` and value of the row's innovation."""
-    p = theta.size
-    projected[:] = 0.0
-    for b in range(p):
-        if y[b] != 0.0:
-            for a in range(p):
-                projected[a] += P[b, a] * y[b]
-    s, innovation = variance, tau
-    for a in range(p):
-        s += projected[a] * y[a]
-        innovation -= y[a] * theta[a]
-    return s, innovation
-
-
-@njit(**_JIT)  # type: ignore[untyped-decorator]
-def _carry(y: FloatArray, z: FloatArray, S: FloatArray, carried: FloatArray) -> None:
-    """``carried <- z + S' y``, shape (c,): by how much the considered errors shift the row's innovation."""
-    carried[:] = z
-    for a in range(y.size):
-        if y[a] != 0.0:
-            for k in range(z.size):
-                carried[k] += y[a] * S[a, k]
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
@@ -124,10 +112,20 @@ def innovate_and_update(
 @njit(**_JIT)  # type: ignore[untyped-decorator]
 def normalised_innovation(Y: FloatArray, P: FloatArray, spread: FloatArray, extra: FloatArray, innovation: FloatArray) -> float:
     """``z = nu' S^-1 nu / m`` with ``S = Y P Y' + diag(spread + extra)``, by Cholesky; NaN where S is not positive definite."""
-    m = Y.shape[0]
+    m, p = Y.shape
     S = np.empty((m, m))
-    _innovation_covariance(Y, P, S)
+    row = np.empty(p)
     for i in range(m):
+        row[:] = 0.0
+        for a in range(p):
+            if Y[i, a] != 0.0:
+                for b in range(p):
+                    row[b] += Y[i, a] * P[a, b]
+        for j in range(i + 1):
+            total = 0.0
+            for b in range(p):
+                total += row[b] * Y[j, b]
+            S[i, j] = total
         S[i, i] += spread[i] + extra[i]
     z = 0.0
     solved = np.empty(m)
@@ -148,24 +146,6 @@ def normalised_innovation(Y: FloatArray, P: FloatArray, spread: FloatArray, extr
         solved[i] = rest / S[i, i]
         z += solved[i] * solved[i]
     return float(z / m)
-
-
-@njit(**_JIT)  # type: ignore[untyped-decorator]
-def _innovation_covariance(Y: FloatArray, P: FloatArray, S: FloatArray) -> None:
-    """Lower half of ``S <- Y P Y'``, shape (m, m)."""
-    m, p = Y.shape
-    row = np.empty(p)
-    for i in range(m):
-        row[:] = 0.0
-        for a in range(p):
-            if Y[i, a] != 0.0:
-                for b in range(p):
-                    row[b] += Y[i, a] * P[a, b]
-        for j in range(i + 1):
-            total = 0.0
-            for b in range(p):
-                total += row[b] * Y[j, b]
-            S[i, j] = total
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
