@@ -155,8 +155,8 @@ class InputGate:
         )
 
     def _measurement(self, record: JointStateRecord) -> Measurement | Rejection:
-        names = tuple(record.names)
-        mapping = self._mapping if names == self._names else self._mapping_of(names)
+        names = record.names
+        mapping = self._mapping if names is self._names or names == self._names else self._mapping_of(tuple(names))
         if isinstance(mapping, Rejection):
             return mapping
         position, velocity, effort = record.position, record.velocity, record.effort
