@@ -142,7 +142,7 @@ def _checked(name: str, value: Any, meta: Any, default: Any) -> Any:
             raise SettingsError(f"{name} is {value!r}; it must be true or false.")
         return value
     if meta["choices"]:
-        if value not in meta["choices"]:
+        if value not in tuple(meta["choices"]):  # it may be something that has no hash
             raise SettingsError(f"{name} is {value!r}; it must be one of {', '.join(meta['choices'])}.")
         return value
     if meta["low"] is None:
