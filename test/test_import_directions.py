@@ -14,13 +14,14 @@ PACKAGE = Path(__file__).resolve().parents[1] / "sysid_ros"
 # Each unit (a module of the root, or a sub-package) imports only units of earlier rows, and itself.
 LEVELS = (
     {"exceptions", "plain_json", "sample"},
+    {"estimators"},
     {"online_settings"},
     {"robot"},
     {"signals"},
     {"effects"},
     {"floating"},
     {"torque"},
-    {"estimators", "excitation", "input_gate"},
+    {"excitation", "input_gate"},
     {"online"},
     {"control"},
     {"simulation"},
@@ -33,8 +34,8 @@ LEVELS = (
 )
 LEVEL_OF = {unit: level for level, units in enumerate(LEVELS) for unit in units}
 
-# Estimators know no robotics: of the package they see errors, settings and the array type.
-ONLY = {"estimators": {"exceptions", "sample", "online_settings"}}
+# Estimators know no robotics: of the package they see errors and the array type.
+ONLY = {"estimators": {"exceptions", "sample"}}
 
 # Where each foreign package may be imported. Message packages are ROS as much as rclpy is.
 ROS = ("rclpy", "ament_index_python", "builtin_interfaces", "rcl_interfaces", "launch", "launch_ros")

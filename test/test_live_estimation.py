@@ -57,7 +57,7 @@ def run(live: LiveEstimation, records: list[JointStateRecord]) -> tuple[int, lis
             live.health(record.receive_time)
         if estimate is not None:
             count += 1
-            if (passed := live.offer_commit(estimate)) is not None:
+            if (passed := live.commit.offer(estimate)) is not None:
                 committed.append(passed.mass)
     return count, committed
 
@@ -159,7 +159,7 @@ def test_no_commit_while_the_input_is_in_error() -> None:
     live.health(records[1999].receive_time + 10.0)
     assert live.commit_now()[0] is False
     assert live.estimation.latest is not None
-    assert live.offer_commit(live.estimation.latest) is None
+    assert live.commit.offer(live.estimation.latest) is None
 
 
 def test_disabled_estimation_gives_nothing() -> None:

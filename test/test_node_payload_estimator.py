@@ -245,7 +245,7 @@ def test_parameters_are_labelled_and_in_the_order_of_the_label(carrying: Bench) 
 def test_centre_of_mass_has_its_covariance(carrying: Bench) -> None:
     message, latest = carrying.heard["center_of_mass"][-1], carrying.latest
     covariance = np.array(message.pose.covariance).reshape(6, 6)
-    assert covariance[:3, :3] == pytest.approx(latest.com_covariance, rel=1e-9)
+    assert covariance[:3, :3] == pytest.approx(latest.body.com_covariance, rel=1e-9)
     assert not covariance[3:].any()
     assert message.pose.pose.orientation.w == 1.0
     assert message.pose.pose.position.z == pytest.approx(latest.com[2])

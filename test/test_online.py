@@ -82,7 +82,7 @@ def test_values_have_the_shapes_that_are_stated(carried: list[Measurement]) -> N
         assert e.observable.dtype == bool
         assert e.residual.shape == e.payload_effort.shape == (7,)
         assert e.com.shape == e.com_std.shape == (3,)
-        assert e.com_covariance.shape == e.inertia_com.shape == (3, 3)
+        assert e.body.com_covariance.shape == e.inertia_com.shape == (3, 3)
         assert e.status in STATUSES
         assert e.reason or e.status == "ok"
         assert np.isfinite(e.theta).all()
