@@ -18,7 +18,7 @@ from sysid_ros.diagnosis.fault_findings import as_unit, finding_of, message_find
 from sysid_ros.diagnosis.faults import refusal_of
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.forward_simulation import forward_simulation
-from sysid_ros.diagnosis.held_out_gate import paying
+from sysid_ros.diagnosis.held_out_gate import validated
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.joint_side import JointSide
 from sysid_ros.diagnosis.library import Library
@@ -108,7 +108,7 @@ def diagnose(
         judged = [without(r, later) for r in judged]
         held = HeldOut.of(robot, prepare(robot, judged, effects, train.turns), fit)
         notes += tuple(f"{c.recording}: {in_words(c)}, and is left out of what the models are judged on." for c in later)
-    fit = better_drift(train.problem, library, paying(train.problem, library, fit, held), held)
+    fit = better_drift(train.problem, library, validated(train.problem, library, fit, held), held)
     fit = prune(train.problem, fit, selection.price)
     fit = selection.fit = with_masses(robot, train.problem, fit, held)
     values = with_knobs(train.problem, library, fit)

@@ -31,18 +31,13 @@ class JointSide:
     @classmethod
     def of(cls, robot: RobotModel, known: Sequence[KnownEffect]) -> JointSide:
         """Of known effects, or of the URDF's ``<dynamics>`` where they do not replace it."""
-        replaced = any(k.effect.id == "link_inertia" for k in known)
+        replaced = any(k.effect.replaces_links for k in known)
         viscous, coulomb = (np.zeros(robot.n) if replaced else x.copy() for x in (robot.damping, robot.friction))
         rotor = np.zeros(robot.n)
         for k in known:
-            names = k.effect.parameter_names
-            for j, joint in enumerate(robot.joint_names):
-                if (level := f"Fc[{joint}]") in names:
-                    coulomb[j] += k.theta[names.index(level)]
-            if k.effect.id == "viscous_friction":
-                viscous[k.effect.joints] += k.theta
-            elif k.effect.id == "rotor_inertia":
-                rotor[k.effect.joints] += k.theta
+            viscous += k.effect.as_damping(k.theta)
+            coulomb += k.effect.as_dry_friction(k.theta)
+            rotor += k.effect.as_armature(k.theta)
         return cls(*(np.maximum(x, 0.0) for x in (viscous, coulomb, rotor)))
 
     def torque(self, v: FloatArray, a: FloatArray) -> FloatArray:

@@ -7,34 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.effects import Parameter
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.model_file import ModelFile
 
+__all__ = ["VERDICTS", "Diagnosis", "Finding", "Parameter", "Predictions", "SimulationError", "TorqueRmse"]
+
 VERDICTS = ("explained", "partly_explained", "unexplained", "nothing_wrong", "refused")
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter with its 95 % interval; value, std and both ends of the interval are lists where it is a vector."""
-
-    name: str
-    joint: str | None
-    value: Any
-    unit: str
-    std: Any
-    low: Any
-    high: Any
-
-    def as_dict(self) -> dict[str, Any]:
-        """As it stands in diagnosis.json."""
-        return {
-            "name": self.name,
-            "joint": self.joint,
-            "value": self.value,
-            "unit": self.unit,
-            "std": self.std,
-            "ci95": [self.low, self.high],
-        }
 
 
 @dataclass(frozen=True)

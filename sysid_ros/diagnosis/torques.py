@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit
-from sysid_ros.diagnosis.library import LINK_SIDE, MEASUREMENT, Library
-from sysid_ros.effects import LinkInertia, Payload
-from sysid_ros.robot.inertial_parameters import move
+from sysid_ros.diagnosis.library import Library
+from sysid_ros.effects import Acts
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
@@ -21,25 +20,20 @@ def torques(
     link, drive = [x.copy() for x in links], [x.copy() for x in nominal]
     for term in fit.terms:
         theta = term.theta_of_effect(fit.theta_of(term))
-        if term.id in MEASUREMENT:
+        if term.effect.acts is Acts.MEASUREMENT:
             continue
         for i, motion in enumerate(library.motions):
             torque = term.effect.torque_along(motion, theta)
             drive[i] += torque
-            if term.id in LINK_SIDE:
+            if term.effect.acts is Acts.LINK:
                 link[i] += torque
     return link, drive
 
 
 def links_changed(robot: RobotModel, fit: Fit) -> FloatArray:
     """What a fit adds to the links' inertials all the time, payload included, shape (10 n,)."""
-    change = np.zeros(10 * robot.n)
+    change = np.zeros((robot.n, 10))
     for term in fit.terms:
         theta = term.theta_of_effect(fit.theta_of(term))
-        if isinstance(term.effect, LinkInertia):
-            change.reshape(-1, 10)[term.effect.joints] += theta.reshape(-1, 10)
-        elif type(term.effect) is Payload:
-            frame = robot.model.frames[term.effect.frame_index]
-            j = frame.parentJoint - 1
-            change[10 * j : 10 * j + 10] += move(theta, np.array(frame.placement.rotation), np.array(frame.placement.translation))
-    return change
+        change += term.effect.as_links(theta) - term.effect.as_links(np.zeros_like(theta))
+    return change.ravel()

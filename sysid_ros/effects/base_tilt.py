@@ -12,6 +12,9 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
+_STEEPEST = 0.6
+"""Nobody takes a base that stands askew by more for a level one [rad]."""
+
 
 def tilted_gravity(gravity: FloatArray, roll: float, pitch: float) -> FloatArray:
     """Gravity in the axes of a base that is turned by roll about x, then by pitch about y of the world, shape (3,) [m/s^2]."""
@@ -72,3 +75,6 @@ class BaseTilt(Effect):
 
     def columns_along(self, motion: Motion) -> FloatArray:
         return self._columns(motion.q)
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        return bool(np.all(np.abs(theta) < _STEEPEST))

@@ -66,3 +66,6 @@ class PreslidingHysteresis(JointCurves):
 
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:
         return self.of_symbol("Fc", theta)
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        return bool(theta[0] > 0.0)

@@ -12,6 +12,11 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
+_LONGEST = 0.2
+"""A longer delay is no delay of a measurement [s]."""
+_SAMPLING = 3e-3
+"""A shorter one comes from sampling: the effort is held between two samples [s]."""
+
 
 class TimeDelay(Effect):
     """``tau = -delay dtau_link/dt``, to first order: the effort belongs to an earlier instant than the positions [s].
@@ -53,3 +58,9 @@ class TimeDelay(Effect):
 
     def as_delay(self, theta: FloatArray) -> float:
         return float(theta[0])
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        return abs(float(theta[0])) < _LONGEST
+
+    def notable(self, theta: FloatArray) -> bool:
+        return abs(float(theta[0])) >= _SAMPLING

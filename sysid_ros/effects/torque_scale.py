@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from sysid_ros.effects.effect import Acts, Depends, JointCurves
+from sysid_ros.effects.parameter import Parameter, by_delta_method
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -31,3 +32,10 @@ class TorqueScale(JointCurves):
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         return np.array(load)[None]
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        return bool(theta[0] > -0.98)
+
+    def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
+        (joint,) = self.joint_names
+        return [by_delta_method("gain", joint, "1", lambda x: 1.0 + float(x[0]), values, covariance)]
