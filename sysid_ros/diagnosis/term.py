@@ -85,7 +85,8 @@ class Term:
     @property
     def prior(self) -> FloatArray:
         """Inverse variance of the columns' parameters before any data, shape (p,): for what a motion does not show of a body."""
-        return np.asarray(1.0 / self.effect.prior_std(self.form)[: self.p] ** 2)
+        known = 1.0 / self.effect.prior_std(self.form)[: self.p] ** 2
+        return np.concatenate([known, np.zeros(self.p - len(known))])
 
     @property
     def cost(self) -> int:

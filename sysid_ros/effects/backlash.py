@@ -44,6 +44,7 @@ class Backlash(Effect):
     family: ClassVar[str] = "compliance"
     knobs: ClassVar[tuple[Knob, ...]] = (Knob("flank", 8.0, 60.0, "Hz"), Knob("damping", 0.05, 2.0, "1"))
     scope: ClassVar[Scope] = Scope.LINK
+    between: ClassVar[tuple[float, float]] = (0.0, np.inf)
     companion: ClassVar[str] = "rotor_inertia"
     deflection: ClassVar[DeflectionSearch] = DeflectionSearch(
         scanned=1.5,
@@ -116,9 +117,6 @@ class Backlash(Effect):
         lag = self.lag(motion, joint)
         reverses = min(np.mean(lag[:, 0] > 0.0), np.mean(lag[:, 0] < 0.0)) > ONE_SIDED
         return own_torque(motion, joint, lag) / self.around * reverses
-
-    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
-        return bool(theta[0] > 0.0)
 
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         (joint,) = self.joint_names

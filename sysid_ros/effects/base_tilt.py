@@ -38,6 +38,7 @@ class BaseTilt(Effect):
     label: ClassVar[str] = "tilted base"
     acts: ClassVar[Acts] = Acts.LINK
     depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.LINKS})
+    between: ClassVar[tuple[float, float]] = (-_STEEPEST, _STEEPEST)
     signature: ClassVar[str] = "like gravity on all joints, and on a vertical first joint too"
     look_alikes: ClassVar[tuple[str, ...]] = ("joint_offset", "external_force", "link_inertia")
     separated_by: ClassVar[str] = "a sweep of the first joint over 90 degrees or more with the arm stretched out"
@@ -75,6 +76,3 @@ class BaseTilt(Effect):
 
     def columns_along(self, motion: Motion) -> FloatArray:
         return self._columns(motion.q)
-
-    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
-        return bool(np.all(np.abs(theta) < _STEEPEST))

@@ -32,6 +32,7 @@ class JointOffset(Effect):
     acts: ClassVar[Acts] = Acts.LINK
     depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.LINKS})
     scope: ClassVar[Scope] = Scope.LINK
+    between: ClassVar[tuple[float, float]] = (-_FARTHEST, _FARTHEST)
     signature: ClassVar[str] = "the gradient of gravity along the joint's position, in all joints around it"
     look_alikes: ClassVar[tuple[str, ...]] = ("base_tilt", "backlash", "link_inertia", "joint_elasticity")
     separated_by: ClassVar[str] = "motion of the other joints over 60 degrees or more; on a vertical first joint nothing shows it"
@@ -62,9 +63,6 @@ class JointOffset(Effect):
         here = self._arm.rnea_along(q, v, a)
         moved = self.around * np.eye(self.robot.n)[self.joints]
         return np.stack([(self._arm.rnea_along(q - d, v, a) - here) / self.around for d in moved], axis=-1)
-
-    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
-        return abs(float(theta[0])) < _FARTHEST
 
     def same_torque(self, theta: FloatArray, motions: Sequence[Motion]) -> tuple[str, ...]:
         """A play on one flank all the time is a wrong zero by half the gap, the motor ahead of the link under the load."""

@@ -42,6 +42,7 @@ class PreslidingHysteresis(JointCurves):
     label: ClassVar[str] = "presliding hysteresis"
     family: ClassVar[str] = "dry friction"
     usual: ClassVar[float] = 0.3
+    between: ClassVar[tuple[float, float]] = (0.0, np.inf)
     jumps: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]] = ("Fc",)
     symbol_units: ClassVar[tuple[str, ...]] = ("N m",)
@@ -66,6 +67,3 @@ class PreslidingHysteresis(JointCurves):
 
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:
         return self.of_symbol("Fc", theta)
-
-    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
-        return bool(theta[0] > 0.0)

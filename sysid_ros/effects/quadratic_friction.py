@@ -16,6 +16,7 @@ class QuadraticFriction(JointEffect):
 
     id: ClassVar[str] = "quadratic_friction"
     label: ClassVar[str] = "friction with the square of the speed"
+    between: ClassVar[tuple[float, float]] = (0.0, np.inf)
     simpler: ClassVar[str] = "viscous_friction"
     symbol: ClassVar[str] = "c"
     unit: ClassVar[str] = "N m s^2/rad^2"
@@ -27,6 +28,3 @@ class QuadraticFriction(JointEffect):
     def curve(self, sample: Sample | Motion) -> FloatArray:
         curve: FloatArray = sample.v * np.abs(sample.v)
         return curve
-
-    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
-        return bool(theta[0] > 0.0)

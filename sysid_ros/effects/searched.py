@@ -24,6 +24,7 @@ class Searched(ABC):
 
     Attributes:
         scope: what one occurrence belongs to.
+        between: values of its parameters that are possible.
         companion: id of the effect that comes with it on its joint.
         includes: ids of the effects that are a part of it, and leave when it comes: it is only tried in their place.
         simpler: id of the effect that it must be clearly better than, to stand on a joint in its place.
@@ -42,6 +43,7 @@ class Searched(ABC):
     nonnegative: ClassVar[bool]
     knobs: ClassVar[tuple[Knob, ...]]
     scope: ClassVar[Scope] = Scope.ARM
+    between: ClassVar[tuple[float, float]] = (-np.inf, np.inf)
     companion: ClassVar[str] = ""
     includes: ClassVar[tuple[str, ...]] = ()
     simpler: ClassVar[str] = ""
@@ -113,7 +115,8 @@ class Searched(ABC):
         Args:
             theta, std: shape (m,). form: of the candidate. torque: of :meth:`reference_torque` [N m].
         """
-        return not self.nonnegative or bool(np.all(theta > 0.0))
+        low, high = (0.0, np.inf) if self.nonnegative else self.between
+        return bool(np.all((low < theta) & (theta < high)))
 
     def notable(self, theta: FloatArray) -> bool:
         """False where it is no more than what every recording has."""

@@ -33,6 +33,7 @@ class TimeDelay(Effect):
     acts: ClassVar[Acts] = Acts.MEASUREMENT
     depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.DRIVE})
     usual: ClassVar[float] = 0.2
+    between: ClassVar[tuple[float, float]] = (-_LONGEST, _LONGEST)
     signature: ClassVar[str] = "in proportion to the rate of the torque, with one delay for all joints"
     look_alikes: ClassVar[tuple[str, ...]] = ("viscous_friction", "joint_elasticity", "velocity_lag")
     separated_by: ClassVar[str] = "fast motion: a delay grows with the square of the frequency, friction does not"
@@ -58,9 +59,6 @@ class TimeDelay(Effect):
 
     def as_delay(self, theta: FloatArray) -> float:
         return float(theta[0])
-
-    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
-        return abs(float(theta[0])) < _LONGEST
 
     def notable(self, theta: FloatArray) -> bool:
         return abs(float(theta[0])) >= _SAMPLING

@@ -20,6 +20,7 @@ class TorqueScale(JointCurves):
     acts: ClassVar[Acts] = Acts.MEASUREMENT
     depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.DRIVE})
     usual: ClassVar[float] = 0.1
+    between: ClassVar[tuple[float, float]] = (-0.98, np.inf)
     symbols: ClassVar[tuple[str, ...]] = ("gain_error",)
     symbol_units: ClassVar[tuple[str, ...]] = ("1",)
     slide_units: ClassVar[tuple[str, ...]] = ("1",)
@@ -32,9 +33,6 @@ class TorqueScale(JointCurves):
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         return np.array(load)[None]
-
-    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
-        return bool(theta[0] > -0.98)
 
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         (joint,) = self.joint_names
