@@ -23,8 +23,8 @@ _LONGEST = 0.3
 class _Search:
     """Settings of one term, moved to where the rows are the most likely.
 
-    The linear parameter must be the one that the columns were made for: a fit that wants another one pays for it what forcing
-    it would cost, ``((theta - around) / std)^2 / 2``.
+    The linear parameter must be the one that the columns were made for: a fit that wants another one costs what forcing
+    it would, ``((theta - around) / std)^2 / 2``.
     """
 
     def __init__(self, problem: Problem, library: Library, fit: Fit, term: Term) -> None:

@@ -116,9 +116,9 @@ def diagnose(
     found = replace(found, findings=tuple(as_unit(found.findings, robot.joint_names)), driven=found.predictions)
     signals += contact_findings(contacts, robot.joint_names)
     if faults or signals:
-        told, rest = with_scales(faults, found.findings, robot.joint_names)
+        known_faults, rest = with_scales(faults, found.findings, robot.joint_names)
         found = replace(found, findings=tuple(rest))
-        first = [finding_of(f, robot.joint_names, len(train.band.f)) for f in told]
+        first = [finding_of(f, robot.joint_names, len(train.band.f)) for f in known_faults]
         raw = prepare(robot, published, effects) if faults and not later else held.prepared
         found = with_faults(found, first, signals, faults, raw, held, fit)
     model = extended_model(robot, known, fit, values, train, {r.name: r.start for r in fitted}, provenance or {})

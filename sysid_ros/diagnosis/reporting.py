@@ -29,8 +29,8 @@ _MOST_RIVALS = 8
 _STRONG = 10.0
 """Difference of the BIC from which evidence is very strong (Kass, Raftery 1995)."""
 _SURE = 0.05
-"""Probability, times the number of candidates tried, up to which what every arm has is claimed however little it buys."""
-_BUYS = 0.02
+"""Probability, times the number of candidates tried, up to which what every arm has is claimed however little it gains."""
+_GAINS = 0.02
 """Part of the residual's power on data that was not fitted, from which an effect is claimed however much it scatters."""
 _SCATTERS = "What looks like {} differs so much from time to time that it may be something else."
 _LEFT, _LEFT_SEEN = 0.1, 0.005
@@ -45,7 +45,7 @@ Values = dict[Term, Estimates]
 
 
 def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, held: HeldOut, values: Values) -> Diagnosis:
-    """The findings of a fit, in order of gain, and what they buy on the held-out recordings.
+    """The findings of a fit, in order of gain, and what they gain on the held-out recordings.
 
     Args:
         train: what was fitted. held: what it is judged on. values: of each term, with their covariance.
@@ -84,7 +84,7 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
         evidence = rise - cost * float(np.log(rows))
         p_value = float(min(1.0, stats.chi2.sf(max(rise, 0.0), cost) * selection.tried))
         weak = p_value > _SURE if terms[0].expected else evidence < _STRONG
-        if weak and gain < _BUYS:
+        if weak and gain < _GAINS:
             continue  # in the model, but not claimed: its scatter over time leaves too little of its evidence
         found = tuple(p for t in terms for p in t.effect.as_parameters(*values[t][:2], t.basis))
         if richer:

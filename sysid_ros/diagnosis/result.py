@@ -26,7 +26,7 @@ class Finding:
         delta_bic: of the fitted rows. p_value: corrected for the number of candidates.
         cannot_be_told_from: ids that explain these recordings as well. sentence: for an engineer.
         signature: what it looks like. separated_by: motion that tells it from its look-alikes.
-        drift: of a friction that drifts, where a temperature is known: what it follows, and how it was told.
+        drift: of a friction that drifts, where a temperature is known: what it follows, and by which evidence.
     """
 
     id: str
@@ -95,7 +95,7 @@ class Predictions:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What is wrong with a model, and what the fix buys.
+    """What is wrong with a model, and what the fix gains.
 
     Attributes:
         verdict: one of :data:`VERDICTS`. refusal: why, where it is "refused".

@@ -47,7 +47,7 @@ def with_temperatures(
         if believed is not None:
             values[:, j] = _at(recording.t, believed)
             if np.isnan(values[:, j]).any():
-                why = "its stamps are not those of the joint states, or end more than a minute before them. Record both together."
+                why = "its stamps are not those of the joint states, or end more than a minute before them. Record both at once."
         if why:
             sentences.append(f"The temperature of {robot.joint_names[j]} ({_named(series)}): {why}")
         if np.isfinite(values[:, j]).any():

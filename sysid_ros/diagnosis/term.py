@@ -114,7 +114,7 @@ def depends_on_torques(kind: type[Effect]) -> bool:
 
 
 def joined(terms: Sequence[Term]) -> Term:
-    """One term with the columns of several, to score them together."""
+    """One term with the columns of several, to score them at once."""
     first = terms[0]
     if len(terms) == 1:
         return first

@@ -15,7 +15,7 @@ from sysid_ros.signals.motion import Motion
 
 
 class AccelerometerBias(Effect):
-    """``tau = -M_b(q) b``: the specific force of the base is told too large by a constant b in the axes of the base [m/s^2].
+    """``tau = -M_b(q) b``: the specific force of the base is measured too large by a constant b in the axes of the base [m/s^2].
 
     With M_b (n, 3) the torque that a unit of specific force costs. Inverse dynamics with ``s + b`` asks for ``M_b b`` more than
     acts. On a robot on legs ``s`` is measured; on an arm, whose base rests, it is minus the model's gravity, and b what that is
