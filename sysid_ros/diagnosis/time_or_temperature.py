@@ -120,7 +120,7 @@ def drift_cause(
         delta_heldout=_worse_elsewhere(fit, trial, held, joints),
         error=own,
         error_of_other=other,
-        reference={names[t.joints[0]]: float(t.effect.settings["reference"]) for t in terms if t.form},
+        reference={names[t.joints[0]]: float(t.effect.settings["reference"]) for t in terms if "reference" in t.effect.settings},
     )
 
 
@@ -153,7 +153,8 @@ def _swapped(problem: Problem, library: Library, fit: Fit, terms: Sequence[Term]
         joint = term.joints[0]
         others = [t for t in library.local_options(term.id, joint) if t.form != term.form]
         if others:
-            settings = {**others[0].effect.settings, "width": term.effect.settings["width"]}
+            knobs = {k.name: term.effect.settings[k.name] for k in term.effect.knobs}
+            settings = {**others[0].effect.settings, **knobs}
             swapped[term] = library.local(term.id, joint, **settings)
     if not swapped:
         return fit, []
