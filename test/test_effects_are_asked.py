@@ -1,7 +1,7 @@
 """Who uses effects and estimators asks them; nobody asks for their names or classes. Walks the package and fails on who does.
 
-An id of several words, such as ``rotor_inertia``, is an effect's name, but in a list that holds other words too. One that is a plain
-word, such as ``payload``, is also a key of documents: it counts where it meets what holds an effect's name.
+An id of several words, such as ``rotor_inertia``, is an effect's name, but in a list that holds other words too. One that is a
+plain word, such as ``payload``, is also a key of documents: it counts where it meets what holds an effect's name.
 """
 
 from __future__ import annotations
