@@ -32,8 +32,10 @@ def torques(
 
 def links_changed(robot: RobotModel, fit: Fit) -> FloatArray:
     """What a fit adds to the links' inertials all the time, payload included, shape (10 n,)."""
-    change = np.zeros((robot.n, 10))
+    change = np.zeros(10 * robot.n)
     for term in fit.terms:
         theta = term.theta_of_effect(fit.theta_of(term))
-        change += term.effect.as_links(theta) - term.effect.as_links(np.zeros_like(theta))
-    return change.ravel()
+        # a term of links is a change of them already
+        nothing = term.effect.as_links(np.zeros(term.effect.p))
+        change += (term.effect.as_links(theta) - nothing).ravel()
+    return change

@@ -50,6 +50,6 @@ class Cogging(JointCurves):
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         (joint,) = self.joint_names
         return [
-            by_delta_method("harmonic", joint, "1/rev", lambda x: float(x[2]), values, covariance, origin=True),
+            by_delta_method("harmonic", joint, "1/rev", lambda x: float(x[2]), values, covariance),
             by_delta_method("amp", joint, self.units[0], lambda x: float(np.hypot(x[0], x[1])), values, covariance),
         ]

@@ -106,7 +106,8 @@ class JointElasticity(Effect):
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         (joint,), unit = self.joint_names, "N/m" if self.robot.is_prismatic[self.joints[0]] else "N m/rad"
         compliance = by_delta_method("compliance", joint, self.units[0], lambda x: float(x[0]), values, covariance)
-        # the interval of the compliance turned over: that of the stiffness is not symmetric
+        # the interval of the compliance turned over: that of the stiffness is not symmetric, and without an upper end where no
+        # compliance at all is in it
         value, low = 1.0 / compliance.value, 1.0 / compliance.high
-        high = 1.0 / max(compliance.low, 1e-3 * compliance.value)
+        high = 1.0 / compliance.low if compliance.low > 0.0 else None
         return [Parameter("stiffness", joint, value, unit, value**2 * compliance.std, low, high)]

@@ -11,21 +11,22 @@ import numpy as np
 from sysid_ros.sample import FloatArray
 
 _95 = 1.959964
-_KNOWN_TO = 0.001
-"""What filters and stamps are known to, as a part of a value: no standard deviation is less."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter with its 95 % interval; value, std and both ends of the interval are lists where it is a vector."""
+    """A parameter with its 95 % interval; value, std and both ends of the interval are lists where it is a vector.
+
+    What has no spread that could be measured (a name, a sign, an order) has None as std, low and high.
+    """
 
     name: str
     joint: str | None
     value: Any
     unit: str
-    std: Any
-    low: Any
-    high: Any
+    std: Any = None
+    low: Any = None
+    high: Any = None
 
     def as_dict(self) -> dict[str, Any]:
         """As it stands in diagnosis.json."""
@@ -35,7 +36,7 @@ class Parameter:
             "value": self.value,
             "unit": self.unit,
             "std": self.std,
-            "ci95": [self.low, self.high],
+            "ci95": None if self.low is None else [self.low, self.high],
         }
 
 
@@ -46,12 +47,11 @@ def by_delta_method(
     f: Callable[[FloatArray], float],
     values: FloatArray,
     covariance: FloatArray,
-    origin: bool = False,
 ) -> Parameter:
     """A function of estimated values, to first order in their errors.
 
     Args:
-        values, covariance: shape (k,) and (k, k). origin: an instant or a place, of which a part means nothing.
+        values, covariance: shape (k,) and (k, k).
     """
     value = f(values)
     gradient = np.zeros(len(values))
@@ -59,8 +59,7 @@ def by_delta_method(
         step = np.zeros(len(values))
         step[i] = max(0.1 * float(spread), 1e-9 * max(abs(float(values[i])), 1e-6))
         gradient[i] = (f(values + step) - f(values - step)) / (2.0 * step[i])
-    least = 0.0 if origin else _KNOWN_TO * value
-    std = float(np.sqrt(max(float(gradient @ covariance @ gradient), 0.0) + least**2))
+    std = float(np.sqrt(max(float(gradient @ covariance @ gradient), 0.0)))
     return Parameter(name, joint, float(value), unit, std, float(value - _95 * std), float(value + _95 * std))
 
 

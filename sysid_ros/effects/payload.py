@@ -58,16 +58,15 @@ class Payload(Effect):
     def fill(self, sample: Sample, out: FloatArray) -> None:
         self.robot.fill_payload_regressor(sample.q, self.frame_index, out)
 
+    def as_links(self, theta: FloatArray) -> FloatArray:
+        frame = self.robot.model.frames[self.frame_index]
+        out = super().as_links(theta)
+        placement = np.array(frame.placement.rotation), np.array(frame.placement.translation)
+        out[frame.parentJoint - 1] = inertial_parameters.move(theta, *placement)
+        return out
+
     def columns_along(self, motion: Motion) -> FloatArray:
         return motion.payload_regressor(self.frame)
-
-    def as_links(self, theta: FloatArray) -> FloatArray:
-        out = np.zeros((self.robot.n, 10))
-        frame = self.robot.model.frames[self.frame_index]
-        if frame.parentJoint > 0:
-            placement = np.array(frame.placement.rotation), np.array(frame.placement.translation)
-            out[frame.parentJoint - 1] = inertial_parameters.move(theta, *placement)
-        return out
 
     @classmethod
     def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:

@@ -60,15 +60,15 @@ class PayloadChange(Payload):
         if sample.t < self.t0:
             out[:] = 0.0
 
+    def as_links(self, theta: FloatArray) -> FloatArray:
+        return np.zeros((self.robot.n, 10))
+
     def columns_along(self, motion: Motion) -> FloatArray:
         later = motion.t >= self.t0
         if self.recording and motion.recording != self.recording:
             later = np.zeros_like(later)
         columns: FloatArray = super().columns_along(motion) * later[:, None, None]
         return columns
-
-    def as_links(self, theta: FloatArray) -> FloatArray:
-        return np.zeros((self.robot.n, 10))
 
     @property
     def apart(self) -> str:
@@ -94,7 +94,7 @@ class PayloadChange(Payload):
         return abs(self.t0 - other.t0) < _ONE_EVENT
 
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
-        t0 = by_delta_method("t0", None, "s", lambda x: float(x[-1]), values, covariance, origin=True)
+        t0 = by_delta_method("t0", None, "s", lambda x: float(x[-1]), values, covariance)
         name = self.recording
-        recording = [Parameter("recording", None, name, "", 0.0, name, name)] if name else []
+        recording = [Parameter("recording", None, name, "")] if name else []
         return [*super().as_parameters(values, covariance, basis), t0, *recording]

@@ -62,7 +62,7 @@ class Spring(JointCurves):
         (joint,) = self.joint_names
         if self.shape == "line":
             k = by_delta_method("k", joint, self.units[0], lambda x: float(x[0]), values, covariance)
-            return [k, by_delta_method("q0", joint, "rad", lambda x: float(-x[1] / x[0]), values, covariance, origin=True)]
+            return [k, by_delta_method("q0", joint, "rad", lambda x: float(-x[1] / x[0]), values, covariance)]
         k = by_delta_method("k", joint, self.units[1], lambda x: float(np.hypot(x[0], x[1])), values, covariance)
-        q0 = by_delta_method("q0", joint, "rad", lambda x: float(np.arctan2(-x[1], x[0])), values, covariance, origin=True)
+        q0 = by_delta_method("q0", joint, "rad", lambda x: float(np.arctan2(-x[1], x[0])), values, covariance)
         return [k, q0]
