@@ -106,7 +106,9 @@ def drift_cause(
     Args:
         terms: of the drift, all over the same thing. floor: noise of each joint on held-out data, shape (n,) [N m].
     """
-    trial, joints = _swapped(problem, library, fit, [t for t in terms if _may_follow_temperature(t)])
+    if not all(_may_follow_temperature(t) for t in terms):
+        return None
+    trial, joints = _swapped(problem, library, fit, terms)
     if not joints:
         return None
     held.add(trial.terms)
