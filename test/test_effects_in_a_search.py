@@ -79,3 +79,11 @@ def test_a_payload_is_a_part_of_the_link_that_carries_it() -> None:
     carried = model.regressor(sample.q, sample.v, sample.a) @ payload.as_links(theta).ravel()
     np.testing.assert_allclose(carried, payload.torque(sample, theta), atol=1e-9)
     assert not EFFECTS["payload_change"](model).as_links(theta).any()
+
+
+def test_parameters_of_a_combination_are_those_of_the_effect() -> None:
+    effect = EFFECTS["spring"](robot(ARM), ["lift"])
+    basis = np.array([[1.0], [2.0]])
+    slope, level = Effect.as_parameters(effect, np.array([3.0]), np.array([[0.01]]), basis)
+    assert (slope.name, slope.value, level.name, level.value) == ("along", 3.0, "across", 6.0)
+    assert level.std == pytest.approx(0.2)

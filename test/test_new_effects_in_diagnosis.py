@@ -40,7 +40,8 @@ class GearRipple(JointCurves):
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         angle = self.teeth * state.q
-        return np.abs(load) * np.stack([np.sin(angle), np.cos(angle)])
+        ripple: FloatArray = np.abs(load) * np.stack([np.sin(angle), np.cos(angle)])
+        return ripple
 
 
 class TipDrag(Effect):
@@ -70,7 +71,8 @@ def ripple(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: Fl
 
 def drag(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
     J = model.frame_jacobian_along(q, model.frame_id(model.default_frame))
-    return tau + 4.0 * np.einsum("tij,tik,tk->tj", J, J, v)
+    dragged: FloatArray = tau + 4.0 * np.einsum("tij,tik,tk->tj", J, J, v)
+    return dragged
 
 
 @pytest.fixture(autouse=True)

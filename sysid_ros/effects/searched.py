@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from sysid_ros.effects.parameter import Parameter, by_delta_method
 from sysid_ros.effects.traits import Candidate, DeflectionSearch, Knob, Scope
@@ -146,6 +147,9 @@ class Searched(ABC):
             values: theta of the columns, then the knobs in the order of ``knobs``, shape (m + k,). covariance: of them.
             basis: of the candidate.
         """
+        if basis is not None:
+            whole = linalg.block_diag(basis, np.eye(len(values) - basis.shape[1]))
+            values, covariance = whole @ values, whole @ covariance @ whole.T
         out, joint = [], None
         for i, name in enumerate(self.parameter_names):
             symbol, _, where = name.rstrip("]").partition("[")
