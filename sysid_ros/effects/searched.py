@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
 
 from sysid_ros.effects.parameter import Parameter, by_delta_method
 from sysid_ros.effects.traits import Candidate, DeflectionSearch, Knob, Scope
@@ -148,7 +147,8 @@ class Searched(ABC):
             basis: of the candidate.
         """
         if basis is not None:
-            whole = linalg.block_diag(basis, np.eye(len(values) - basis.shape[1]))
+            m, k = basis.shape[1], len(values) - basis.shape[1]
+            whole = np.block([[basis, np.zeros((len(basis), k))], [np.zeros((k, m)), np.eye(k)]])
             values, covariance = whole @ values, whole @ covariance @ whole.T
         out, joint = [], None
         for i, name in enumerate(self.parameter_names):
