@@ -93,7 +93,9 @@ def simplify(problem: Problem, library: Library, fit: Fit, joints: Sequence[int]
     """The fit with the simplest form of everything that has several on a joint, as dry friction has, that explains the joint."""
     for joint in joints:
         for family in dict.fromkeys(t.effect.family for t in fit.terms if t.row == joint and t.effect.family):
-            present = next(t for t in fit.terms if t.row == joint and t.effect.family == family)
+            present = next((t for t in fit.terms if t.row == joint and t.effect.family == family), None)
+            if present is None:
+                continue
             if found := forms(problem, library, fit, present):
                 fit = simplest(found, price).fit
             fit = _straightened(problem, library, fit, joint, family, price)
