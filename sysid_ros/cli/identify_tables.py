@@ -46,7 +46,10 @@ def show(result: Identification) -> None:
 def _friction(result: Identification) -> str:
     """Which friction each joint got, in words."""
     forms = frictions().values()
-    joints = {form: list(dict.fromkeys(p.joint for p in result.parameters if p.effect == form.id)) for form in forms}
+    by_effect: dict[str, list[str]] = {}
+    for p in result.parameters:
+        by_effect.setdefault(p.effect, []).append(p.joint)
+    joints = {form: list(dict.fromkeys(by_effect.get(form.id, ()))) for form in forms}
     usual, *others = forms
     chosen = result.friction == "auto" or bool(own_knobs(frictions()[result.friction]))
     found = [f"{form.label} at {', '.join(joints[form])}" for form in others if joints[form]]

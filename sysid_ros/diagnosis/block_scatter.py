@@ -2,7 +2,7 @@
 
 The score of a parameter is a sum over time, ``g = sum_b g_b``, zero at the fit. If the noise is what the weights say, flipping
 the signs of whole blocks at random changes nothing but the signs, and the mean of ``(V g)_k^2`` over all such flips,
-``(V sum_b g_b g_b' V)_kk``, is the variance V_kk. Where it is larger, the rows within a block belong together in a way that the
+``(V sum_b g_b g_b' V)_kk``, is the variance V_kk. Where it is larger, the rows within a block are dependent in a way that the
 weights don't know: a model that is wrong for a while, noise that comes and goes or that joints share. (Block sign flips in
 expectation are the covariance of White 1980 with clusters, Liang, Zeger 1986.)
 """

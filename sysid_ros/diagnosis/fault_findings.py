@@ -59,7 +59,7 @@ def as_unit(findings: Sequence[Finding], joints: Sequence[str]) -> list[Finding]
     """Findings in which wrong gains of nearly all joints are what they are: efforts in another unit, as amperes."""
     out = []
     for f in findings:
-        far = [p for p in f.parameters if f.id == TorqueUnit.absorbs and not 1.0 / _FAR < p.value < _FAR]
+        far = [p for p in f.parameters if TorqueUnit.takes(f.id) and not 1.0 / _FAR < p.value < _FAR]
         if len(far) < max(2, round(_MOST * len(joints))):
             out.append(f)
             continue
@@ -92,7 +92,7 @@ def with_scales(faults: Sequence[Fault], findings: Sequence[Finding], joints: Se
     if not per_joint:
         return list(faults), list(findings)
     unit = per_joint[0]
-    gains = {p.joint: p for f in findings if f.id == unit.effect.absorbs for p in f.parameters}
+    gains = {p.joint: p for f in findings if unit.effect.takes(f.id) for p in f.parameters}
     values = []
     for name, j, factor, what, std in unit.values:
         assert j is not None
@@ -100,7 +100,7 @@ def with_scales(faults: Sequence[Fault], findings: Sequence[Finding], joints: Se
             factor, std = factor * p.value, factor * p.std
         values.append((name, j, factor, what, std))
     better = replace(unit, values=tuple(values))
-    return [better if f is unit else f for f in faults], [f for f in findings if f.id != unit.effect.absorbs]
+    return [better if f is unit else f for f in faults], [f for f in findings if not unit.effect.takes(f.id)]
 
 
 def signal_findings(fitted: Sequence[Recording], joints: Sequence[str]) -> list[Finding]:

@@ -7,37 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.effects import Parameter
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.model_file import ModelFile
 
+__all__ = ["VERDICTS", "Diagnosis", "Finding", "Parameter", "Predictions", "SimulationError", "TorqueRmse"]
+
 VERDICTS = ("explained", "partly_explained", "unexplained", "nothing_wrong", "refused")
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter with its 95 % interval; value, std and both ends of the interval are lists where it is a vector.
-
-    What has no spread that could be measured (a name, a sign, an order) has None as std, low and high.
-    """
-
-    name: str
-    joint: str | None
-    value: Any
-    unit: str
-    std: Any = None
-    low: Any = None
-    high: Any = None
-
-    def as_dict(self) -> dict[str, Any]:
-        """As it stands in diagnosis.json."""
-        return {
-            "name": self.name,
-            "joint": self.joint,
-            "value": self.value,
-            "unit": self.unit,
-            "std": self.std,
-            "ci95": None if self.low is None else [self.low, self.high],
-        }
 
 
 @dataclass(frozen=True)
@@ -52,7 +28,7 @@ class Finding:
             it is smaller than a number can be. None where they can't be measured.
         cannot_be_told_from: ids that explain these recordings as well. sentence: for an engineer.
         signature: what it looks like. separated_by: motion that tells it from its look-alikes.
-        drift: of a friction that drifts, where a temperature is known: what it follows, and how it was told.
+        drift: of a friction that drifts, where a temperature is known: what it follows, and by which evidence.
         of_data: True for a fault of the channels or the messages.
     """
 
@@ -129,7 +105,7 @@ class Predictions:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What is wrong with a model, and what the fix buys.
+    """What is wrong with a model, and what the fix gains.
 
     Attributes:
         verdict: one of :data:`VERDICTS`. refusal: why, where it is "refused".

@@ -26,11 +26,12 @@ class AsymmetricCoulombFriction(JointCurves):
     label: ClassVar[str] = "Coulomb friction that differs with the direction"
     family: ClassVar[str] = "dry friction"
     usual: ClassVar[float] = 0.2
+    sum_of: ClassVar[tuple[str, ...]] = ("coulomb_friction", "torque_offset")
     jumps: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]] = ("F_pos", "F_neg")
     symbol_units: ClassVar[tuple[str, ...]] = ("N m", "N m")
     slide_units: ClassVar[tuple[str, ...]] = ("N", "N")
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s"),)
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s", reach=5.0, reported=False),)
     signature: ClassVar[str] = "two levels of different size by direction"
     look_alikes: ClassVar[tuple[str, ...]] = ("coulomb_friction", "torque_offset", "load_dependent_friction")
     separated_by: ClassVar[str] = (
@@ -51,3 +52,6 @@ class AsymmetricCoulombFriction(JointCurves):
 
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:
         return 0.5 * (self.of_symbol("F_pos", theta) + self.of_symbol("F_neg", theta))
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        return bool(np.all(theta + 2.0 * std > 0.0)) and float(theta.sum()) > 0.0

@@ -45,6 +45,11 @@ class ChannelEffect(ABC):
         """True torques as this fault publishes them, shape (N, n)."""
         return tau
 
+    @classmethod
+    def takes(cls, id_: str) -> bool:
+        """Whether the factors of an effect that was found beside this fault belong to it."""
+        return bool(cls.absorbs) and id_ == cls.absorbs
+
     @abstractmethod
     def undo(self, channels: Channels) -> Channels:
         """The channels as they would be without the fault."""

@@ -32,7 +32,7 @@ class CoulombFriction(JointEffect):
     usual: ClassVar[float] = 0.9
     jumps: ClassVar[bool] = True
     in_urdf: ClassVar[bool] = True
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s"),)
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s", reach=5.0, reported=False),)
     signature: ClassVar[str] = "two levels of equal size by direction of motion"
     look_alikes: ClassVar[tuple[str, ...]] = ("stribeck_friction", "presliding_hysteresis", "asymmetric_coulomb_friction")
     separated_by: ClassVar[str] = "several speeds in both directions, with reversals"

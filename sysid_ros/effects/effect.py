@@ -2,64 +2,26 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import Enum
 from typing import Any, ClassVar
 
 import numpy as np
 
+from sysid_ros.effects.arguments import carrying, positive
+from sysid_ros.effects.searched import Searched
+from sysid_ros.effects.traits import Acts, Depends, Knob, Scope
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
-
-@dataclass(frozen=True, slots=True)
-class Knob:
-    """A nonlinear parameter of an effect: a constructor argument that is searched for.
-
-    Attributes:
-        name: of the argument. low, high: range of the search [unit]. unit: in words.
-        logarithmic: the search goes in equal ratios.
-    """
-
-    name: str
-    low: float
-    high: float
-    unit: str
-    logarithmic: bool = True
+__all__ = ["Acts", "Depends", "Effect", "JointCurves", "JointEffect", "Knob", "carrying", "positive"]
 
 
-class Acts(Enum):
-    """Where in the drive train an effect's torque acts."""
-
-    LINK = "link"
-    """Behind the gears: bodies, springs, forces. Whatever depends on the load of the gears sees it."""
-    DRIVE = "drive"
-    """In the gears and the motors: friction, rotors."""
-    MEASUREMENT = "measurement"
-    """Only between the torque and the message: gains, offsets, delays."""
-
-
-class Depends(Enum):
-    """What an effect's columns depend on beside the motion: who learns more of it makes the columns anew."""
-
-    LOAD = "load"
-    """The torque of the links on the gears, as far as it is known."""
-    DRIVE = "drive"
-    """The torque of the drives, as far as it is known."""
-    LINKS = "links"
-    """The inertials of the links, as far as they are known."""
-    TEMPERATURE = "temperature"
-    """The temperature of the joints."""
-    TIME = "time"
-    """The time since the recording began: beyond a recording the effect says nothing of itself."""
-
-
-class Effect(ABC):
-    """One cause of torque, linear in its parameters: ``tau_effect = Y(q, v, a) theta``.
+class Effect(Searched):
+    """One cause of torque, linear in its parameters: ``tau_effect = Y(q, v, a) theta``. What a search asks of it stands in
+    :class:`sysid_ros.effects.searched.Searched`.
 
     A nonlinear knob (the width of a sign function, a frame) is a constructor argument; ``settings`` gives it back, so that an
     effect can be written to ``model.yaml`` and made again by :meth:`from_settings`.
@@ -120,11 +82,6 @@ class Effect(ABC):
         return tuple(self.robot.joint_names[i] for i in self.joints)
 
     @property
-    def settings(self) -> dict[str, Any]:
-        """Constructor arguments beside robot and joints, in plain types."""
-        return {}
-
-    @property
     def nominal(self) -> FloatArray:
         """Its parameters as the URDF has them, shape (p,): what is expected of them before any data."""
         return np.zeros(self.p)
@@ -161,6 +118,14 @@ class Effect(ABC):
     def columns_along(self, motion: Motion) -> FloatArray:
         """Y along a whole recording, shape (N, n, p). An effect with a memory computes it here, from the recording's start."""
         return np.stack([self.columns(sample) for sample in motion.samples()])
+
+    def curves_along(self, motion: Motion) -> FloatArray:
+        """Columns of an effect that loads one joint at a time, each on its own joint, shape (c, N, n)."""
+        k = len(self.joints)
+        own = self.columns_along(motion)[:, self.joints].reshape(len(motion.t), k, k, -1)
+        out = np.zeros((own.shape[3], len(motion.t), self.robot.n))
+        out[:, :, self.joints] = np.einsum("tjjc->ctj", own)
+        return out
 
     def momentum_columns_along(self, motion: Motion) -> tuple[FloatArray, FloatArray] | None:
         """For an effect of inertia: columns P and R, shape (N, n, p) each, with ``Y = dP/dt + R``, neither of which needs an
@@ -210,6 +175,8 @@ class Effect(ABC):
 class JointEffect(Effect):
     """An effect with one parameter a joint, whose column loads only that joint: ``tau_j = c(q_j, v_j, a_j) theta_j``."""
 
+    scope: ClassVar[Scope] = Scope.JOINT
+    alone: ClassVar[bool] = True
     symbol: ClassVar[str]
     unit: ClassVar[str]
     slide_unit: ClassVar[str]
@@ -235,7 +202,6 @@ class JointEffect(Effect):
         return out
 
     def curves_along(self, motion: Motion) -> FloatArray:
-        """As :meth:`JointCurves.curves_along`."""
         return np.broadcast_to(self.curve(motion), motion.q.shape)[None]
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
@@ -268,6 +234,8 @@ class JointCurves(Effect):
     Parameters stand joint after joint, each with all of its ``symbols``.
     """
 
+    scope: ClassVar[Scope] = Scope.JOINT
+    alone: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]]
     symbol_units: ClassVar[tuple[str, ...]]
     slide_units: ClassVar[tuple[str, ...]]
@@ -294,7 +262,6 @@ class JointCurves(Effect):
         """
 
     def curves_along(self, motion: Motion) -> FloatArray:
-        """C of every joint along a recording, shape (c, N, n)."""
         return self.curves(motion, motion.link_torque)
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
@@ -310,29 +277,3 @@ class JointCurves(Effect):
         for k, j in enumerate(self.joints):
             for c in range(len(self.symbols)):
                 out[:, j, k * len(self.symbols) + c] = curves[c][:, j]
-
-
-def positive(value: object, what: str, effect: str) -> float:
-    """A setting that must be a positive, finite number.
-
-    Raises:
-        ModelFileError: it is not.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < np.inf:
-        raise ModelFileError(f"effect '{effect}' has {what} {value!r}; it must be a positive number.")
-    return float(value)
-
-
-def carrying(robot: RobotModel, links: Sequence[float], effect: str) -> RobotModel:
-    """The robot with a change of its links' inertials, shape (10 n,); the robot itself where that is empty.
-
-    Raises:
-        ModelFileError: the change is of another shape.
-    """
-    if len(links) == 0:
-        return robot
-    if len(links) != 10 * robot.n or not np.isfinite(links).all():
-        raise ModelFileError(
-            f"effect '{effect}' has {len(links)} numbers as links; it must be {10 * robot.n} finite ones, or none."
-        )
-    return robot.with_links(np.asarray(links, dtype=float))

@@ -32,7 +32,7 @@ class LoadDependentFriction(JointCurves):
     symbols: ClassVar[tuple[str, ...]] = ("Fc", "mu")
     symbol_units: ClassVar[tuple[str, ...]] = ("N m", "1")
     slide_units: ClassVar[tuple[str, ...]] = ("N", "1")
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s"),)
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s", reach=5.0, reported=False),)
     signature: ClassVar[str] = "the level of friction follows the torque that the links need"
     look_alikes: ClassVar[tuple[str, ...]] = ("torque_scale", "asymmetric_coulomb_friction", "coulomb_friction")
     separated_by: ClassVar[str] = "the same loaded and unloaded postures passed in both directions"
@@ -51,3 +51,6 @@ class LoadDependentFriction(JointCurves):
 
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:
         return self.of_symbol("Fc", theta)
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        return bool(theta[0] + 2.0 * std[0] > 0.0 and theta[1] > 0.0)

@@ -8,10 +8,16 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sysid_ros.effects.effect import JointCurves, Knob, positive
+from sysid_ros.effects.traits import Candidate
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
+
+_SHARP = 0.005
+"""Width of the sign of a velocity, below the speeds at which a joint counts as standing [rad/s]."""
+_BREAKAWAY = 4.0
+"""Breakaway friction is not more than so many times the friction of steady sliding."""
 
 
 class StribeckFriction(JointCurves):
@@ -57,3 +63,11 @@ class StribeckFriction(JointCurves):
 
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:
         return self.of_symbol("Fc", theta)
+
+    @classmethod
+    def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
+        return [Candidate({"vs": x, "width": _SHARP}) for x in cls.knobs[0].grid()]
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        high = float(theta[0] + 2.0 * std[0])
+        return bool(high > 0.0 and max(theta[0], 0.0) < theta[1] < _BREAKAWAY * max(high, 0.2 * theta[1]))

@@ -68,7 +68,7 @@ class FreeParameters:
         prior_std = [self._payload_prior()]
         if self.friction is not None and settings.estimate_friction:
             effects.append(self.friction)
-            prior_std.append(self.friction.prior_std)
+            prior_std.append(self.friction.expected_std)
         self._bias: AccelerometerBias | None = None
         self.trunk_noise: tuple[FloatArray, FloatArray] | None = None
         if base is not None and settings.accelerometer_bias_std > 0.0:

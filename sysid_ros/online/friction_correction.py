@@ -26,8 +26,8 @@ class FrictionCorrection(Effect):
             no model is.
 
     Attributes:
-        prior_std: of offset, Coulomb and viscous friction, shape (3 n,): small beside a known model, of the size of the effort
-            limits without one.
+        expected_std: before any data, of offset, Coulomb and viscous friction, shape (3 n,): small beside a known model, of the
+            size of the effort limits without one.
     """
 
     id: ClassVar[str] = "friction_correction"
@@ -42,7 +42,7 @@ class FrictionCorrection(Effect):
         nothing: FloatArray = np.zeros(robot.n)
         self._coulomb = sum((np.abs(k.effect.as_dry_friction(k.theta)) for k in known or ()), nothing)
         self._viscous = np.abs(sum((k.effect.as_damping(k.theta) for k in known or ()), nothing))
-        self.prior_std = self._drifted() if known is not None else self._unknown()
+        self.expected_std = self._drifted() if known is not None else self._unknown()
         joints = np.arange(robot.n)
         self._rows, self._columns = np.tile(joints, 3), np.arange(3 * robot.n)
         self._curves = np.ones((3, robot.n))

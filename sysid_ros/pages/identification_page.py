@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.effects import EFFECTS
 from sysid_ros.identification.payload_difference import PayloadDifference
 from sysid_ros.identification.result import Identification, Parameter, TorqueError
 from sysid_ros.pages import palette
@@ -44,7 +45,7 @@ def report_page(result: Identification, provenance: dict[str, Any]) -> str:
     """HTML of the report."""
     judged = result.validation or result.errors
     joints = result.joint_names
-    units = [next((p.unit for p in result.parameters if p.effect == "torque_offset" and p.joint == j), "N m") for j in joints]
+    units = [next((p.unit for p in result.parameters if p.joint == j and p.unit in ("N", "N m")), "N m") for j in joints]
     drawn = result.series[:_MOST_RECORDINGS]
     left = residual_figure(result.series, joints, units, [u == "N" for u in units], result.cutoff.hz) if result.series else None
     return page(
@@ -59,7 +60,7 @@ def report_page(result: Identification, provenance: dict[str, Any]) -> str:
         errors=_errors(joints, units, judged),
         torques=[(s, torque_figure(s, joints, units, 1.0 / len(drawn))) for s in drawn],
         residual=left,
-        joints=_joints(joints, [p for p in result.parameters if p.effect != "link_inertia"]),
+        joints=_joints(joints, [p for p in result.parameters if not EFFECTS[p.effect].replaces_links]),
         several=any(math.isfinite(p.between_bags) for p in result.parameters),
         payload=_payload(result.payload) if result.payload is not None else [],
         whiteness={(t.bag, t.joint): t for t in result.whiteness},

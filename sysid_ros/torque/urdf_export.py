@@ -127,7 +127,7 @@ def check_model_file(robot: RobotModel, model: ModelFile, path: Path) -> None:
     """
     again = ModelFile.read(path)
     for before, after in zip(model.known_effects(robot), again.known_effects(robot), strict=True):
-        if before.effect.id != after.effect.id or not np.array_equal(before.theta, after.theta):
+        if before.effect.parameter_names != after.effect.parameter_names or not np.array_equal(before.theta, after.theta):
             raise ModelFileError(f"'{path}' read back holds other parameters of {before.effect.id} than were written.")
 
 
