@@ -13,8 +13,8 @@ from sysid_ros.identification.rows import SmoothRecording
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.torque.torque_model import TorqueModel
 
-_ROUNDS = 2
-"""Times that effects are asked for beside each other."""
+_ROUNDS = 3
+"""Times that effects are asked for beside each other at most."""
 
 
 def choose_effects(
@@ -30,7 +30,7 @@ def choose_effects(
     Each effect that is asked for becomes free on the joints, or for the whole arm, where it predicts what was not fitted better
     than the model does without it, see :func:`~sysid_ros.identification.effect_choice.those_that_gain`.
 
-    Where several are chosen, each is asked for once more beside the others. The knobs minimise the weighted sum of squares that
+    Where several are asked for, each is asked for again beside what was chosen of the others, until that changes no more. The knobs minimise the weighted sum of squares that
     is left when all linear parameters are solved for (variable projection: Golub, Pereyra 1973), first on a grid over their
     range, then on finer ones around the best. Joints whose columns share no row are searched in turn until none changes, others
     each by itself.
@@ -43,6 +43,7 @@ def choose_effects(
     chosen = [wish.effect(robot) for wish in asked if wish.everywhere]
     knobs: dict[type[Effect], list[FoundKnob]] = {}
     for _ in range(_ROUNDS):
+        before = [(type(e), e.joint_names, e.settings) for e in chosen]
         for wish in (w for w in asked if not w.everywhere):
             progress(f"asking the recordings for {wish.effect.label}")
             others = [e for e in chosen if type(e) is not wish.effect]
@@ -52,8 +53,8 @@ def choose_effects(
             gaining = those_that_gain(model, bags, alternatives(model, candidates), tried, method)
             chosen = add_effects(others, _joined([candidates[k] for k in gaining]))
             knobs[wish.effect] = [knob for k in gaining for knob in found[k]]
-        # what one effect explained may be another's, which was not there when it was asked for
-        if len({type(e) for e in chosen}) < 2:
+        # what one effect explained may be another's, which was not there when it was asked for, or was hidden by it
+        if len(asked) < 2 or [(type(e), e.joint_names, e.settings) for e in chosen] == before:
             break
     return chosen, [k for kind, found in knobs.items() for k in found if _is_there(k, kind, chosen)]
 
