@@ -3,6 +3,7 @@
 # make test-slow   the tests that take long, which make test leaves out
 # make lint        ruff and mypy
 # make bench       the benchmarks
+# make docs        the documentation site, in site/
 # make exam        the diagnosis on 200 robots that hide something; LEVEL=single, hard, pairs, healthy or outside
 # Each builds .venv first if it is not there. PYTHON=/path/to/python3.12 chooses the interpreter.
 
@@ -18,14 +19,17 @@ export OMP_NUM_THREADS ?= 1
 export MPLBACKEND ?= Agg
 export PYTHON
 
+# Without bytecode pytest rewrites the assertions of every module anew: collection then takes three times as long.
+unexport PYTHONDONTWRITEBYTECODE
+
 # A sourced ROS installation brings libraries and packages of its own, which do not fit the wheels in .venv.
 unexport AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH RMW_IMPLEMENTATION VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test test-slow lint bench exam clean
+.PHONY: help venv demo test test-slow lint docs bench exam clean
 
 help:
-	@sed -n '1,7s/^# //p' Makefile
+	@sed -n '1,8s/^# //p' Makefile
 
 venv: $(READY)
 
@@ -46,6 +50,10 @@ test-slow: $(READY)
 lint: $(READY)
 	@failed=0; for tool in "ruff check ." "ruff format --check ." mypy; do echo "-- $$tool"; $(BIN)/$$tool || failed=1; done; exit $$failed
 
+# NO_MKDOCS_2_WARNING: a notice about the future of its theme's makers, which is no warning about the pages.
+docs: $(READY)
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet && echo "site/index.html"
+
 # Short settings; benchmarks/README.md says how long the full ones take. Every one runs, whatever the ones before it say.
 BENCHMARKS := "step_time.py --rounds 3" "replay_speed.py --repeat 2" "accuracy_arm.py --seeds 8 --long 2" "other_arms.py --seeds 2" \
 	"rest_then_motion.py --seeds 1" "excitation.py --arm xarm6 --starts 1" "tracking.py --seeds 1" "frequency.py --seeds 2" "node_latency.py --seconds 20" "identify_speed.py --seconds 60" "identify_peers.py --seeds 4"
@@ -58,4 +66,4 @@ exam: $(READY)
 	@cd test && ../$(BIN)/python -m exam --level $(LEVEL)
 
 clean:
-	rm -rf $(VENV) build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) build install log site *.egg-info .pytest_cache .mypy_cache .ruff_cache

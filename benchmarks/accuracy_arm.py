@@ -83,7 +83,7 @@ def trial(name: str, seed: int) -> dict[str, Any]:
 def long_run(seed: int) -> dict[str, Any]:
     """60 s without a change, empty (even seeds) or carrying (odd): events, and the estimate every ten seconds."""
     plain = scenario(seed, VARIANTS["plain"])
-    carried = {"payload_mass": plain.payload_mass, "payload_com": plain.payload_com} if seed % 2 else {}
+    carried: dict[str, Any] = {"payload_mass": plain.payload_mass, "payload_com": plain.payload_com} if seed % 2 else {}
     record = simulate_arm(ArmScenario(seed=seed, duration=60.0, velocity=False, **carried))
     truth = np.array(record.truth["payload"]["theta"]) if carried else np.zeros(10)
     estimates, _, estimation = run(RobotModel.from_urdf(record.urdf), record.measurements(), OnlineSettings(), None)

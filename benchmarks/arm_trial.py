@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ VISCOUS = (2.0, 2.0, 1.5, 1.5, 0.8, 0.5, 0.3)
 COULOMB = (1.5, 1.5, 1.0, 1.0, 0.6, 0.4, 0.3)
 OFFSET = (0.4, -0.3, 0.2, -0.2, 0.1, 0.0, 0.05)
 AFTER_PICK = 2.0
-FRICTION = {"viscous_friction": VISCOUS, "coulomb_friction": COULOMB, "torque_offset": OFFSET}
+FRICTION: dict[str, Any] = {"viscous_friction": VISCOUS, "coulomb_friction": COULOMB, "torque_offset": OFFSET}
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +99,7 @@ def scenario(seed: int, variant: Variant, duration: float = 12.0) -> ArmScenario
         seed=seed, duration=duration, payload_mass=mass, payload_com=com, pick_time=pick, drop_time=9.0, velocity=False,
         torque_noise=0.0 if variant.colour else 0.1,
     )  # fmt: skip
-    changes: dict[str, object] = dict(variant.changes)
+    changes: dict[str, Any] = dict(variant.changes)
     if variant.friction:
         changes.update(FRICTION)
     return replace(plain, **changes)
@@ -138,7 +139,8 @@ def run(
 ) -> tuple[list[PayloadEstimate], list[float], OnlineEstimation]:
     """All estimates, the stamps at which events were found, and the estimation itself."""
     estimation = OnlineEstimation(robot, settings, known)
-    estimates, found = [], []
+    estimates: list[PayloadEstimate] = []
+    found: list[float] = []
     for m in measurements:
         estimate = estimation.step(m)
         if len(estimation.events) > len(found):

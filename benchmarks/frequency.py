@@ -17,6 +17,7 @@ import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -37,7 +38,7 @@ JOINT = TwoMass(stiffness=4000.0, spring_damping=4.0, damping=0.2)
 EVERY = 5
 ORDER = 4
 Found = tuple[float | None, float | None]
-CASES = {
+CASES: dict[str, dict[str, Any]] = {
     "clean": {"torque_noise": 0.05},
     "torque noise 1 N m": {"torque_noise": 1.0},
     "noise and disturbance": {"torque_noise": 1.0, "disturbance": 0.5},

@@ -67,8 +67,7 @@ def simulated(seed: int, seconds: float) -> tuple[Recording, str, FloatArray]:
     told: dict[str, Any] = {name: tuple(values.tolist()) for name, values in found.items()}
     record = simulate_arm(ArmScenario(seed=seed, duration=seconds, rate=RATE, velocity=False, torque_noise=0.0, **told))
     truth = np.concatenate([RobotModel.from_urdf(record.urdf).pi, *found.values()])
-    missing = np.full(record.q.shape, np.nan)
-    return Recording(f"seed {seed}", record.t, record.q, missing, record.tau), record.urdf, truth
+    return Recording(f"seed {seed}", record.t, record.q, None, record.tau), record.urdf, truth
 
 
 def with_noise(recording: Recording, seed: int, colour: float) -> Recording:

@@ -15,6 +15,8 @@ from __future__ import annotations
 
 import os
 
+from numpy.typing import NDArray
+
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import sys
@@ -61,14 +63,14 @@ class Trial:
 
     @property
     def mass_part(self) -> float:
-        return abs(self.loaded.mass - self.theta[0]) / float(self.theta[0])
+        return float(abs(self.loaded.mass - self.theta[0]) / self.theta[0])
 
     @property
     def com_error(self) -> float:
         return float(np.abs(self.loaded.com[:2] - self.theta[1:3] / self.theta[0]).max())
 
     @property
-    def covered(self) -> FloatArray:
+    def covered(self) -> NDArray[np.bool_]:
         return np.abs(self.loaded.theta - self.theta)[:3] < 1.96 * self.loaded.std[:3]
 
     @property
@@ -119,7 +121,7 @@ def steps_until_settled(record: QuadrupedRecord, parameters: int) -> int:
     estimation = OnlineEstimation(RobotModel.from_urdf(record.urdf), OnlineSettings())
     base = estimation.base
     assert base is not None
-    derivative, projection = FloatingDerivative(base, 1e-3, 10), ContactProjection(base)
+    derivative, projection = FloatingDerivative(base.robot.n, 1e-3, 10), ContactProjection(base)
     frame, truth = base.robot.frame_id(base.trunk), record.truth["payload"]["mass"]
     theta, P = np.zeros(parameters), np.diag(([4.0] + [0.09] * 3 + [0.01] * 6)[:parameters])
     variance, rows, last_wrong, count = np.full(6, 1.0), np.zeros((6, 11)), 0, 0

@@ -172,7 +172,7 @@ def trial(name: str, seed: int, rest_time: float) -> dict[str, Any]:
 
 def _slow(v: FloatArray) -> FloatArray:
     """1 at rest, 0 from 0.1 rad/s of the fastest joint on, shape (N, 1)."""
-    return np.clip(1.0 - np.abs(v).max(axis=1, keepdims=True) / 0.1, 0.0, 1.0)
+    return np.asarray(np.clip(1.0 - np.abs(v).max(axis=1, keepdims=True) / 0.1, 0.0, 1.0))
 
 
 def _raise(worst: dict[str, float], name: str, value: Any) -> None:

@@ -153,7 +153,7 @@ def time_steps(robot: RobotModel, measurements: list[Measurement], rounds: int) 
         ticks = np.concatenate(times[name])
         gives = np.tile(published[name], rounds)
         # Every second update gives an estimate out, at 50 of 100 Hz.
-        updates = gives | np.roll(gives, -EVERY)
+        updates = np.logical_or(gives, np.roll(gives, -EVERY))
         summary[name] = {
             "all ticks": _summary(ticks),
             "with an update": _summary(ticks[updates]),

@@ -6,9 +6,11 @@ Every field carries its unit, its range and a description, from which the node d
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
+from sysid_ros.estimators import ESTIMATORS
 from sysid_ros.exceptions import SettingsError
 
 
@@ -18,7 +20,7 @@ def setting(
     unit: str = "",
     low: float | None = None,
     high: float | None = None,
-    choices: tuple[str, ...] = (),
+    choices: Collection[str] = (),
 ) -> Any:
     """A field with what a parameter tells of itself."""
     metadata = {"description": description, "unit": unit, "low": low, "high": high, "choices": choices}
@@ -87,7 +89,7 @@ class OnlineSettings:
     low_velocity: float = setting(0.15, "below it on every joint stiction is added to the noise", "rad/s", 0.0, 1.0)
 
     # estimator
-    estimator: str = setting("variable", "forgetting driven by the innovations, or constant", choices=("variable", "constant"))
+    estimator: str = setting("variable", "forgetting driven by the innovations, or constant", choices=ESTIMATORS)
     forgetting_time: float = setting(60.0, "time constant of the forgetting towards the prior", "s", 0.1, 1e6)
     torque_std: tuple[float, ...] = setting((), "torque noise a joint; empty: from the model, else estimated", "N m", 1e-9, 1e6)
     estimate_friction: bool = setting(True, "correct offset, Coulomb and viscous friction of each joint beside the payload")
@@ -140,7 +142,7 @@ def _checked(name: str, value: Any, meta: Any, default: Any) -> Any:
             raise SettingsError(f"{name} is {value!r}; it must be true or false.")
         return value
     if meta["choices"]:
-        if value not in meta["choices"]:
+        if value not in tuple(meta["choices"]):  # it may be something that has no hash
             raise SettingsError(f"{name} is {value!r}; it must be one of {', '.join(meta['choices'])}.")
         return value
     if meta["low"] is None:

@@ -60,4 +60,4 @@ def recorded(
     noise = signal.lfilter([np.sqrt(1.0 - colour**2)], [1.0, -colour], rng.normal(size=(len(t) + settle, model.n)), axis=0)
     tau = exact_torque(model, theta, q, v, a) + torque_noise * noise[settle:]
     measured = q + encoder_noise * rng.normal(size=q.shape)
-    return Recording(name or f"bag {seed}", START + t, measured, np.full_like(q, np.nan), tau)
+    return Recording(name or f"bag {seed}", START + t, measured, None, tau)

@@ -66,7 +66,7 @@ def with_body(text: str, frame: str, mass: float, com: FloatArray, inertia_com: 
     ElementTree.SubElement(inertial, "mass", value=repr(float(mass)))
     axes = "xyz"
     tensor = {f"i{axes[i]}{axes[j]}": repr(float(inertia_com[i, j])) for i in range(3) for j in range(i, 3)}
-    ElementTree.SubElement(inertial, "inertia", **tensor)
+    ElementTree.SubElement(inertial, "inertia", tensor)
     joint = ElementTree.SubElement(root, "joint", name="weld", type="fixed")
     ElementTree.SubElement(joint, "parent", link=frame)
     ElementTree.SubElement(joint, "child", link="welded_body")

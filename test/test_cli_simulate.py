@@ -21,7 +21,7 @@ from sysid_ros.sources import BagSource
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_command_writes_bag_truth_and_json(tmp_path, storage: str) -> None:
+def test_command_writes_bag_truth_and_json(tmp_path: Path, storage: str) -> None:
     bag, summary = tmp_path / "out", tmp_path / "out.json"
     arguments = ["arm", "--bag", str(bag), "--storage", storage, "--duration", "2", "--rate", "250", "--no-velocity"]
     arguments += ["--payload-mass", "1", "--pick", "1", "--json", str(summary)]
@@ -52,14 +52,14 @@ def test_command_writes_bag_truth_and_json(tmp_path, storage: str) -> None:
         (["--duration", "inf"], "--duration is inf"),
     ],
 )
-def test_command_names_the_option_and_leaves_nothing_behind(tmp_path, arguments: list[str], match: str) -> None:
+def test_command_names_the_option_and_leaves_nothing_behind(tmp_path: Path, arguments: list[str], match: str) -> None:
     with pytest.raises(SysidError, match=match):
         CliRunner().invoke(command, ["arm", "--bag", str(tmp_path / "out"), *arguments], catch_exceptions=False)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("arguments", [["--storage", "rosbag1"], ["--viscous-friction", "much"], []])
-def test_command_rejects_bad_usage(tmp_path, arguments: list[str]) -> None:
+def test_command_rejects_bad_usage(tmp_path: Path, arguments: list[str]) -> None:
     given = ["arm", "--bag", str(tmp_path / "out"), *arguments] if arguments else ["arm"]
     assert CliRunner().invoke(command, given).exit_code == 2
 

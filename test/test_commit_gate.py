@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.online.commit_gate import CommitGate, CommitSettings, is_empty
+from sysid_ros.online.commit_gate import CommitGate, CommitSettings
 from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.robot.inertial_parameters import from_com
 
@@ -47,7 +47,7 @@ def test_drop_commits_that_nothing_is_carried() -> None:
     offered(gate, 2.0)
     assert offered(gate, 3.0, start=2.0, mass=0.01, status="no_payload") == [3.0]
     assert gate.committed is not None
-    assert is_empty(gate.committed)
+    assert gate.committed.is_empty
 
 
 @pytest.mark.parametrize("status", ["warming_up", "not_excited", "not_physical", "stale", "inconsistent"])

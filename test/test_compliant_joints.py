@@ -10,11 +10,10 @@ from motions import Motion as Path_
 from robots import robot
 
 from sysid_ros.diagnosis import Diagnosis, Recording, diagnose
-from sysid_ros.diagnosis.compliant import settle
+from sysid_ros.diagnosis.compliant import fit_deflection
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
-from sysid_ros.diagnosis.term import COMPANIONS
-from sysid_ros.effects import Backlash, JointElasticity, Motion
+from sysid_ros.effects import EFFECTS, Backlash, JointElasticity, Motion
 from sysid_ros.effects.compliance import deflection, torque_of
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.conditioning import clear_band
@@ -133,7 +132,7 @@ def behind(kind: str, seed: int, seconds: float) -> Recording:
 
     steps = 1 if kind == "joint_elasticity" else 4
     h = 1.0 / (RATE * steps)
-    fine = np.arange(2 * steps * len(t) + 2) * 0.5 * h
+    fine = np.arange(2.0 * steps * len(t) + 2.0) * 0.5 * h
     states = [np.asarray(x) for x in path(fine)]
     load = float(model.rnea(*(s[0] for s in states))[joint])
     later = float(model.rnea(*(s[2] for s in states))[joint])
@@ -168,7 +167,7 @@ def test_a_stiff_joint_on_a_slow_arm_is_found_from_any_first_value(factor: float
     train = prepare(model, [Recording("slow", t, q, None, tau)], [])
     library = Library(model, train.band)
     term = library.whole("joint_elasticity", (JOINT,), around=factor / (3.0 * SPRING), damping=0.05, exact=False)
-    fit, found = settle(train.problem, library, train.problem.fit([term]), term)
+    fit, found = fit_deflection(train.problem, library, train.problem.fit([term]), term)
     assert 1.0 / found.effect.settings["around"] == pytest.approx(3.0 * SPRING, rel=0.1)
     assert fit.terms == (found,)
 
@@ -184,11 +183,11 @@ def diagnosed(kind: str) -> Diagnosis:
 def test_what_a_joint_gives_way_by_is_found_with_its_motor(kind: str, name: str, value: float, share: float) -> None:
     effects = {e["name"]: e for e in diagnosed(kind).as_dict()["effects"]}
     assert next(iter(effects)) == kind
-    assert set(effects) <= {kind, COMPANIONS[kind]}
+    assert set(effects) <= {kind, EFFECTS[kind].companion}
     assert effects[kind]["joints"] == [robot(ARM).joint_names[HIDDEN_IN[kind]]]
     (size,) = (p for p in effects[kind]["parameters"] if p["name"] == name)
     assert size["value"] == pytest.approx(value, rel=share)
     assert size["ci95"][0] < size["value"] < size["ci95"][1]
-    (motor,) = effects[COMPANIONS[kind]]["parameters"]
+    (motor,) = effects[EFFECTS[kind].companion]["parameters"]
     assert motor["value"] == pytest.approx(0.2, rel=0.15)
     assert motor["joint"] == robot(ARM).joint_names[HIDDEN_IN[kind]]

@@ -150,7 +150,7 @@ def test_lyapunovs_function_never_grows_and_the_error_vanishes(name: str, seed: 
         away = law.payload - theta
         energies.append(0.5 * s @ mass @ s + 0.5 * away @ inverse @ away)
         errors.append(np.abs(s).max())
-        damped += step * law.feedback.bandwidth * s @ law.feedback.weighted(q, s)
+        damped += float(step * law.feedback.bandwidth * s @ law.feedback.weighted(q, s))
         tau = law.torque(q, v, wanted, step)
         assert law.payload[0] >= 0.0
         assert np.linalg.eigvalsh(inertial_parameters.pseudo_inertia(law.payload)).min() > -1e-9

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,8 +45,8 @@ def estimate(mass: float = 1.51, com: np.ndarray = COM, status: str = "ok", std:
     )
 
 
-def picture(**changes: object) -> Picture:
-    values = {
+def picture(**changes: Any) -> Picture:
+    values: dict[str, Any] = {
         "t": 10.9,
         "duration": 14.0,
         "start": 100.0,
@@ -57,9 +58,10 @@ def picture(**changes: object) -> Picture:
 
 
 def shown(what: object) -> str:
-    console = Console(file=io.StringIO(), width=110, force_terminal=False)
+    out = io.StringIO()
+    console = Console(file=out, width=110, force_terminal=False)
     console.print(what)
-    return console.file.getvalue()
+    return out.getvalue()
 
 
 def test_a_right_estimate_has_no_objections() -> None:
@@ -114,12 +116,13 @@ def test_the_picture_in_a_terminal() -> None:
 
 
 def test_one_line_a_second_elsewhere() -> None:
-    console = Console(file=io.StringIO(), width=300, force_terminal=False)
+    out = io.StringIO()
+    console = Console(file=out, width=300, force_terminal=False)
     with Display(console) as display:
         display.wait("this is for a terminal only")
         for t in np.arange(9.95, 12.0, 0.1):
             display.show(picture(t=t))
-    lines = console.file.getvalue().splitlines()
+    lines = out.getvalue().splitlines()
     assert len(lines) == 3
     assert "found: pick" in lines[0]
     assert "found" not in "".join(lines[1:]), "an event is told once"

@@ -49,48 +49,50 @@ def record(cause: Cause | None, seed: int, seconds: float = 16.0, colour: float 
     return Recording(f"seed {seed}", start + t, np.round(q / 2e-5) * 2e-5, v + 1e-3 * rng.normal(size=v.shape), tau + noise)
 
 
-def coulomb(model, t, q, v, a, tau):
+def coulomb(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
     out = tau.copy()
     out[:, 1] += 1.5 * np.sign(v[:, 1])
     return out
 
 
-def viscous(model, t, q, v, a, tau):
+def viscous(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
     out = tau.copy()
     out[:, 0] += 2.0 * v[:, 0]
     return out
 
 
-def stribeck(model, t, q, v, a, tau):
+def stribeck(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
     out = tau.copy()
     out[:, 1] += np.sign(v[:, 1]) * (1.5 + 1.5 * np.exp(-((v[:, 1] / 0.2) ** 2)))
     return out
 
 
-def payload(model, t, q, v, a, tau):
+def payload(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
     frame = model.frame_id(model.default_frame)
     theta = inertial_parameters.from_com(0.8, np.array([0.02, -0.03, 0.05]), 0.002 * np.eye(3))
     rows = [model.payload_regressor(*state, frame) @ theta for state in zip(q, v, a, strict=True)]
     return tau + np.stack(rows)
 
 
-def scale(model, t, q, v, a, tau):
+def scale(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
     out = tau.copy()
     out[:, 1] *= 1.2
     return out
 
 
-def late(model, t, q, v, a, tau):
+def late(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
     return np.stack([np.interp(t - 0.03, t, column) for column in tau.T], axis=1)
 
 
-def turned(model, t, q, v, a, tau):
+def turned(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
     out = tau.copy()
     out[:, 1] *= -1.0
     return out
 
 
-def newton_millimetres(model, t, q, v, a, tau):
+def newton_millimetres(
+    model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray
+) -> FloatArray:
     return 1000.0 * tau
 
 

@@ -17,8 +17,9 @@ from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.rivals import rivals
 from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.effects import EFFECTS, Motion
+from sysid_ros.effects import Motion, TorqueSaturation
 from sysid_ros.exceptions import ModelFileError
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.conditioning import motions
 
@@ -34,7 +35,7 @@ def ratios(band: Band, noise: FloatArray, columns: FloatArray) -> FloatArray:
     scatter = BlockScatter(band, columns.shape[1])
     residual = noise - columns @ theta
     scatter.add(columns, residual / residual.std(), np.arange(columns.shape[1]))
-    return scatter.ratios(np.linalg.inv(columns.T @ columns))
+    return scatter.ratios(np.asarray(np.linalg.inv(columns.T @ columns), dtype=np.float64))
 
 
 def test_white_noise_scatters_as_its_weights_say(band: Band) -> None:
@@ -56,7 +57,7 @@ def test_a_model_that_is_wrong_for_a_while_scatters_more(band: Band) -> None:
     assert ratios(band, noise, rows[0][:, None])[0] > 5.0
 
 
-def asymmetric(model, t, q, v, a, tau):
+def asymmetric(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
     out = tau.copy()
     out[:, 1] += np.where(v[:, 1] > 0.0, 2.0, -1.0)
     return out
@@ -73,21 +74,21 @@ def test_two_levels_of_friction_are_not_told_from_their_mean_and_a_constant() ->
     else:
         assert set(by_name) == {"coulomb_friction", "torque_offset"}
         assert all("asymmetric_coulomb_friction" in f.cannot_be_told_from for f in result.findings)
-    assert all(0.0 <= f.p_value < 1e-6 for f in result.findings)
+    assert all(f.p_value is not None and 0.0 <= f.p_value < 1e-6 for f in result.findings)
 
 
 def test_a_motor_that_can_do_no_more_is_told_by_what_was_asked_of_it() -> None:
     model = robot(ARM)
     q, v, a = Path_(model, 1, speed=1.2)(np.arange(round(14.0 * RATE)) / RATE)
     limit = float(np.quantile(np.abs(model.rnea_along(q, v, a)[:, 0]), 0.96))
-    motor = EFFECTS["torque_saturation"](model, (model.joint_names[0],), limit=limit, kind="motor")
+    motor = TorqueSaturation(model, (model.joint_names[0],), limit=limit, kind="motor")
     asked = np.zeros((3, model.n))
     asked[:, 0] = 0.5 * limit, 1.5 * limit, -2.0 * limit
     still = np.zeros((3, model.n))
     motion = Motion(model, np.arange(3.0), still, still, still, asked)
     np.testing.assert_allclose(motor.torque_along(motion, np.ones(1))[:, 0], [0.0, 0.5 * limit, -limit])
     with pytest.raises(ModelFileError, match=r"'brake'.*'sensor' or 'motor'"):
-        EFFECTS["torque_saturation"](model, kind="brake")
+        TorqueSaturation(model, kind="brake")
 
 
 @pytest.mark.parametrize(
@@ -100,8 +101,8 @@ def test_masses_that_are_far_off_are_no_inexactness(gains: tuple[float, ...], na
     model = robot(ARM)
     error = model.pi * np.repeat(gains, 10)
 
-    def heavier(model, t, q, v, a, tau):
-        return tau + model.regressor_along(q, v, a) @ error
+    def heavier(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
+        return np.asarray(tau + model.regressor_along(q, v, a) @ error)
 
     result = diagnose(model, [record(heavier, 1, 40.0)], [record(heavier, 2, 10.0)])
     assert [f.id for f in result.findings] == ["link_inertia"]
@@ -122,8 +123,8 @@ def test_masses_off_by_what_any_urdf_is_are_told_but_no_cause() -> None:
     model = robot(ARM)
     error = model.pi * np.repeat([0.02, -0.02, 0.02, -0.02], 10)
 
-    def inexact(model, t, q, v, a, tau):
-        return tau + model.regressor_along(q, v, a) @ error
+    def inexact(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
+        return np.asarray(tau + model.regressor_along(q, v, a) @ error)
 
     result = diagnose(model, [record(inexact, 1, 30.0)], [record(inexact, 2, 10.0)])
     assert result.verdict == "nothing_wrong"

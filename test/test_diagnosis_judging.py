@@ -14,7 +14,7 @@ from robots import robot, urdf
 from test_diagnosis import ARM, NOISE, RATE, record
 
 from sysid_ros.diagnosis import Recording, diagnose
-from sysid_ros.diagnosis.held_out_gate import paying, whitened_cost
+from sysid_ros.diagnosis.held_out_gate import validated, whitened_cost
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.leftover import leftovers
 from sysid_ros.diagnosis.library import Library
@@ -92,7 +92,7 @@ def test_terms_that_make_up_for_one_another_go_together() -> None:
     cost = whitened_cost(fit, out, fit)
     assert all(whitened_cost(train.problem.fit([term], fit.noise), out, fit) > cost for term in fit.terms)
     assert whitened_cost(train.problem.fit([], fit.noise), out, fit) < cost
-    assert not paying(train.problem, library, fit, out).terms
+    assert not validated(train.problem, library, fit, out).terms
 
 
 def test_an_error_beyond_the_noise_is_not_nothing() -> None:

@@ -33,7 +33,7 @@ def push(t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArr
     model = robot(ARM)
     jacobian = model.frame_jacobian_along(q, model.frame_id("hand"))
     during = (t >= START) & (t < END)
-    return -np.einsum("kxj,x->kj", jacobian, FORCE) * during[:, None]
+    return np.asarray(-np.einsum("kxj,x->kj", jacobian, FORCE) * during[:, None])
 
 
 def recording(name: str, seed: int, seconds: float, pushed: bool) -> Recording:

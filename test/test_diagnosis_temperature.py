@@ -16,7 +16,7 @@ from robots import DATA, robot
 
 from sysid_ros.cli.main import run
 from sysid_ros.diagnosis import Diagnosis, Recording, diagnose
-from sysid_ros.diagnosis.temperature import known_everywhere, over_temperature
+from sysid_ros.diagnosis.temperature import known_everywhere
 from sysid_ros.effects import FrictionDrift
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.sample import FloatArray, Sample
@@ -141,20 +141,21 @@ def test_a_temperature_that_some_recordings_lack_is_no_cause() -> None:
     assert np.all(kept[0].temperature[:, 3] == 30.0)
     kept, (note,) = known_everywhere(both[:1], [replace(both[1], temperature=None)], joints)
     assert "temperature of lift, slide is not" in note
-    assert over_temperature(motions(robot(ARM), kept[0]), JOINT) == []
+    assert len(FrictionDrift.candidates(motions(robot(ARM), kept[0]), JOINT)) == 1
 
 
 def test_friction_follows_only_a_temperature_that_changes() -> None:
     model = robot(ARM)
     moved = motions(model, record(1, warming(25.0, 15.0), seconds=6.0))
-    (settings,) = over_temperature(moved, JOINT)
-    assert settings["over"] == "temperature"
-    assert settings["reference"] == pytest.approx(float(np.mean(moved[0].temperature[:, JOINT])), abs=0.06)  # type: ignore[index]
-    assert over_temperature(motions(model, record(1, warming(25.0, 0.3), seconds=6.0)), JOINT) == []
+    over_time, over_temperature = FrictionDrift.candidates(moved, JOINT)
+    assert over_time.settings == {}
+    assert over_temperature.settings["over"] == "temperature"
+    assert over_temperature.settings["reference"] == pytest.approx(float(np.mean(moved[0].temperature[:, JOINT])), abs=0.06)  # type: ignore[index]
+    assert len(FrictionDrift.candidates(motions(model, record(1, warming(25.0, 0.3), seconds=6.0)), JOINT)) == 1
     # two recordings, each at one temperature
     both = [m for start in (25.0, 35.0) for m in motions(model, record(1, warming(start, 0.0), seconds=4.0))]
-    (settings,) = over_temperature(both, JOINT)
-    assert settings["reference"] == pytest.approx(30.0, abs=0.1)
+    _, over_temperature = FrictionDrift.candidates(both, JOINT)
+    assert over_temperature.settings["reference"] == pytest.approx(30.0, abs=0.1)
 
 
 def test_without_a_temperature_the_same_is_found_as_with_one_that_stays() -> None:

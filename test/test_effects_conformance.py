@@ -176,7 +176,7 @@ def test_a_slide_has_the_units_of_a_force() -> None:
 def test_columns_of_a_whole_motion(effect_id: str, robot_name: str) -> None:
     effect = make(effect_id, robot_name)
     model = effect.robot
-    t = np.arange(200) * 0.01
+    t = np.arange(200.0) * 0.01
     motion = Motion(model, t, *Motion_(model, 3)(t), np.zeros((200, model.n)))
     along = effect.columns_along(motion)
     assert along.shape == (200, model.n, effect.p)

@@ -3,14 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy import signal
 
-from sysid_ros.estimators import ESTIMATORS, ConstantForgetting, Estimator, JumpRule, LongRunVariance, VariableForgetting, kernels
+from sysid_ros.estimators import (
+    ESTIMATORS,
+    ConstantForgetting,
+    Estimator,
+    JumpRule,
+    LongRunVariance,
+    Problem,
+    VariableForgetting,
+    WatchedEstimator,
+    kernels,
+    make_estimator,
+    register,
+)
 from sysid_ros.estimators.estimator import STATUSES
 from sysid_ros.estimators.kernels import joseph_update
+from sysid_ros.exceptions import SettingsError
 from sysid_ros.sample import FloatArray
 
 PERIOD = 0.01
@@ -299,6 +313,86 @@ def test_reset_forgets_everything_but_the_prior(make: Factory) -> None:
     np.testing.assert_array_equal(new.covariance(), used.covariance())
 
 
+def watched(make: Factory, forgetting_time: float = 30.0) -> Estimator:
+    """What the online estimation runs: six parameters, four of which may jump, five rows of a noise of 0.1."""
+    rule = JumpRule(slice(0, 4), np.full(4, 0.02), 0.1)
+    problem = Problem(np.full(6, 2.0), np.full(5, 0.05**2), PERIOD, forgetting_time, rule)
+    estimator = make(problem.prior_std, problem.floor, forgetting_time=forgetting_time)
+    assert estimator.noise_variance.shape == estimator.row_variance.shape == (5,)
+    return VariableForgetting.of(problem) if estimator.watches_itself else WatchedEstimator(estimator, problem)
+
+
+@every_estimator
+@pytest.mark.parametrize("seed", range(3))
+def test_watched_it_learns_the_noise_and_finds_jumps(make: Factory, seed: int) -> None:
+    Y, tau, theta = problem(seed, count=2400, m=5, p=6)
+    change = np.zeros(6)
+    change[:4] = np.random.default_rng(seed).choice([-1.5, 1.5], 4)
+    tau[1200:] += Y[1200:] @ change
+    estimator = watched(make)
+    statuses, found = [], []
+    for k in range(len(tau)):
+        known, jumps = estimator.noise_known, estimator.jumps
+        statuses.append(estimator.update(Y[k], tau[k]).status)
+        if estimator.jumps > jumps:
+            found.append(k)
+            assert known
+            np.testing.assert_allclose(estimator.before_jump, theta[:4], atol=0.15)
+            np.testing.assert_allclose(estimator.last_jump, change[:4], atol=0.8)
+    assert len(found) == 1
+    assert 0 <= found[0] - 1200 <= estimator.found_after + 15
+    assert statuses[0] == statuses[found[0]] == "warming_up"
+    assert statuses[1150] == statuses[-1] == "ok"
+    assert set(statuses) <= set(STATUSES)
+    assert np.all((estimator.noise_variance > 0.06**2) & (estimator.noise_variance < 0.22**2))  # from some twenty blocks
+    np.testing.assert_allclose(np.sqrt(estimator.row_variance), 0.1, rtol=0.2)
+    std = np.sqrt(np.diag(estimator.covariance()))
+    assert np.all(np.abs(estimator.theta - theta - change) < 4.5 * std + 1e-3)
+
+
+@every_estimator
+def test_watched_it_finds_no_jump_where_there_is_none(make: Factory) -> None:
+    for phi in (0.0, 0.9):
+        Y, tau, _ = problem(5, count=3000, m=5, p=6, phi=phi)
+        assert feed(watched(make), Y, tau).jumps == 0
+
+
+@every_estimator
+def test_watched_it_forgets_what_may_jump_and_starts_again(make: Factory) -> None:
+    Y, tau, theta = problem(1, count=1500, m=5, p=6)
+    estimator = feed(watched(make), Y, tau)
+    assert np.all(np.diag(estimator.covariance())[:4] < 0.1)
+    estimator.forget()
+    assert estimator.noise_known
+    np.testing.assert_allclose(np.diag(estimator.covariance())[:4], 4.0)
+    feed(estimator, Y, tau)
+    assert np.max(np.abs(estimator.theta - theta)) < 0.1
+    estimator.reset()
+    assert (estimator.noise_known, estimator.jumps) == (False, 0)
+    np.testing.assert_array_equal(estimator.covariance(), 4.0 * np.eye(6))
+
+
+@every_estimator
+def test_watched_it_holds_and_lets_nothing_absurd_in(make: Factory) -> None:
+    Y, tau, _ = problem(2, count=1000, m=5, p=6)
+    estimator = feed(watched(make), Y, tau)
+    theta = estimator.theta
+    assert estimator.update(Y[0], tau[0], hold=True).status == "not_excited"
+    assert estimator.update(Y[0], np.full(5, np.nan)).status == "not_finite"
+    np.testing.assert_array_equal(estimator.theta, theta)
+
+
+def test_estimators_are_made_by_their_names() -> None:
+    rule = JumpRule(slice(0, 2), np.full(2, 0.1), 0.1)
+    problem = Problem(np.ones(3), np.ones(2), PERIOD, 10.0, rule)
+    for name in ESTIMATORS:
+        estimator = make_estimator(name, problem)
+        assert (estimator.p, estimator.m) == (3, 2)
+        assert estimator.watches_itself
+    with pytest.raises(SettingsError, match="registered already"):
+        register("constant", VariableForgetting)
+
+
 def largest_part_of_prior(covariance: FloatArray, prior_std: FloatArray) -> float:
     return float(np.linalg.eigvalsh(covariance / np.outer(prior_std, prior_std))[-1])
 
@@ -309,7 +403,7 @@ def test_variable_forgetting_never_exceeds_its_prior(rank: int) -> None:
     rng = np.random.default_rng(8)
     prior_std = np.array([2.0, 0.3, 0.3, 0.3, 0.1, 0.1])
     Y, tau, theta = problem(count=1000, m=2, p=6)
-    estimator = feed(make_variable(prior_std, np.full(2, 1e-4), forgetting_time=5.0), Y, tau)
+    estimator: Any = feed(make_variable(prior_std, np.full(2, 1e-4), forgetting_time=5.0), Y, tau)
     basis = rng.normal(size=(rank, 6)) / prior_std
     noise = 0.1 * rng.normal(size=(100_000, 2))
     weights = rng.normal(size=(100_000, 2, rank))
@@ -379,7 +473,7 @@ def test_a_jump_is_found_soon_and_measured(seed: int, phi: float) -> None:
     change[:4] = rng.choice([-1.0, 1.0], 4)
     tau[1500:] += Y[1500:] @ change
     estimator = make_variable(np.full(6, 2.0), np.full(5, 0.1**2 * (1.0 - phi**2)), forgetting_time=60.0, block=slice(0, 4))
-    found = []
+    found: list[int] = []
     for k in range(len(tau)):
         estimator.update(Y[k], tau[k])
         if estimator.jumps > len(found):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -14,17 +15,17 @@ pytest.importorskip("pybullet", reason="the simulation needs PyBullet: pip insta
 from exam.ambiguity import told_apart
 from exam.arms import ARMS, all_there, arm
 from exam.case import LEVELS, draw_case
-from exam.scoring import COMPANIONS, EQUIVALENT, score
+from exam.scoring import score
 from exam.table import failed_targets, measures, render
 
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation.hidden_effects import (
-    DRAWS,
+    CAUSES,
     Circumstances,
     DiagnosisMotion,
     HiddenEffect,
-    TrueRobot,
     nominal_residual,
+    realise,
     shown,
 )
 
@@ -66,6 +67,8 @@ PARAMETERS = {
     "external_force": {"force"},
 }
 
+INSIDE = {id_: cause for id_, cause in CAUSES.items() if not cause.outside}
+
 
 @cache
 def model(name: str) -> RobotModel:
@@ -80,22 +83,22 @@ def usual(name: str, seed: int, scale: float = 1.0) -> Circumstances:
 
 @pytest.mark.parametrize("name", ARMS)
 def test_every_effect_can_be_drawn_on_every_arm(name: str) -> None:
-    assert set(PARAMETERS) == set(DRAWS)
+    assert set(PARAMETERS) == set(INSIDE)
     robot = arm(name).model()
-    for id_, draw in DRAWS.items():
-        effect = draw(usual(name, 1))
+    for id_, cause in INSIDE.items():
+        effect = cause.draw(usual(name, 1))
         names = effect.as_dict()
         assert effect.id == id_
         assert {p["name"] for p in names["parameters"]} == PARAMETERS[id_]
         assert set(effect.joints) <= set(arm(name).joint_names)
-        again = draw(usual(name, 1))
+        again = cause.draw(usual(name, 1))
         assert again.as_dict() == names
-        TrueRobot(robot, (effect,))
+        assert realise(robot, (effect,)).effects == (effect,)
 
 
 def test_scale_makes_effects_smaller() -> None:
     for id_, symbol in {"coulomb_friction": "Fc", "payload": "mass", "rotor_inertia": "J"}.items():
-        large, small = (DRAWS[id_](usual("ur5", 2, scale)) for scale in (1.0, 0.25))
+        large, small = (CAUSES[id_].draw(usual("ur5", 2, scale)) for scale in (1.0, 0.25))
         sizes = [next(float(p.value) for p in e.parameters if p.name == symbol) for e in (large, small)]  # type: ignore[arg-type]
         assert sizes[1] == pytest.approx(0.25 * sizes[0])
 
@@ -162,8 +165,8 @@ def test_a_cause_that_another_one_explains_is_drawn_again() -> None:
     motion = DiagnosisMotion(robot, np.random.default_rng(0), 6.0, 3.0)
     floor = np.full(robot.n, 0.02)
     weight = HiddenEffect("link_inertia", (robot.joint_names[2],), (), "", {"mass_factor": 1.0, "com_shift": [0.05, 0.05, 0.05]})
-    assert told_apart(TrueRobot(robot, (weight,)), motion, floor)
-    assert not told_apart(TrueRobot(robot, (weight,)), motion, 1e3 * floor)
+    assert told_apart(realise(robot, (weight,)), motion, floor)
+    assert not told_apart(realise(robot, (weight,)), motion, 1e3 * floor)
 
 
 def document(truth: dict[str, Any]) -> dict[str, Any]:
@@ -189,11 +192,11 @@ def document(truth: dict[str, Any]) -> dict[str, Any]:
 
 def truth_of(*ids: str, level: str = "single", background: tuple[str, ...] = ()) -> dict[str, Any]:
     c = usual("ur5", 3)
-    effects = [DRAWS[id_](c).as_dict() for id_ in (*background, *ids)]
+    effects = [CAUSES[id_].draw(c).as_dict() for id_ in (*background, *ids)]
     return {"hidden": list(ids), "level": level, "effects": effects, "joint_names": list(c.robot.joint_names)}
 
 
-@pytest.mark.parametrize("id_", list(DRAWS))
+@pytest.mark.parametrize("id_", list(INSIDE))
 def test_who_knows_the_truth_gets_full_marks(id_: str) -> None:
     truth = truth_of(id_)
     row = score(truth, document(truth))
@@ -208,13 +211,14 @@ def test_marks_are_lost_for_what_is_wrong() -> None:
     truth = truth_of("coulomb_friction", "base_tilt", level="pairs")
     good = document(truth)
     assert score(truth, good)["all_found"]
-    for change, lost in (
+    changes: tuple[tuple[Callable[[Any], Any], str], ...] = (
         (lambda d: d["effects"].pop(0), "all_found"),
         (lambda d: d["effects"].append({**d["effects"][1], "name": "torque_offset"}), "exact"),
         (lambda d: d["effects"][0].update(joints=["elbow_joint", "wrist_1_joint", "wrist_3_joint"]), "joints"),
         (lambda d: d["effects"].insert(0, {**d["effects"][1], "name": "spring"}), "right"),
         (lambda d: d["effects"].clear(), "right"),
-    ):
+    )
+    for change, lost in changes:
         worse = copy.deepcopy(good)
         change(worse)
         assert not score(truth, worse)[lost], lost
@@ -237,13 +241,17 @@ def test_look_alikes_count_only_where_they_are_admitted() -> None:
     assert score(truth, answer)["exact"]
     answer["effects"][0]["name"] = "torque_scale"  # no look-alike, whatever it admits
     assert not score(truth, answer)["right"]
-    assert all(len(pair) == 2 and pair <= set(DRAWS) for pair in EQUIVALENT)
+    for id_, cause in INSIDE.items():
+        assert set(cause.companions) <= set(INSIDE)
+        assert all(id_ in INSIDE[other].equivalent for other in cause.equivalent)
 
 
 def test_companions_are_no_false_alarm_and_others_are() -> None:
-    for id_, companions in COMPANIONS.items():
+    for id_, cause in INSIDE.items():
+        if not cause.companions:
+            continue
         truth = truth_of(id_)
-        for name, fine in [*((x, True) for x in companions), ("time_delay", False)]:
+        for name, fine in [*((x, True) for x in cause.companions), ("time_delay", False)]:
             answer = document(truth)
             answer["effects"].append({**answer["effects"][0], "name": name})
             assert score(truth, answer)["exact"] is fine

@@ -13,7 +13,8 @@ from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.excitation.excitation_settings import ExcitationSettings
 from sysid_ros.excitation.excite import Excitation, excite, steps
 from sysid_ros.identification import free_model
-from sysid_ros.pages.excitation_plot import write_excitation_plot
+from sysid_ros.pages import write_plot
+from sysid_ros.pages.excitation_figure import excitation_figure
 from sysid_ros.robot.collision_model import CollisionModel
 from sysid_ros.robot.mesh_files import MeshFiles
 from sysid_ros.robot.robot_model import RobotModel
@@ -117,7 +118,7 @@ def test_a_poor_motion_is_warned_of() -> None:
 @pytest.mark.parametrize("suffix", ["png", "html"])
 def test_the_figure_is_written(tmp_path: Path, found: tuple[Excitation, CollisionModel], suffix: str) -> None:
     path = tmp_path / f"motion.{suffix}"
-    write_excitation_plot(path, found[0], "A <motion> of a chain")
+    write_plot(path, excitation_figure(found[0], "A <motion> of a chain"))
     content = path.read_bytes()
     if suffix == "png":
         assert content.startswith(b"\x89PNG")

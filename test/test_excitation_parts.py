@@ -107,7 +107,7 @@ def test_a_file_of_joint_limits(tmp_path: Path) -> None:
         "  lift: {max_position: 1.5, max_effort: 12}\n"
     )
     assert read_joint_limits(path) == {
-        "elbow": JointLimit(velocity=pytest.approx(np.pi / 2)),
+        "elbow": JointLimit(velocity=np.deg2rad(90.0)),
         "lift": JointLimit(upper=1.5, effort=12.0),
     }
     example = Path(__file__).parents[1] / "config" / "joint_limits.yaml"

@@ -189,7 +189,7 @@ class Stream:
             tau = 0.1 * np.sin(np.arange(LEGS.n) + k)
             joints = JointStateRecord(t, t, LEGS.joint_names, q, (), tau)
             trunk = ImuRecord(t + offset, t, frame or BASE.trunk, (0, 0, 0, 1), (0.01 * k, 0.0, 0.0), force)
-            order = [joints, trunk] if late else [trunk, joints]
+            order: list[JointStateRecord | ImuRecord] = [joints, trunk] if late else [trunk, joints]
             for record in order if imu else [joints]:
                 self.measurements += self.gate.take(record)
 

@@ -18,7 +18,7 @@ from sysid_ros.torque.known_effect import KnownEffect
 ELASTIC = TwoMass(stiffness=4000.0, spring_damping=4.0, damping=0.2)
 RIGID = TwoMass()
 SWEEP = sweep(24.0, 0.3, 25.0, 0.06)
-NOISY = {"torque_noise": 1.0, "encoder_noise": 5e-6}
+NOISY: dict[str, Any] = {"torque_noise": 1.0, "encoder_noise": 5e-6}
 
 
 def check(joint: TwoMass, seed: int = 0, reference: FloatArray = SWEEP, **channels: Any) -> JointCheck:
@@ -98,9 +98,7 @@ def test_state_space_poles_are_those_of_the_equations() -> None:
         ({"gain": 1.2}, "gain", "gain", 1.2),
     ],
 )
-def test_what_lies_between_torque_and_message_is_named(
-    channel: dict[str, float], name: str, parameter: str, value: float
-) -> None:
+def test_what_lies_between_torque_and_message_is_named(channel: dict[str, Any], name: str, parameter: str, value: float) -> None:
     cause = check(RIGID, 1, **channel).torque.cause  # type: ignore[union-attr]
     assert cause is not None
     assert cause.name == name
@@ -131,7 +129,7 @@ def test_a_velocity_that_lags_is_named_and_the_torque_is_not_blamed() -> None:
 
 
 def test_whole_periods_are_used_as_such() -> None:
-    reference = multisine(4.0, 6, np.arange(1, 90, 2), 0.008, 0)
+    reference = multisine(4.0, 6, np.arange(1.0, 90.0, 2.0), 0.008, 0)
     found = check(ELASTIC, 0, reference)
     assert found.torque is not None
     assert [n for _, n in found.torque.periods] == [4]
@@ -159,7 +157,7 @@ def check_dict(found: JointCheck) -> dict[str, Any]:
 
 
 def cut(recording: Recording, rows: slice) -> Recording:
-    return Recording(recording.name, *(x[rows] for x in (recording.t, recording.q, recording.v, recording.tau)))
+    return recording.at(rows)
 
 
 def test_bad_recordings_are_refused_in_words() -> None:
@@ -173,7 +171,7 @@ def test_bad_recordings_are_refused_in_words() -> None:
     with pytest.raises(DataError, match="no joint moves"):
         check_frequency(robot, [still], known)
     rows = np.arange(len(good.t))
-    holes = cut(good, rows[(rows // 500) % 2 == 0])  # type: ignore[arg-type]
+    holes = cut(good, rows[(rows // 500) % 2 == 0])
     with pytest.raises(DataError, match="longest stretch without a gap of"):
         check_frequency(robot, [holes], known)
 
@@ -220,6 +218,7 @@ def test_intervals_of_resonance_and_modes_over_seeds() -> None:
 def test_friction_that_the_model_lacks_is_named_first() -> None:
     robot, known = model_of(RIGID)
     good = published(RIGID, sweep(24.0, 0.1, 6.0, 0.4), 0, **NOISY)
+    assert good.v is not None
     rough = Recording("rough", good.t, good.q, good.v, good.tau + 4.0 * np.sign(good.v) + 3.0 * good.v)
     found = check_frequency(robot, [rough], known).joints[0]
     assert found.friction is not None
@@ -239,6 +238,7 @@ def test_dry_friction_of_the_model_has_a_response_of_its_own() -> None:
     robot, known = model_of(RIGID)
     known = [*known, KnownEffect(CoulombFriction(robot), np.array([4.0]))]
     good = published(RIGID, sweep(24.0, 0.3, 20.0, 0.1), 0, **NOISY)
+    assert good.v is not None
     rough = Recording("rough", good.t, good.q, good.v, good.tau + 4.4 * np.tanh(good.v / 0.06))
     found = check_frequency(robot, [rough], known).joints[0]
     assert found.friction is None

@@ -9,7 +9,7 @@ from robots import random_body, robot
 
 from sysid_ros.effects import CoulombFriction, LinkInertia, Payload, TorqueOffset, ViscousFriction
 from sysid_ros.online.front_end import FrontEnd, Rows, white_noise_variance
-from sysid_ros.online.model_check import ModelCheck
+from sysid_ros.online.judgement import ModelCheck
 from sysid_ros.online.payload_events import EventLog
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.sample import Measurement
@@ -120,8 +120,8 @@ def test_a_joint_that_carries_nothing_does_not_make_the_model_wrong() -> None:
     for sign in np.random.default_rng(0).choice([-1.0, 1.0], 500):
         torque = sign * np.array([0.01, 20.0, 10.0, 5.0])
         model_check.add(torque, np.array([0.01, 0.2, 0.1, 0.05]) * sign)
-    assert model_check.part[0] < 0.2
     assert model_check.verdict(np.full(4, 1.0), np.full(4, 1.0), np.full(4, 1e-4)) == ""
+    assert model_check.part[0] < 0.2
 
 
 def kinds(log: EventLog) -> list[str]:

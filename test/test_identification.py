@@ -50,7 +50,7 @@ def recording(seed: int, seconds: float = 30.0, still: Sequence[str] = (), rate:
 
 
 def information(columns: list[FloatArray]) -> FloatArray:
-    return np.sum([Y.T @ Y for Y in columns], axis=0)
+    return np.asarray(np.sum([Y.T @ Y for Y in columns], axis=0))
 
 
 def link_columns(model: RobotModel, count: int = 400) -> list[FloatArray]:
@@ -247,7 +247,9 @@ def plain_bag(seed: int, std: FloatArray, count: int = 4000) -> BagRows:
     Y = rng.normal(size=(count, 2, 3))
     y = Y @ np.array([1.0, -2.0, 0.5]) + std * rng.normal(size=(count, 2))
     still = np.zeros((count, 2))
-    return BagRows("plain", 0.01 * np.arange(count), 0.01, Y, y, y, np.ones((count, 2), dtype=bool), still, still, still, 25.0)
+    return BagRows(
+        "plain", 0.01 * np.arange(float(count)), 0.01, Y, y, y, np.ones((count, 2), dtype=bool), still, still, still, 25.0
+    )
 
 
 def test_weighted_least_squares_weighs_each_joint_by_its_noise() -> None:

@@ -92,7 +92,7 @@ def test_a_frozen_position_is_named(sound: Recording) -> None:
 def test_gaps_and_stamps_that_run_back_are_said(sound: Recording) -> None:
     keep = np.ones(len(sound.t), dtype=bool)
     keep[2000:2400] = False
-    cut = Recording("cut", sound.t[keep], sound.q[keep], sound.v[keep], sound.tau[keep])
+    cut = sound.at(keep, "cut")
     assert [p.kind for p in check_channels(MODEL, cut, 0.1).problems] == ["gaps"]
     t = sound.t.copy()
     t[3000:] -= 20.0

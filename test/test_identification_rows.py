@@ -24,7 +24,7 @@ def test_derivatives_have_neither_phase_nor_gain_below_the_cut_off(rate: float, 
     t = START + np.arange(int(12 * rate)) / rate
     w = 2.0 * np.pi * frequency
     q = 7.0 + np.sin(w * t)[:, None]
-    motion = KinematicFilter(1.0 / rate, 5.0).apply(t, q, np.full_like(q, np.nan), 3.0 * q, False)
+    motion = KinematicFilter(1.0 / rate, 5.0).apply(t, q, None, 3.0 * q)
     assert motion is not None
     angle = w * motion.t[:, None]
     np.testing.assert_allclose(motion.q, 7.0 + np.sin(angle), atol=1e-3)
@@ -36,7 +36,7 @@ def test_derivatives_have_neither_phase_nor_gain_below_the_cut_off(rate: float, 
 def test_a_measured_velocity_is_used_where_it_is_asked_for() -> None:
     t = np.arange(3000) / 500.0
     q, v = np.sin(t)[:, None], 2.0 * np.cos(t)[:, None]
-    of_message = KinematicFilter(0.002, 5.0).apply(t, q, v, q, True)
+    of_message = KinematicFilter(0.002, 5.0).apply(t, q, v, q)
     assert of_message is not None
     np.testing.assert_allclose(of_message.v, 2.0 * np.cos(of_message.t)[:, None], atol=1e-4)
     np.testing.assert_allclose(of_message.a, -2.0 * np.sin(of_message.t)[:, None], atol=1e-4)
@@ -132,13 +132,13 @@ def test_a_recording_is_gathered_in_the_order_of_its_measurements() -> None:
 
     stream = [Measurement(0.01 * k, np.array([k, 0.0]), None, np.array([0.0, k])) for k in range(20_000)]
     seen: list[int] = []
-    recording = Recording.of("x", iter(stream), seen.append)
+    recording = Recording.from_measurements("x", iter(stream), seen.append)
     assert sum(seen) == 20_000
     np.testing.assert_array_equal(recording.q[:, 0], np.arange(20_000.0))
-    assert np.isnan(recording.v).all()
+    assert recording.v is None
     assert recording.period == pytest.approx(0.01)
     with pytest.raises(DataError, match="nothing"):
-        Recording.of("nothing", [])
+        Recording.from_measurements("nothing", [])
 
 
 @pytest.mark.parametrize("robot_name", ROBOTS)

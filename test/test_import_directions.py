@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -13,13 +14,14 @@ PACKAGE = Path(__file__).resolve().parents[1] / "sysid_ros"
 # Each unit (a module of the root, or a sub-package) imports only units of earlier rows, and itself.
 LEVELS = (
     {"exceptions", "plain_json", "sample"},
+    {"estimators"},
     {"online_settings"},
     {"robot"},
     {"signals"},
     {"effects"},
     {"floating"},
     {"torque"},
-    {"estimators", "excitation", "input_gate"},
+    {"excitation", "input_gate"},
     {"online"},
     {"control"},
     {"simulation"},
@@ -32,8 +34,8 @@ LEVELS = (
 )
 LEVEL_OF = {unit: level for level, units in enumerate(LEVELS) for unit in units}
 
-# Estimators know no robotics: of the package they see errors, settings and the array type.
-ONLY = {"estimators": {"exceptions", "sample", "online_settings"}}
+# Estimators know no robotics: of the package they see errors and the array type.
+ONLY = {"estimators": {"exceptions", "sample"}}
 
 # Where each foreign package may be imported. Message packages are ROS as much as rclpy is.
 ROS = ("rclpy", "ament_index_python", "builtin_interfaces", "rcl_interfaces", "launch", "launch_ros")
@@ -85,8 +87,16 @@ def imports_of(path: Path, tree: ast.Module) -> list[Import]:
 
 
 FILES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
-IMPORTS = [found for path in FILES for found in imports_of(path, ast.parse(path.read_text(encoding="utf-8")))]
-INSIDE = [found for found in IMPORTS if found.target.startswith("sysid_ros.") and found.target != "sysid_ros.__version__"]
+
+
+@cache
+def imports() -> list[Import]:
+    return [found for path in FILES for found in imports_of(path, ast.parse(path.read_text(encoding="utf-8")))]
+
+
+@cache
+def inside() -> list[Import]:
+    return [found for found in imports() if found.target.startswith("sysid_ros.") and found.target != "sysid_ros.__version__"]
 
 
 def test_every_unit_has_a_level() -> None:
@@ -96,7 +106,7 @@ def test_every_unit_has_a_level() -> None:
 
 def test_no_import_runs_back() -> None:
     back = []
-    for found in INSIDE:
+    for found in inside():
         target = found.target.split(".")[1]
         if target != found.unit and LEVEL_OF.get(target, len(LEVELS)) >= LEVEL_OF.get(found.unit, -1):
             back.append(str(found))
@@ -106,20 +116,20 @@ def test_no_import_runs_back() -> None:
 @pytest.mark.parametrize("unit", sorted(ONLY))
 def test_unit_sees_only(unit: str) -> None:
     allowed = ONLY[unit] | {unit}
-    too_much = [str(found) for found in INSIDE if found.unit == unit and found.target.split(".")[1] not in allowed]
+    too_much = [str(found) for found in inside() if found.unit == unit and found.target.split(".")[1] not in allowed]
     assert not too_much, "\n".join(too_much)
 
 
 @pytest.mark.parametrize("foreign", sorted(CONFINED))
 def test_foreign_package_stays_in_its_place(foreign: str) -> None:
-    outside = [str(found) for found in IMPORTS if found.target.split(".")[0] == foreign and found.unit not in CONFINED[foreign]]
+    outside = [str(found) for found in imports() if found.target.split(".")[0] == foreign and found.unit not in CONFINED[foreign]]
     assert not outside, "\n".join(outside)
 
 
 def test_ros_messages_are_imported_only_by_nodes() -> None:
     outside = [
         str(found)
-        for found in IMPORTS
+        for found in imports()
         if found.unit != "nodes" and found.target.split(".")[0].endswith(("_msgs", "_srvs", "_interfaces"))
     ]
     assert not outside, "\n".join(outside)

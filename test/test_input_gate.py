@@ -6,15 +6,16 @@ from array import array
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.input_gate import InputGate, Level, Rejection
+from sysid_ros.input_gate import GateHealth, InputGate, Level, Rejection
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.sample import JointStateRecord, Measurement
+from sysid_ros.sample import FloatArray, JointStateRecord, Measurement
 from sysid_ros.sources import BagSource
 
 ROBOT = RobotModel.from_urdf((Path(__file__).parent / "data" / "small_arm.urdf").read_text())
@@ -41,6 +42,11 @@ def motion(
     return [JointStateRecord(start + x, start + x + 1e-3, NAMES, q[k], v[k], tau[k]) for k, x in enumerate(t)]
 
 
+def _of(values: Any) -> FloatArray:
+    assert isinstance(values, np.ndarray)
+    return values
+
+
 def run(gate: InputGate, records: Iterable[JointStateRecord]) -> list[Measurement | Rejection]:
     return [gate.accept(record) for record in records]
 
@@ -49,7 +55,7 @@ def gate_of(**settings: object) -> InputGate:
     return InputGate(ROBOT, OnlineSettings(**settings))  # type: ignore[arg-type]
 
 
-def health_after(gate: InputGate, records: Sequence[JointStateRecord], later: float = 0.0):
+def health_after(gate: InputGate, records: Sequence[JointStateRecord], later: float = 0.0) -> GateHealth:
     run(gate, records)
     return gate.health(records[-1].receive_time + later)
 
@@ -142,7 +148,11 @@ def row_05_other_order() -> None:
         names = tuple(NAMES[i] for i in order)
         shuffled.append(
             replace(
-                record, names=names, position=record.position[order], velocity=record.velocity[order], effort=record.effort[order]
+                record,
+                names=names,
+                position=_of(record.position)[order],
+                velocity=_of(record.velocity)[order],
+                effort=_of(record.effort)[order],
             )
         )
     for a, b in zip(run(gate_of(), straight), run(gate_of(), shuffled), strict=True):
@@ -367,7 +377,7 @@ def row_19_a_loaded_arm_is_fine() -> None:
     theta = np.array([4.0, 0.4, 0.0, 0.2, 0.02, 0.0, 0.06, 0.0, 0.0, 0.06])
     records = []
     for record in motion(20.0):
-        load = ROBOT.payload_regressor(record.position, record.velocity, np.zeros(4), frame) @ theta
+        load = ROBOT.payload_regressor(_of(record.position), _of(record.velocity), np.zeros(4), frame) @ theta
         records.append(replace(record, effort=record.effort + load))
     gate = gate_of()
     assert health_after(gate, records).level == Level.OK
@@ -377,7 +387,7 @@ def row_19_a_loaded_arm_is_fine() -> None:
 def row_20_gravity_is_compensated() -> None:
     compensated = []
     for record in motion(20.0):
-        compensated.append(replace(record, effort=record.effort - ROBOT.gravity_torque(record.position)))
+        compensated.append(replace(record, effort=record.effort - ROBOT.gravity_torque(_of(record.position))))
     gate = gate_of()
     health = health_after(gate, compensated)
     assert health.level == Level.WARN
@@ -420,7 +430,7 @@ def row_23_angle_wraps() -> None:
     turning = []
     for k, record in enumerate(motion(8.0)):
         angle = 2.0 * k / RATE
-        position = record.position.copy()
+        position = _of(record.position).copy()
         position[0] = np.arctan2(np.sin(angle), np.cos(angle))
         turning.append(replace(record, position=position, velocity=()))
     q = np.array([m.q[0] for m in run(gate, turning) if isinstance(m, Measurement)])
@@ -432,7 +442,8 @@ def row_23_step_of_a_full_turn() -> None:
     turned = [replace(r, position=r.position + np.array([0.0, 2.0 * np.pi, 0.0, 0.0])) for r in records[250:]]
     gate = gate_of()
     results = run(gate, records[:250] + turned)
-    np.testing.assert_allclose([m.q for m in results if isinstance(m, Measurement)], [r.position for r in records], atol=1e-9)
+    found, expected = np.array([m.q for m in results if isinstance(m, Measurement)]), np.array([r.position for r in records])
+    np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
 def row_24_prismatic_joint_is_not_wrapped() -> None:
@@ -485,14 +496,14 @@ def test_bad_input(row: Callable[[], None]) -> None:
 
 
 @pytest.mark.parametrize("convert", [list, tuple, lambda x: array("d", x), np.float32], ids=["list", "tuple", "array", "float32"])
-def test_arrays_of_any_kind(convert: Callable[[object], object]) -> None:
+def test_arrays_of_any_kind(convert: Callable[[object], Any]) -> None:
     record = motion(1.0)[3]
     as_received = replace(
         record, position=convert(record.position), velocity=convert(record.velocity), effort=convert(record.effort)
     )
     m = gate_of().accept(as_received)
     assert isinstance(m, Measurement)
-    assert all(x.shape == (4,) and x.dtype == np.float64 and not x.flags.writeable for x in (m.q, m.v, m.tau))
+    assert all(x.shape == (4,) and x.dtype == np.float64 and not x.flags.writeable for x in (m.q, _of(m.v), m.tau))
     np.testing.assert_allclose(m.tau, record.effort, rtol=1e-6)
 
 

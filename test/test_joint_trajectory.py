@@ -18,7 +18,7 @@ TOPIC = "/joint_trajectory_controller/joint_trajectory"
 def trajectory(count: int = 5, names: tuple[str, ...] = ("a", "it's b")) -> JointTrajectory:
     random = np.random.default_rng(0)
     q, v, a = random.normal(size=(3, count, len(names)))
-    return JointTrajectory(names, 0.25 * np.arange(count) + 0.1, q, v, a)
+    return JointTrajectory(names, 0.25 * np.arange(float(count)) + 0.1, q, v, a)
 
 
 def test_yaml_holds_every_number() -> None:

@@ -11,8 +11,8 @@ from motions import Motion
 from robots import robot
 
 from sysid_ros.identification.expected_error import ExpectedError
+from sysid_ros.identification.free_effects import free_model
 from sysid_ros.identification.held_out import Prior, Solvers
-from sysid_ros.identification.identify import free_model
 from sysid_ros.identification.least_squares import Fit, fit
 from sysid_ros.identification.link_posterior import LinkPosterior, link_posterior
 from sysid_ros.identification.rows import BagRows, collect_rows

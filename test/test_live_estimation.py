@@ -12,9 +12,10 @@ from sysid_ros.online.commit_gate import CommitGate, CommitSettings
 from sysid_ros.online.live_estimation import LiveEstimation
 from sysid_ros.online.warm_up import warm_up
 from sysid_ros.online_settings import OnlineSettings
-from sysid_ros.robot.equivalent_box import equivalent_box, quaternion
+from sysid_ros.robot.equivalent_box import equivalent_box
 from sysid_ros.robot.joint_choice import JointChoice
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.rotation import quaternion
 from sysid_ros.sample import JointStateRecord
 
 URDF = (Path(__file__).parent / "data" / "small_arm.urdf").read_text()
@@ -56,7 +57,7 @@ def run(live: LiveEstimation, records: list[JointStateRecord]) -> tuple[int, lis
             live.health(record.receive_time)
         if estimate is not None:
             count += 1
-            if (passed := live.offer_commit(estimate)) is not None:
+            if (passed := live.commit.offer(estimate)) is not None:
                 committed.append(passed.mass)
     return count, committed
 
@@ -91,7 +92,8 @@ def test_unnamed_joints_are_locked_and_a_partial_message_does_not_decide() -> No
     live = live_of()
     partial = JointStateRecord(START, START, (ROBOT.joint_names[3],), [0.1], [0.0], [1.0])
     live.take(partial)
-    assert live.gate is None
+    gate = live.gate
+    assert gate is None
     assert live.status(0.0) == ("warming_up", live.status(0.0)[1])
     run(live, motion(some, 1.0))
     assert live.gate is not None
@@ -157,7 +159,7 @@ def test_no_commit_while_the_input_is_in_error() -> None:
     live.health(records[1999].receive_time + 10.0)
     assert live.commit_now()[0] is False
     assert live.estimation.latest is not None
-    assert live.offer_commit(live.estimation.latest) is None
+    assert live.commit.offer(live.estimation.latest) is None
 
 
 def test_disabled_estimation_gives_nothing() -> None:

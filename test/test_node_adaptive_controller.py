@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from sysid_ros.control import Reference
+from sysid_ros.control.live_control import LiveControl
 from sysid_ros.nodes.adaptive_controller import AdaptiveController
 from sysid_ros.nodes.messages import stamp_of
 from sysid_ros.simulation import ArmScenario, ArmSimulation
@@ -91,6 +93,14 @@ class Bench:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         self.statuses |= {s.name.rpartition(": ")[2]: s for s in message.status}
 
+    @property
+    def live(self) -> LiveControl:
+        assert self.node.live is not None
+        return self.node.live
+
+    def follows(self) -> bool:
+        return self.live.following
+
     def until(self, condition: Callable[[], Any], seconds: float = 30.0) -> None:
         end = time.monotonic() + seconds
         while not condition():
@@ -106,7 +116,7 @@ class Bench:
             message.header.stamp = stamp_of(self.begin + told.t)
             before = self.commands
             self.states.publish(message)
-            self.until(lambda before=before: self.commands > before)
+            self.until(partial(lambda before: self.commands > before, before))
             positions.append(told.q)
         return positions
 
@@ -156,44 +166,46 @@ def test_holds_follows_and_learns_what_is_picked_up(bench: Callable[..., Bench],
     assert np.abs(np.array(held) - one.centre).max() < 2e-3
     goal = one.centre + np.array([0.4, -0.2, 0.3, 0.3, -0.4, 0.2, 0.5])
     one.send([1.0], goal[None])
-    assert one.node.live.following
+    assert one.follows()
     arrived = one.run(1.3)[-1]
-    assert not one.node.live.following
+    assert not one.follows()
     assert np.abs(arrived - goal).max() < 2e-3
     assert one.arm.pick()
     sagged = np.abs(one.run(1.5)[-1] - goal).max()
     if law == "composite":
         assert sagged < 0.03
         assert np.abs(one.run(2.0)[-1] - goal).max() < 0.6 * sagged
-        assert one.node.live.law.payload[0] == pytest.approx(3.0, rel=0.2)
+        assert one.live.law.payload[0] == pytest.approx(3.0, rel=0.2)
     else:
         assert sagged > 0.06
-        assert one.node.live.law.payload[0] == 0.0
+        assert one.live.law.payload[0] == 0.0
 
 
 def test_a_committed_payload_is_taken_over(bench: Callable[..., Bench]) -> None:
     one = bench("told", law="certainty_equivalence")
     one.run(0.1)
     body = one.arm.payload
+    assert body is not None
     message = InertiaStamped()
     message.header.frame_id = one.arm.frame
     message.inertia.m = body.mass
     message.inertia.com.x, message.inertia.com.y, message.inertia.com.z = body.com.tolist()
-    (message.inertia.ixx, message.inertia.ixy, message.inertia.ixz) = body.inertia_com[0].tolist()
-    (message.inertia.iyy, message.inertia.iyz, message.inertia.izz) = [*body.inertia_com[1, 1:].tolist(), body.inertia_com[2, 2]]
+    tensor: Any = body.inertia_com.tolist()
+    (message.inertia.ixx, message.inertia.ixy, message.inertia.ixz) = tensor[0]
+    (message.inertia.iyy, message.inertia.iyz, message.inertia.izz) = tensor[1][1], tensor[1][2], tensor[2][2]
     one.payloads.publish(message)
     for _ in range(20):
         one.executor.spin_once(timeout_sec=0.01)
     one.arm.pick()
     one.run(1.5)
-    assert one.node.live.law.payload == pytest.approx(body.theta)
+    assert one.live.law.payload == pytest.approx(body.theta)
     assert np.abs(one.run(0.01)[-1] - one.centre).max() < 2e-3
     one.until(lambda: one.beliefs and one.beliefs[-1] == pytest.approx(3.0))
     message.header.frame_id = "elsewhere"
     message.inertia.m = 1.0
     one.payloads.publish(message)
     one.run(0.5)
-    assert one.node.live.law.payload == pytest.approx(body.theta)
+    assert one.live.law.payload == pytest.approx(body.theta)
 
 
 @pytest.mark.slow
@@ -214,8 +226,9 @@ def test_a_committed_payload_is_taken_over(bench: Callable[..., Bench]) -> None:
 def test_a_motion_that_may_not_be_is_refused_in_words(bench: Callable[..., Bench], change: dict[str, Any], words: str) -> None:
     one = bench("refuses")
     one.run(0.05)
-    one.send(**({"t": [1.0], "q": one.centre[None] + 0.2} | change))
-    assert not one.node.live.following
+    sent: dict[str, Any] = {"t": [1.0], "q": one.centre[None] + 0.2} | change
+    one.send(**sent)
+    assert not one.follows()
     one.run(0.05)
     one.until(lambda: words in one.statuses.get("controller", DiagnosticStatus()).message)
     assert (
@@ -235,22 +248,22 @@ def test_the_arm_comes_to_rest_where_it_is_told_or_pushed_away(bench: Callable[.
     assert np.abs(one.run(0.2)[-1] - before).max() < 2e-3
     one.arm.world.reset(before + 0.2, np.zeros(7))
     one.run(0.02)
-    assert one.node.live.yields
-    assert "error_limit" in one.node.live.trouble
+    assert one.live.yields
+    assert "error_limit" in one.live.trouble
     assert np.abs(one.run(0.5)[-1] - before - 0.2).max() < 0.02
     one.send([2.0], one.centre[None])
-    assert not one.node.live.following
+    assert not one.follows()
     assert one.call("hold").success
     one.send([2.0], one.centre[None])
-    assert one.node.live.following
+    assert one.follows()
     assert np.abs(one.run(2.3)[-1] - one.centre).max() < 2e-3
 
 
 def test_states_that_come_more_slowly_than_the_gains_allow_are_no_loop(bench: Callable[..., Bench]) -> None:
     one = bench("slow", loop_delay=0.001)
     first = one.run(0.3)[0]
-    assert one.node.live.yields
-    assert "loop_delay" in one.node.live.trouble
+    assert one.live.yields
+    assert "loop_delay" in one.live.trouble
     assert np.abs(one.run(0.5)[-1] - first).max() < 0.02
 
 
@@ -260,7 +273,7 @@ def test_without_states_the_last_posture_is_held_without_feedback(bench: Callabl
     count = one.commands
     one.until(lambda: one.commands > count + 3)
     assert one.effort == pytest.approx(
-        one.arm.robot.gravity_torque(q) + one.node._arm.split(q, *[np.zeros(7)] * 4)[0] @ (one.node.live.law.payload), abs=0.05
+        one.arm.robot.gravity_torque(q) + one.node._arm.split(q, *[np.zeros(7)] * 4)[0] @ (one.live.law.payload), abs=0.05
     )
     one.until(lambda: "controller" in one.statuses and one.statuses["controller"].level == DiagnosticStatus.ERROR)
     assert "without feedback" in one.statuses["controller"].message
@@ -270,8 +283,9 @@ def test_without_states_the_last_posture_is_held_without_feedback(bench: Callabl
 def test_efforts_keep_within_their_limits(bench: Callable[..., Bench]) -> None:
     one = bench("weak", effort_limit_scale=0.02)
     one.run(0.2)
+    assert one.effort is not None
     assert np.all(np.abs(one.effort) <= 0.02 * one.arm.robot.effort_limit + 1e-9)
-    assert one.node.live.clipped.any() or "limit" in one.statuses["controller"].message
+    assert one.live.clipped.any() or "limit" in one.statuses["controller"].message
 
 
 def test_nothing_is_sent_before_it_is_activated(bench: Callable[..., Bench]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +27,20 @@ from std_msgs.msg import Float32MultiArray, Float64MultiArray, String
 
 from sysid_ros.nodes.messages import stamp_of
 from sysid_ros.nodes.online_payload_estimator import OnlinePayloadEstimator
-from sysid_ros.sample import ContactRecord, ImuRecord
+from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
 from sysid_ros.sources import BagSource, FloatingBagSource
 
-SOURCE = FloatingBagSource(BagSource(Path(__file__).resolve().parents[1] / "bags" / "quadruped_trot"))
-RECORDS = list(SOURCE)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@cache
+def source() -> FloatingBagSource:
+    return FloatingBagSource(BagSource(Path(__file__).resolve().parents[1] / "bags" / "quadruped_trot"))
+
+
+@cache
+def trot() -> list[JointStateRecord | ImuRecord | ContactRecord]:
+    return list(source())
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -63,7 +72,7 @@ class Walk:
             self.player.create_subscription(InertiaStamped, "online_payload_estimator/payload", self.payloads.append, 100),
             self.player.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10),
         )
-        self.description.publish(String(data=SOURCE.robot_description))
+        self.description.publish(String(data=source().robot_description))
         if not connected:
             return
         self.until(lambda: self.joints.get_subscription_count() and self.imu.get_subscription_count(), 60.0)
@@ -80,7 +89,7 @@ class Walk:
 
     def publish_joints_until(self, condition: Callable[[], Any]) -> None:
         """Send the first joint states over and over, to a node that may not listen."""
-        first = next(r for r in RECORDS if not isinstance(r, ImuRecord | ContactRecord))
+        first = next(r for r in trot() if not isinstance(r, ImuRecord | ContactRecord))
         end = time.monotonic() + 30.0
         while not condition():
             assert time.monotonic() < end, f"waited in vain; {[(n, s.message) for n, s in self.statuses.items()]}"
@@ -102,7 +111,7 @@ class Walk:
         gate = self.node.live.gate if self.node.live is not None else None
         before = 0 if gate is None else gate.received
         joints = 0
-        for k, record in enumerate(RECORDS):
+        for k, record in enumerate(trot()):
             if isinstance(record, ContactRecord):
                 self.contacts.publish(self.contact_type(data=[float(x) for x in record.values]))
             elif isinstance(record, ImuRecord):
@@ -127,18 +136,20 @@ class Walk:
                 self.joints.publish(state)
             if k % 30 == 29:
                 wanted = before + joints
-                self.until(lambda wanted=wanted: self.node.live.gate is not None and self.node.live.gate.received >= wanted)
+                self.until(
+                    partial(lambda live, wanted: live.gate is not None and live.gate.received >= wanted, self.node.live, wanted)
+                )
                 if done():
                     return
 
     def play_until(self, condition: Callable[[], Any], **fault: Any) -> None:
         """Walk on and on, as a robot does, until ``condition``."""
         end = time.monotonic() + 60.0
-        shift = time.time() - RECORDS[0].receive_time
+        shift = time.time() - trot()[0].receive_time
         while not condition():
             assert time.monotonic() < end, f"waited in vain; {[(n, s.message) for n, s in self.statuses.items()]}"
             self.play(shift, **fault, done=condition)
-            shift += RECORDS[-1].receive_time - RECORDS[0].receive_time + 0.002
+            shift += trot()[-1].receive_time - trot()[0].receive_time + 0.002
 
     def close(self) -> None:
         self.executor.shutdown()
@@ -163,7 +174,7 @@ def walk() -> Iterator[Callable[..., Walk]]:
 @pytest.mark.parametrize("contacts", [Float32MultiArray, Float64MultiArray], ids=["float32", "float64"])
 def test_the_box_on_a_trotting_robot_is_published(walk: Callable[..., Walk], contacts: Any) -> None:
     one = walk(f"trot_{contacts.__name__.lower()}", contacts=contacts)
-    one.play(time.time() - RECORDS[0].receive_time)
+    one.play(time.time() - trot()[0].receive_time)
     one.until(lambda: one.payloads and one.payloads[-1].inertia.m > 0.0)
     last = one.payloads[-1]
     assert last.header.frame_id == "trunk"

@@ -96,14 +96,17 @@ def test_shared_files_are_small() -> None:
     assert not large, f"{large} are larger than 2 MB"
 
 
+def _is_text(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
 def code_of(path: Path) -> str:
-    """The source without comments and docstrings: a text may name a robot as an example, code may not."""
+    """The source without comments, docstrings and the lines under a number that give its reason: a text may name a robot as an
+    example, code may not."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            first = node.body[0] if node.body else None
-            if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant) and isinstance(first.value.value, str):
-                node.body = node.body[1:] or [ast.Pass()]
+            node.body = [x for x in node.body if not _is_text(x)] or [ast.Pass()]
     return ast.unparse(tree)
 
 

@@ -109,11 +109,11 @@ def test_the_frame_is_only_a_view() -> None:
     payload = inertial_parameters.from_com(1.2, np.array([0.05, 0.02, 0.08]), 0.003 * np.eye(3))
     carrying = truth.copy()
     carrying[10 * arm.n - 10 : 10 * arm.n] += payload
-    runs = [
+    empty, full = [
         fit([collect_rows(model, recorded(arm, theta, 3, seconds=15.0, torque_noise=0.02), "")], prior.mean, prior.std)
         for theta in (truth, carrying)
     ]
-    plain, askew = payload_difference(model, *runs, arm.default_frame), payload_difference(model, *runs, "welded_body")
+    plain, askew = (payload_difference(model, empty, full, frame) for frame in (arm.default_frame, "welded_body"))
     placed = arm.model.frames[arm.frame_id("welded_body")].placement
     moved = inertial_parameters.move(askew.theta, np.array(placed.rotation), np.array(placed.translation))
     assert not np.allclose(placed.translation, 0.0)
@@ -137,10 +137,10 @@ def test_payloads_of_a_real_arm(run: str, mass: float, part: float) -> None:
         for name in names:
             source, arm = open_bag(UR10E / name, "/joint_states", UR10E / "ur10e.urdf", settings)
             gate = InputGate(arm, settings)
-            recording = Recording.of(name, (m for m in map(gate.accept, source) if isinstance(m, Measurement)))
+            recording = Recording.from_measurements(name, (m for m in map(gate.accept, source) if isinstance(m, Measurement)))
             rows.append(collect_rows(free_model(arm), recording, name, 5.0))
         prior = Prior.of(free_model(arm))
         fits.append(fit(rows, prior.mean, prior.std))
-    found = payload_difference(free_model(arm), *fits)
+    found = payload_difference(free_model(arm), fits[0], fits[1])
     assert found.mass == pytest.approx(mass, rel=part)
     assert found.consistent

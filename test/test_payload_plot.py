@@ -9,16 +9,16 @@ import pytest
 from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
 from sysid_ros.pages import TruthSegment, check_plot_path, write_payload_plot
+from sysid_ros.pages.figure import Mark, keys, with_gaps
 from sysid_ros.pages.payload_curves import (
-    Curve,
+    Quantity,
     event_text,
     inertia_diagonal_jacobian,
     last_known,
-    payload_panels,
+    payload_quantities,
     relative_times,
     robust_limits,
     status_spans,
-    with_gaps,
 )
 from sysid_ros.pages.payload_figure import payload_figure
 from sysid_ros.robot import inertial_parameters
@@ -115,15 +115,27 @@ def test_figure_leaves_no_global_state(tmp_path: Path) -> None:
 def test_what_the_figure_says() -> None:
     series, events, truth = pick_and_drop()
     figure = payload_figure(series, events, JOINTS, ("N m", "N m", "N"), "Payload of the arm", truth)
-    texts = [t.get_text() for axes in figure.axes for t in axes.texts] + [t.get_text() for t in figure.texts]
-    titles = [axes.get_title(loc="left") for axes in figure.axes]
-    units = [axes.get_ylabel() for axes in figure.axes]
-    assert {"pick 0.00 → 1.50 kg", "drop 1.50 → 0.00 kg", "shoulder", "elbow", "wrist"} <= set(texts)
-    assert any("flange" in text for text in texts)
-    assert titles[:4] == ["Status and events", "Mass", "Centre of mass", "Inertia about com"]
-    assert units == ["", "[kg]", "[mm]", "[10⁻³ kg m²]", "[N m]", "[N m]", "[N]"]
-    labels = [text.get_text() for axes in figure.axes if axes.get_legend() for text in axes.get_legend().get_texts()]
-    assert {"ok", "warming_up", "no_payload", "truth", "95 %", "mass 1.500 ± 0.020", "x 30.0 ± 1.4"} <= set(labels)
+    estimates, residuals = (stack.panels for stack in figure.stacks)
+    texts = {item.text for item in estimates[0].items if isinstance(item, Mark)}
+    assert texts == {"pick 0.00 → 1.50 kg", "drop 1.50 → 0.00 kg"}
+    assert "flange" in figure.subtitle
+    assert [p.title for p in estimates] == [
+        "Status and events",
+        "Mass [kg]",
+        "Centre of mass [mm]",
+        "Inertia about com [10⁻³ kg m²]",
+    ]
+    assert [p.title for p in residuals] == ["shoulder [N m]", "elbow [N m]", "wrist [N]"]
+    labels = {key.label for key in keys(estimates)}
+    assert {"ok", "warming_up", "no_payload", "truth", "95 %", "mass 1.500 ± 0.020", "x 30.0 ± 1.4"} <= labels
+
+
+def test_the_page_tells_the_numbers_and_the_events(tmp_path: Path) -> None:
+    series, events, _ = pick_and_drop()
+    write_payload_plot(tmp_path / "payload.html", series, events, JOINTS, "Payload")
+    page = (tmp_path / "payload.html").read_text(encoding="utf-8")
+    for text in ("1.500 ± 0.020 kg", "30.0, -20.0, 80.0 mm", "<td>pick</td><td>4.00</td><td>-0.001</td><td>1.500</td>"):
+        assert text in page
 
 
 def test_empty_series_is_refused(tmp_path: Path) -> None:
@@ -150,27 +162,28 @@ def test_missing_folder_is_refused(tmp_path: Path) -> None:
 
 def test_curves_have_a_gap_where_there_is_no_mass() -> None:
     series, _, truth = pick_and_drop()
-    mass, com, inertia = payload_panels(series, truth)
+    mass, com, inertia = payload_quantities(series, truth)
     carried = np.array([e.status == "ok" for e in series])
-    assert np.isfinite(mass.curves[0].value).all()
+    assert np.isfinite(mass.quantities[0].value).all()
     for panel in (com, inertia):
-        for curve in panel.curves:
+        for curve in panel.quantities:
             np.testing.assert_array_equal(np.isfinite(curve.value), carried)
-    np.testing.assert_allclose([c.value[carried][0] for c in com.curves], 1e3 * COM)
-    np.testing.assert_allclose([c.value[carried][0] for c in inertia.curves], 1e3 * np.diag(INERTIA))
-    assert [c.truth[1] for c in com.curves] == pytest.approx(1e3 * COM)
-    assert np.isnan([c.truth[0] for c in com.curves]).all()
+    np.testing.assert_allclose([c.value[carried][0] for c in com.quantities], 1e3 * COM)
+    np.testing.assert_allclose([c.value[carried][0] for c in inertia.quantities], 1e3 * np.diag(INERTIA))
+    assert [c.truth[1] for c in com.quantities] == pytest.approx(1e3 * COM)
+    assert np.isnan([c.truth[0] for c in com.quantities]).all()
 
 
 def test_bands_of_the_warm_up_do_not_set_the_limits() -> None:
-    mass = payload_panels(*(pick_and_drop()[k] for k in (0, 2)))[0]
+    estimates, _, truth = pick_and_drop()
+    mass = payload_quantities(estimates, truth)[0]
     low, high = mass.limits
     assert -0.5 < low < 0.0
     assert 1.5 < high < 2.0
 
 
 def test_limits_where_nothing_is_known() -> None:
-    nothing = Curve("x", np.full(3, np.nan), np.full(3, np.nan), ())
+    nothing = Quantity("x", np.full(3, np.nan), np.full(3, np.nan), ())
     assert robust_limits([nothing], np.ones(3, dtype=bool), 4.0) == (-2.0, 2.0)
 
 

@@ -41,7 +41,7 @@ def information_of(model: TorqueModel, rng: np.random.Generator, count: int = 10
 def noise_of(A: FloatArray, rng: np.random.Generator, size: float = 1.0) -> FloatArray:
     """What white noise in the rows does to the score: its covariance is A."""
     values, vectors = np.linalg.eigh(A)
-    return size * vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.normal(size=len(A)))
+    return np.asarray(size * vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.normal(size=len(A))))
 
 
 def torque_error(model: TorqueModel, difference: FloatArray, seed: int = 99) -> float:

@@ -55,5 +55,5 @@ def test_a_real_arm(tmp_path: Path) -> None:
     for name in ("fourier14_noload", "fast20_noload"):
         source, arm = open_bag(UR10E / name, "/joint_states", UR10E / "ur10e.urdf", settings)
         gate = InputGate(arm, settings)
-        recordings.append(Recording.of(name, (m for m in map(gate.accept, source) if isinstance(m, Measurement))))
+        recordings.append(Recording.from_measurements(name, (m for m in map(gate.accept, source) if isinstance(m, Measurement))))
     judge(arm, *both(arm, recordings[:1], recordings[1:]), tmp_path)

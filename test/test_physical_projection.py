@@ -17,7 +17,7 @@ SCALE = np.array([1.0] + [0.1] * 3 + [0.02] * 6)
 def random_covariance(rng: np.random.Generator, size: float) -> FloatArray:
     root = rng.normal(size=(10, 14)) / np.sqrt(14)
     spread = size * SCALE
-    return spread[:, None] * (root @ root.T + 0.05 * np.eye(10)) * spread
+    return np.asarray(spread[:, None] * (root @ root.T + 0.05 * np.eye(10)) * spread)
 
 
 def optimum(theta: FloatArray, covariance: FloatArray) -> float:

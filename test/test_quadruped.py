@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -27,12 +28,25 @@ START = TRUTH["start_time"]
 
 Run = Callable[..., tuple[int, str]]
 Record = JointStateRecord | ImuRecord | ContactRecord
-SOURCE = FloatingBagSource(BagSource(BAG))
-RECORDS: list[Record] = list(SOURCE)
-LEGS = RobotModel.for_messages(SOURCE.robot_description or "", SOURCE.joint_names)
 
 
-def estimated(records: Iterable[Record], legs: RobotModel = LEGS, **settings: object) -> Replay:
+@cache
+def source() -> FloatingBagSource:
+    return FloatingBagSource(BagSource(BAG))
+
+
+@cache
+def trot() -> list[Record]:
+    return list(source())
+
+
+@cache
+def quadruped() -> RobotModel:
+    return RobotModel.for_messages(source().robot_description or "", source().joint_names)
+
+
+def estimated(records: Iterable[Record], legs: RobotModel | None = None, **settings: object) -> Replay:
+    legs = legs or quadruped()
     chosen = OnlineSettings(**settings)  # type: ignore[arg-type]
     estimation = OnlineEstimation(legs, chosen)
     return replay(records, gate_for(legs, estimation.base, chosen), estimation)
@@ -45,7 +59,7 @@ def assert_covers(result: Replay, theta: np.ndarray = THETA, sigmas: float = 4.0
 
 @pytest.fixture(scope="module")
 def plain() -> Replay:
-    return estimated(RECORDS)
+    return estimated(trot())
 
 
 def test_the_recorded_trot_tells_the_box_and_when_it_was_put_on(plain: Replay) -> None:
@@ -59,18 +73,18 @@ def test_the_recorded_trot_tells_the_box_and_when_it_was_put_on(plain: Replay) -
     before = [e for e in plain.series if e.t < TRUTH["pick_time"]][-1]
     assert abs(before.mass) < max(0.1, 1.96 * before.mass_std)
     assert before.status == "no_payload" or before.status == "warming_up"
-    assert plain.final.residual.shape == plain.final.payload_effort.shape == (LEGS.n,)
+    assert plain.final.residual.shape == plain.final.payload_effort.shape == (quadruped().n,)
 
 
 def test_without_contact_messages_the_stance_is_inferred_and_the_estimate_is_the_same(plain: Replay) -> None:
-    result = estimated(r for r in RECORDS if not isinstance(r, ContactRecord))
+    result = estimated(r for r in trot() if not isinstance(r, ContactRecord))
     assert any("inferred" in sentence for sentence in result.warnings)
     assert result.feet["contact_inferred"] > 0
     assert result.final.mass == pytest.approx(plain.final.mass, abs=0.3 * plain.final.mass_std + 0.01)
 
 
 def changed(change: Callable[[ContactRecord, float], ContactRecord]) -> list[Record]:
-    return [change(r, r.receive_time - START) if isinstance(r, ContactRecord) else r for r in RECORDS]
+    return [change(r, r.receive_time - START) if isinstance(r, ContactRecord) else r for r in trot()]
 
 
 def test_a_wrong_contact_flag_is_counted_and_does_no_harm(plain: Replay) -> None:
@@ -105,12 +119,12 @@ def test_in_the_air_nothing_is_updated_and_nothing_claimed() -> None:
 
 def test_hung_up_it_claims_nothing_whatever_the_contacts_say() -> None:
     """The legs hang on the trunk, gravity is felt, the feet carry nothing."""
-    estimation = OnlineEstimation(LEGS, OnlineSettings())
+    estimation = OnlineEstimation(quadruped(), OnlineSettings())
     base = estimation.base
     assert base is not None
-    gate = gate_for(LEGS, base, estimation.settings)
+    gate = gate_for(quadruped(), base, estimation.settings)
     rng = np.random.default_rng(0)
-    q, still, zero = np.tile([0.0, 0.8, -1.6], 4), np.zeros(LEGS.n), np.zeros(3)
+    q, still, zero = np.tile([0.0, 0.8, -1.6], 4), np.zeros(quadruped().n), np.zeros(3)
     up = np.array([0.0, 0.0, 9.81])
     tau = base.robot.rnea(*base.state(q, still, still, zero, up, zero))[6:]
     records: list[Record] = []
@@ -119,7 +133,7 @@ def test_hung_up_it_claims_nothing_whatever_the_contacts_say() -> None:
         records += [
             ContactRecord(t, np.ones(4)),
             ImuRecord(t, t, base.trunk, (0, 0, 0, 1), 0.005 * rng.standard_normal(3), up + 0.05 * rng.standard_normal(3)),
-            JointStateRecord(t, t, LEGS.joint_names, q, (), tau + 0.2 * rng.standard_normal(LEGS.n)),
+            JointStateRecord(t, t, quadruped().joint_names, q, (), tau + 0.2 * rng.standard_normal(quadruped().n)),
         ]
     result = replay(records, gate, estimation)
     assert result.status == "stale"
@@ -131,9 +145,9 @@ def test_hung_up_it_claims_nothing_whatever_the_contacts_say() -> None:
 def test_two_seconds_of_another_force_on_the_robot_are_forgotten() -> None:
     """Somebody leans on the robot: the torques of one leg are wrong for a while."""
     records: list[Record] = []
-    for r in RECORDS:
+    for r in trot():
         if isinstance(r, JointStateRecord) and 4.2 < r.receive_time - START < 4.5:
-            records.append(replace(r, effort=np.array(r.effort) + 6.0 * np.sin(np.arange(LEGS.n) + 40.0 * r.receive_time)))
+            records.append(replace(r, effort=np.array(r.effort) + 6.0 * np.sin(np.arange(quadruped().n) + 40.0 * r.receive_time)))
         else:
             records.append(r)
     result = estimated(records)
@@ -163,7 +177,7 @@ def test_replay_writes_what_a_robot_on_legs_carries(run: Run, tmp_path: Path) ->
 
 def bag_with(path: Path, records: Iterable[Record]) -> str:
     with BagRecorder(path) as recorder:
-        recorder.write_robot_description(SOURCE.robot_description or "", START)
+        recorder.write_robot_description(source().robot_description or "", START)
         for r in records:
             if isinstance(r, ImuRecord):
                 recorder.write_imu(r)
@@ -188,7 +202,7 @@ def bag_with(path: Path, records: Iterable[Record]) -> str:
 def test_bad_input_is_named_with_the_cure(
     run: Run, tmp_path: Path, change: Callable[[Record], Record | None], arguments: list[str], cure: str
 ) -> None:
-    records = [r for r in map(change, RECORDS[:900]) if r is not None]
+    records = [r for r in map(change, trot()[:900]) if r is not None]
     code, text = run(bag_with(tmp_path / "bag", records), *arguments)
     assert code == 2
     assert re.search(cure, " ".join(text.split()))

@@ -86,7 +86,8 @@ class Standing:
         seed: int = 0,
         noise: float = 1.0,
     ) -> list[ContactRecord | ImuRecord | JointStateRecord]:
-        rng, out = np.random.default_rng(seed), []
+        rng = np.random.default_rng(seed)
+        out: list[ContactRecord | ImuRecord | JointStateRecord] = []
         torques = {loaded: self.torques(loaded) for loaded in (False, True)}
         names, feet = self.base.legs.joint_names, len(self.base.contact_frames)
         for k in range(round(seconds * RATE)):

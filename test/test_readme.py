@@ -25,8 +25,10 @@ from sysid_ros.online.payload_estimate import STATUSES
 from sysid_ros.online_settings import OnlineSettings
 
 ROOT = Path(__file__).resolve().parents[1]
-README, EXTENDING = ROOT / "README.md", ROOT / "docs" / "extending.md"
-DOCUMENTS = [README, *sorted((ROOT / "docs").rglob("*.md")), ROOT / "bags" / "README.md"]
+DOCS = ROOT / "docs"
+README, EXTENDING = ROOT / "README.md", DOCS / "extending.md"
+BESIDE = [ROOT / "CONTRIBUTING.md", ROOT / "bags" / "README.md", ROOT / "benchmarks" / "README.md"]
+DOCUMENTS = [README, *sorted(DOCS.rglob("*.md")), *BESIDE]
 NODES = ROOT / "sysid_ros" / "nodes"
 TOPICS = re.findall(r'"(~/\w+)"', (NODES / "outputs.py").read_text(encoding="utf-8"))
 SERVICES = [f"~/{name}" for name in re.findall(r"def (\w+)\(request:", (NODES / "services.py").read_text(encoding="utf-8"))]
@@ -75,6 +77,7 @@ def starting_with(*first: str) -> list[Any]:
 
 
 def test_the_documents_hold_what_is_tested_here() -> None:
+    assert len(README.read_text(encoding="utf-8").splitlines()) <= 200
     assert len(starting_with("sysid")) > 5
     assert starting_with("make")
     assert starting_with("ros2", "run", "sysid_ros")
@@ -169,6 +172,14 @@ def test_python_block_is_python(block: Block) -> None:
     ast.parse(block.text)
 
 
+def test_every_page_stands_in_the_contents_of_the_site_and_names_what_is_there() -> None:
+    contents = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    assert not [name for path in DOCS.rglob("*.md") if (name := path.relative_to(DOCS).as_posix()) not in contents]
+    for path in sorted((DOCS / "api").glob("*.md")):
+        for module in re.findall(r"^::: ([\w.]+)$", path.read_text(encoding="utf-8"), re.MULTILINE):
+            assert (ROOT / module.replace(".", "/")).exists() or (ROOT / f"{module.replace('.', '/')}.py").exists(), module
+
+
 def rows_of(path: Path) -> dict[str, list[str]]:
     """Rows of the tables whose first cell is one word in code, by that word."""
     cells = [
@@ -187,8 +198,8 @@ def in_yaml(value: Any) -> str:
     return f'"{value}"' if value == "" else value if isinstance(value, str) else f"{value:g}"
 
 
-def test_every_parameter_stands_in_the_readme_with_its_default() -> None:
-    rows = rows_of(README)
+def test_every_parameter_stands_in_the_page_of_the_node_with_its_default() -> None:
+    rows = rows_of(DOCS / "node.md")
     expected = {f.name: getattr(OnlineSettings(), f.name) for f in fields(OnlineSettings)}
     expected |= {f"commit.{f.name}": getattr(CommitSettings(), f.name) for f in fields(CommitSettings)}
     if "rclpy" in sys.modules or _can_import("rclpy"):
@@ -203,7 +214,7 @@ def test_every_parameter_of_the_controller_stands_in_its_page_with_its_default()
     pytest.importorskip("rclpy", reason="rclpy is not installed (extra ros)")
     from sysid_ros.nodes.controller_settings import ControllerSettings
 
-    rows = rows_of(ROOT / "docs" / "control.md")
+    rows = rows_of(DOCS / "control.md")
     expected = {f.name: getattr(c(), f.name) for c in (ControllerSettings, ControlSettings, SafetySettings) for f in fields(c)}
     stated = {name: rows.get(name, ["not there"])[0].strip("`") for name in expected}
     assert stated == {name: in_yaml(value) for name, value in expected.items()}
@@ -217,9 +228,9 @@ def _can_import(name: str) -> bool:
     return True
 
 
-def test_every_status_topic_and_service_stands_in_the_readme() -> None:
-    rows = rows_of(README)
-    assert not [status for status in STATUSES if status not in rows]
+def test_every_status_topic_and_service_stands_in_its_page() -> None:
+    rows, statuses = rows_of(DOCS / "node.md"), rows_of(DOCS / "replay.md")
+    assert not [status for status in STATUSES if status not in statuses]
     assert len(TOPICS) >= 7
     assert len(SERVICES) >= 4
     assert not [name for name in (*TOPICS, *SERVICES) if name not in rows]
@@ -263,9 +274,17 @@ def run_blocks(path: Path, folder: Path) -> None:
                 assert cli.run(words[1:]) == 0, f"{block}: {words}"
 
 
-def test_examples_of_the_readme_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+WITH_EXAMPLES = [path for path in DOCUMENTS if path != EXTENDING and any(block.mark == "run" for block in blocks(path))]
+
+
+def test_pages_with_examples_are_found() -> None:
+    assert {README, DOCS / "getting_started.md", DOCS / "library.md"} <= set(WITH_EXAMPLES)
+
+
+@pytest.mark.parametrize("path", WITH_EXAMPLES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_examples_of_a_page_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    run_blocks(README, tmp_path)
+    run_blocks(path, tmp_path)
 
 
 def test_examples_of_extending_run(extended: tuple[type, type], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

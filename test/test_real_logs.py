@@ -86,7 +86,7 @@ def identified(folder: Path, *arguments: str | Path) -> dict[str, Any]:
 @pytest.mark.parametrize("form", ["acceleration", pytest.param("momentum", marks=pytest.mark.slow)])
 def test_the_ur10e_held_out_torque_error(tmp_path: Path, form: str) -> None:
     """At 5 Hz, on a run that was not fitted."""
-    bags = [UR10E / "fourier14_noload", "--validate", UR10E / "fast20_noload", "--urdf", UR10E / "ur10e.urdf"]
+    bags: list[Path | str] = [UR10E / "fourier14_noload", "--validate", UR10E / "fast20_noload", "--urdf", UR10E / "ur10e.urdf"]
     document = identified(tmp_path, *bags, "--cutoff", "5", "--form", form)
     (error,) = document["torque_error"]["validation"]
     assert np.all(np.array(error["relative"]) < [0.09, 0.05, 0.05, 0.07, 0.10, 0.06])

@@ -27,9 +27,13 @@ def kind(name: str) -> str:
     return "number"
 
 
+def made(name: str, value: Any) -> OnlineSettings:
+    return OnlineSettings(**{name: value})
+
+
 def bad_values(name: str) -> list[Any]:
     meta = FIELDS[name].metadata
-    numbers = ["fast", None, True, float("nan"), float("inf"), {}]
+    numbers: list[Any] = ["fast", None, True, float("nan"), float("inf"), {}]
     if kind(name) == "bool":
         return ["yes", 1, 0.0, None, [True]]
     if kind(name) == "choice":
@@ -73,10 +77,10 @@ def test_every_field_has_a_description_and_numbers_a_range(name: str) -> None:
 def test_the_ends_of_the_range_are_allowed_and_integers_too(name: str) -> None:
     meta = FIELDS[name].metadata
     for value in (meta["low"], meta["high"]):
-        assert getattr(OnlineSettings(**{name: value}), name) == value
+        assert getattr(made(name, value), name) == value
     whole = int(meta["high"])
     if whole >= meta["low"]:
-        assert isinstance(getattr(OnlineSettings(**{name: whole}), name), float)
+        assert isinstance(getattr(made(name, whole), name), float)
 
 
 @pytest.mark.parametrize("gravity", [(), (9.81,), (0.0, -9.81), (0.0, 0.0, 0.0, -9.81), 9.81])

@@ -54,7 +54,7 @@ def test_samples_are_even_in_time_and_late_by_the_window(jitter: float, lost: fl
     derivative = CausalDerivative(2, PERIOD, half_width)
     times: list[float] = []
     for k in range(len(t)):
-        new = derivative.push(Measurement(t[k], *cubic(t[k : k + 1]), None, np.zeros(2)))
+        new = derivative.push(Measurement(t[k], cubic(t[k : k + 1])[0], None, np.zeros(2)))
         times += [s.t for s in new]
         if new:
             assert half_width * PERIOD <= t[k] - new[-1].t <= (half_width + 3) * PERIOD + max(np.diff(t))

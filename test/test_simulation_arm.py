@@ -12,6 +12,7 @@ pytest.importorskip("pybullet", reason="the simulation needs PyBullet: pip insta
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.robot.inertial_parameters import is_physical, to_com
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
 from sysid_ros.simulation import ArmRecord, ArmScenario, ArmSimulation, ExcitingTrajectory, simulate_arm
 from sysid_ros.simulation.arm import ArmWorld
 from sysid_ros.simulation.description import HOME, TIP_LINK, arm_description
@@ -55,7 +56,7 @@ def centred(record: ArmRecord) -> tuple[np.ndarray, ...]:
 
 
 def carried(record: ArmRecord, t: np.ndarray) -> np.ndarray:
-    return (t >= record.truth["pick_time"]) & (t < record.truth["drop_time"])
+    return np.asarray((t >= record.truth["pick_time"]) & (t < record.truth["drop_time"]))
 
 
 def test_pybullet_and_pinocchio_have_the_same_inverse_dynamics(robot: RobotModel) -> None:
@@ -71,6 +72,7 @@ def test_pybullet_and_pinocchio_have_the_same_inverse_dynamics(robot: RobotModel
 
 
 def test_recorded_torque_is_the_inverse_dynamics_of_the_recorded_motion(loaded: ArmRecord, robot: RobotModel) -> None:
+    assert LOADED.payload is not None
     full = RobotModel.from_urdf(urdf_with_payload(loaded.urdf, TIP_LINK, LOADED.payload))
     t, q, v, a, tau = centred(loaded)
     on = carried(loaded, t)
@@ -103,11 +105,15 @@ def test_torques_show_the_ten_parameters_of_the_body(loaded: ArmRecord, robot: R
 
 def test_the_pick_is_no_impact_and_the_tied_body_does_not_slip() -> None:
     simulation = ArmSimulation(dataclasses.replace(LOADED, pick_time=1.5, drop_time=None))
-    velocities = []
+    velocities: list[FloatArray] = []
+    body = LOADED.payload
+    assert body is not None
     while simulation.t < 2.5:
-        velocities.append(simulation.step().v)
+        state = simulation.step()
+        assert state.v is not None
+        velocities.append(state.v)
         if simulation.carries:
-            assert simulation.world.slip(LOADED.payload) < 1e-4
+            assert simulation.world.slip(body) < 1e-4
     simulation.close()
     assert np.abs(np.diff(velocities, axis=0)).max() < 0.2
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -15,14 +17,14 @@ from sysid_ros.simulation.quadruped_description import BACK, FEET, TRUNK, quadru
 from sysid_ros.simulation.quadruped_record import QuadrupedRecord, simulate_quadruped
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 
-QUIET = {
+QUIET: dict[str, Any] = {
     "encoder_noise": 0.0,
     "velocity_noise": 0.0,
     "torque_noise": 0.0,
     "gyro_noise": 0.0,
     "accelerometer_noise": 0.0,
 }
-LOAD = {"payload_mass": 3.0, "payload_com": (0.06, -0.03, BACK + 0.06)}
+LOAD: dict[str, Any] = {"payload_mass": 3.0, "payload_com": (0.06, -0.03, BACK + 0.06)}
 
 
 def base() -> FloatingBase:

@@ -176,12 +176,12 @@ def big_endian(record: JointStateRecord) -> bytes:
 @given(st.lists(st.tuples(messages, st.sampled_from(["plain", "framed", "big"]), st.integers(1, 3)), min_size=1, max_size=12))
 def test_decoding_in_bulk_is_decoding_one_by_one(drawn: list[tuple[JointStateRecord, str, int]]) -> None:
     raw: list[bytes] = []
-    for record, how, times in drawn:
+    for record, how, repeats in drawn:
         if how == "big":
             data = big_endian(record)
         else:
             data = encode(record, encode_names(record.names, "base" if how == "framed" else ""))
-        raw += [data] * times
+        raw += [data] * repeats
     times = [float(k) for k in range(len(raw))]
     decoder = JointStateDecoder()
     for _ in range(2):  # the second time every layout is known

@@ -8,10 +8,22 @@ import numpy as np
 import pytest
 from robots import ROBOTS, random_sample, robot
 
-from sysid_ros.effects import CoulombFriction, Effect, LinkInertia, Payload, RotorInertia, TorqueOffset, ViscousFriction
+from sysid_ros.effects import (
+    CoulombFriction,
+    Effect,
+    LinkInertia,
+    LoadDependentFriction,
+    Motion,
+    Payload,
+    RotorInertia,
+    TimeDelay,
+    TorqueOffset,
+    ViscousFriction,
+)
 from sysid_ros.exceptions import ModelFileError, SysidError
 from sysid_ros.identification import free_model
-from sysid_ros.identification.error_directions import error_directions
+from sysid_ros.identification.expected_error import error_directions
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import Sample
 from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel
@@ -117,8 +129,9 @@ def test_known_parameters_by_joint() -> None:
     model = robot("small_arm")
     friction = CoulombFriction(model, ("lift", "slide"))
     torque_model = TorqueModel(model, [], [KnownEffect(friction, np.array([3.0, 4.0]))])
-    np.testing.assert_array_equal(torque_model.known_theta("coulomb_friction"), [0.0, 3.0, 0.0, 4.0])
-    assert not torque_model.known_theta("viscous_friction").any()
+    np.testing.assert_array_equal(torque_model.dry_friction() - model.friction, [0.0, 3.0, 0.0, 4.0])
+    np.testing.assert_array_equal(torque_model.damping(), model.damping)
+    assert not torque_model.armature().any()
 
 
 @pytest.mark.parametrize("robot_name", ROBOTS)
@@ -186,3 +199,52 @@ def test_links_that_are_known_in_two_parts() -> None:
     for part, change in zip(parts, changes, strict=True):
         expected = expected + part.torque(sample, change)
     np.testing.assert_allclose(TorqueModel(model, [], known).known_torque(sample), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("robot_name", ROBOTS)
+def test_the_torque_along_a_motion_is_that_of_its_samples(robot_name: str) -> None:
+    model, rng = robot(robot_name), np.random.default_rng(4)
+    samples = [random_sample(model, rng) for _ in range(6)]
+    q, v, a = (np.stack([getattr(s, name) for s in samples]) for name in ("q", "v", "a"))
+    motion = Motion(model, 0.01 * np.arange(6.0), q, v, a, np.zeros_like(q))
+    links = LinkInertia(model, model.joint_names[1:])
+    friction, offset = CoulombFriction(model, model.joint_names[:1]), TorqueOffset(model)
+    known = [KnownEffect(e, rng.normal(size=e.p)) for e in (friction, offset)]
+    moved = KnownEffect(links, links.nominal + 0.1 * rng.normal(size=links.p))
+    for effects in ([], known, [moved, *known]):
+        torque_model = TorqueModel(model, [], effects)
+        expected = np.stack([torque_model.known_torque(s) for s in samples])
+        torques = torque_model.torques_along(motion)
+        np.testing.assert_allclose(torque_model.torque_along(motion), expected, atol=1e-9 * np.abs(expected).max())
+        np.testing.assert_allclose(torques.link, np.stack([_links(model, effects, s) for s in samples]), atol=1e-7)
+        mass = torque_model.mass_along(q)
+        np.testing.assert_allclose(mass, np.swapaxes(mass, 1, 2), atol=1e-9 * np.abs(mass).max())
+        unit = np.eye(model.n)[0]
+        push = _links(model, effects, samples[0], unit) - _links(model, effects, samples[0], 0.0 * unit)
+        np.testing.assert_allclose(mass[0, :, 0], push, atol=1e-7)
+    assert not TorqueModel(model, [LinkInertia(model)]).torque_along(motion).any()
+
+
+def _links(model: RobotModel, known: list[KnownEffect], sample: Sample, a: np.ndarray | None = None) -> np.ndarray:
+    only = [k for k in known if k.effect.replaces_links] or [KnownEffect(LinkInertia(model), model.pi)]
+    return TorqueModel(model, [], only).known_torque(Sample(0.0, sample.q, sample.v, sample.a if a is None else a, sample.tau))
+
+
+def test_effects_along_a_motion_see_what_comes_before_them() -> None:
+    model = robot("small_arm")
+    t = np.asarray(0.01 * np.arange(400.0))
+    q = np.multiply.outer(np.sin(2.0 * t), np.full(model.n, 0.2))
+    v, a = np.gradient(q, 0.01, axis=0), -4.0 * q
+    motion = Motion(model, t, q, v, a, np.zeros_like(q))
+    effects = [TimeDelay(model), LoadDependentFriction(model), TorqueOffset(model), Payload(model)]
+    theta = [np.array([0.01]), np.tile([0.0, 0.1], model.n), np.full(model.n, 5.0), np.eye(10)[0]]
+    known = [KnownEffect(e, x) for e, x in zip(effects, theta, strict=True)]
+    torques = TorqueModel(model, [], known).torques_along(motion)
+    link = motion.rigid_torque + motion.payload_regressor(model.default_frame) @ theta[3]
+    np.testing.assert_allclose(torques.link, link, atol=1e-9)
+    rub = 0.1 * np.abs(link) * np.tanh(v / 0.02)
+    jumps = rub + model.friction * np.tanh(v / 0.02)
+    np.testing.assert_allclose(torques.jumps, jumps, atol=1e-9)
+    np.testing.assert_allclose(torques.drive, link + jumps + model.damping * v, atol=1e-9)
+    late = torques.drive - 0.01 * np.gradient(torques.drive, 0.01, axis=0)
+    np.testing.assert_allclose(torques.total, late + 5.0, atol=1e-9)

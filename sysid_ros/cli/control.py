@@ -15,7 +15,7 @@ from sysid_ros.cli.output import ManyValues, note, progress_bar, report, write_j
 from sysid_ros.control.control_settings import ControlSettings
 from sysid_ros.control.tracking_run import TrackingRun
 from sysid_ros.exceptions import SettingsError, SysidError
-from sysid_ros.pages import check_plot_path
+from sysid_ros.pages import check_plot_path, write_plot
 from sysid_ros.torque.model_file import ModelFile
 
 try:
@@ -39,7 +39,7 @@ _SETTINGS = ("loop_delay", "bandwidth", "adaptation_time", "composite_time", "bl
 
 
 def _settings_options(command: Any) -> Any:
-    """An option for each of the settings, told by its own description."""
+    """An option for each of the settings, with its own description as help."""
     for f in reversed([f for f in fields(ControlSettings) if f.name in _SETTINGS]):
         text = f"{f.metadata['description'].capitalize()}. [{f.metadata['unit']}]"
         default = 1e-3 if f.name == "loop_delay" else f.default
@@ -87,7 +87,7 @@ def command(
     certainty_equivalence  computed torque with the payload of the online estimator
     slotine_li             adaptive: learns from the tracking error
     composite              adaptive, and drawn towards the online estimator
-    informed               computed torque that is told the truth at the pick, to compare with
+    informed               computed torque that knows the truth at the pick, to compare with
 
     All see the same noise, obey the same effort limits, have the same gains, and run at 1 kHz in PyBullet; each effort acts
     --loop-delay after the state that it answers, less the period of 1 ms.
@@ -123,9 +123,9 @@ def command(
     if json_path is not None:
         write_json(json_path, {"scenario": _plain(scenario), "laws": [_summary(run, scenario) for run in runs]})
     if plot_path is not None:
-        from sysid_ros.pages.tracking_plot import write_tracking_plot
+        from sysid_ros.pages.tracking_figure import tracking_figure
 
-        write_tracking_plot(plot_path, runs, _events(scenario), options["payload_mass"])
+        write_plot(plot_path, tracking_figure(runs, _events(scenario), options["payload_mass"]))
         note(f"Figure written to {plot_path}.")
 
 
@@ -135,7 +135,7 @@ def _events(scenario: ArmScenario) -> list[tuple[float, str]]:
 
 
 def _phases(scenario: ArmScenario) -> dict[str, tuple[float, float]]:
-    """Names and times of what is told apart [s]."""
+    """Names and times of the phases [s]."""
     end, pick = scenario.duration, scenario.pick_time or 0.0
     drop = scenario.drop_time if scenario.drop_time is not None else end
     phases = {
@@ -148,9 +148,9 @@ def _phases(scenario: ArmScenario) -> dict[str, tuple[float, float]]:
 
 
 def _plain(scenario: ArmScenario) -> dict[str, Any]:
-    names: tuple[str, ...] = ("seed", "duration", "payload_mass", "payload_com", "pick_time", "drop_time", "base_frequency")
-    names += ("viscous_friction", "coulomb_friction", "rotor_inertia")
-    values = {name: getattr(scenario, name) for name in names}
+    run = ("seed", "duration", "payload_mass", "payload_com", "pick_time", "drop_time")
+    arm = ("base_frequency", "viscous_friction", "coulomb_friction", "rotor_inertia")
+    values = {name: getattr(scenario, name) for name in (*run, *arm)}
     return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
 
 

@@ -1,4 +1,4 @@
-"""``sysid diagnose``: what a robot's model gets wrong, why, and what the fix buys."""
+"""``sysid diagnose``: what a robot's model gets wrong, why, and what the fix gains."""
 
 from __future__ import annotations
 

@@ -16,8 +16,9 @@ from sysid_ros.exceptions import BagError, SettingsError
 from sysid_ros.excitation.excitation_settings import ExcitationSettings
 from sysid_ros.excitation.excite import Excitation, excite, steps
 from sysid_ros.excitation.joint_limits_file import read_joint_limits
+from sysid_ros.excitation.motion_limits import JointLimit
 from sysid_ros.identification import free_model
-from sysid_ros.pages import check_plot_path
+from sysid_ros.pages import check_plot_path, write_plot
 from sysid_ros.robot.collision_model import CollisionModel
 from sysid_ros.robot.mesh_files import MeshFiles
 from sysid_ros.robot.robot_model import RobotModel
@@ -141,12 +142,7 @@ def command(
     robot = RobotModel.from_urdf(urdf_text(urdf), joint_names or online.joint_names, online.gravity)
     for sentence in robot.notes:
         note(sentence)
-    given = {}
-    if limits_path is not None:
-        given = read_joint_limits(limits_path)
-        if others := sorted(set(given) - set(robot.joint_names)):
-            note(f"Joints in {limits_path} that do not move here: {', '.join(others)}.")
-    given = {name: limit for name, limit in given.items() if name in robot.joint_names}
+    given = _limits_of(robot, limits_path) if limits_path is not None else {}
     collision = None
     if not no_collisions:
         pairs = [_pair(text) for text in ignore_pair]
@@ -163,11 +159,19 @@ def command(
     if json_path is not None:
         write_json(json_path, as_json(result, settings))
     if plot is not None:
-        from sysid_ros.pages.excitation_plot import write_excitation_plot
+        from sysid_ros.pages.excitation_figure import excitation_figure
 
-        write_excitation_plot(plot, result, f"Exciting motion of {robot.name}")
+        write_plot(plot, excitation_figure(result, f"Exciting motion of {robot.name}"))
     show(result)
     note(f"Motion written to {out_path}{f' and {bag}' if bag else ''}. How to send it: sysid excite --help")
+
+
+def _limits_of(robot: RobotModel, path: Path) -> dict[str, JointLimit]:
+    """The limits in a file of the joints that move."""
+    given = read_joint_limits(path)
+    if others := sorted(set(given) - set(robot.joint_names)):
+        note(f"Joints in {path} that do not move here: {', '.join(others)}.")
+    return {name: limit for name, limit in given.items() if name in robot.joint_names}
 
 
 def _settings(options: dict[str, Any]) -> ExcitationSettings:

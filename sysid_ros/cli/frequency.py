@@ -76,13 +76,7 @@ def command(
         warn(f"{Path(problem.bag).name}: {problem.text}" if problem.bag else problem.text)
     for sentence in file.notes(robot.urdf) if file else []:
         note(sentence)
-    provenance = {
-        "bags": [str(b) for b in bags],
-        "urdf": str(urdf) if urdf else "/robot_description of the first bag",
-        **({"model": str(model_path)} if model_path else {}),
-        "command": command_line(),
-        "version": __version__,
-    }
+    provenance = _provenance(bags, urdf, model_path)
     known = file.known_effects(robot) if file else []
     with progress_bar("joints", robot.n) as advance:
         result = check_frequency(robot, recordings, known, top or 0.0, settings.max_gap, advance, provenance)
@@ -92,8 +86,18 @@ def command(
         write_json(json_path, result.as_dict())
     show(result)
     if plot:
-        from sysid_ros.pages.frequency_plot import write_frequency_plot
+        from sysid_ros.pages.frequency_figure import write_frequency_plot
 
         model = f"{model_path.name}" if model_path else "the URDF"
         write_frequency_plot(plot, result, f"Measured torque over that of {model}: {', '.join(b.name for b in bags)}")
         note(f"Plot written to {plot}.")
+
+
+def _provenance(bags: tuple[Path, ...], urdf: Path | None, model: Path | None) -> dict[str, object]:
+    return {
+        "bags": [str(b) for b in bags],
+        "urdf": str(urdf) if urdf else "/robot_description of the first bag",
+        **({"model": str(model)} if model else {}),
+        "command": command_line(),
+        "version": __version__,
+    }

@@ -9,8 +9,8 @@ from rich.table import Table
 
 from sysid_ros.cli.output import report
 from sysid_ros.frequency import FrequencyCheck, JointCheck
-from sysid_ros.frequency.causes import NEGLIGIBLE, Cause
-from sysid_ros.frequency.verdict import MOSTLY_SMOOTH
+from sysid_ros.frequency.causes import Cause
+from sysid_ros.frequency.tolerances import TOLERANCES
 
 
 def show(result: FrequencyCheck) -> None:
@@ -55,9 +55,9 @@ def _row(check: JointCheck) -> tuple[str, ...]:
 def _missed(cause: Cause | None) -> str:
     if cause is None:
         return "not told"
-    if cause.name == "nothing" or cause.effect < NEGLIGIBLE:
+    if cause.name == "nothing" or cause.effect < TOLERANCES.negligible:
         return "nothing"
-    if cause.share < MOSTLY_SMOOTH:
+    if cause.share < TOLERANCES.mostly_smooth:
         return "not told (dry friction)"
     if not cause.explains:
         return "not explained"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -13,8 +14,8 @@ from sysid_ros.cli.inputs import read_config, settings_from
 from sysid_ros.cli.output import ManyValues, command_line, note, progress_bar, warn, write_json
 from sysid_ros.cli.recordings import read_recording
 from sysid_ros.exceptions import SysidError
-from sysid_ros.identification import Choices, identify_recordings
-from sysid_ros.identification.friction_search import FRICTIONS
+from sysid_ros.identification import Choices, Identification, identify_recordings
+from sysid_ros.identification.free_effects import frictions
 from sysid_ros.identification.least_squares import METHODS
 from sysid_ros.identification.result import Problem
 from sysid_ros.identification.rows import FORMS
@@ -50,14 +51,22 @@ _PATH = click.Path(path_type=Path)
     type=click.Choice(METHODS),
     default="irls",
     show_default=True,
-    help="Least squares: plain, weighted by the noise of each joint and bag once, until it settles, or with a bounded loss.",
+    help="Least squares: plain, weighted by the noise of each joint and bag once, until it converges, or with a bounded loss.",
 )
 @click.option(
     "--friction",
-    type=click.Choice(FRICTIONS),
-    default=FRICTIONS[0],
+    type=click.Choice(("auto", *frictions())),
+    default="auto",
     show_default=True,
     help="Model of the dry friction; auto lets it grow with the load on the joints where that predicts better.",
+)
+@click.option(
+    "--effect",
+    "effects",
+    multiple=True,
+    metavar="ID",
+    help="Another effect, such as cogging or spring: free on the joints, or for the whole arm, where it predicts held-out data "
+    "better; its settings are searched. May be repeated.",
 )
 @click.option(
     "--physical/--no-physical",
@@ -89,6 +98,7 @@ def command(
     form: str,
     method: str,
     friction: str,
+    effects: tuple[str, ...],
     physical: bool,
     prior_weight: float | None,
     payload_bag: tuple[Path, ...],
@@ -104,49 +114,68 @@ def command(
     (halves, where there is one bag), and that error is shown.
 
     \b
-    Example:
+    Examples:
       sysid identify run1/ run2/ --urdf arm.urdf --validate run3/ --out model.yaml
+      sysid identify run1/ run2/ --urdf arm.urdf --effect cogging --effect spring --out model.yaml
 
     Exit codes: 0 done; 2 bad input or usage.
     """
-    for path in (out_path, urdf_out, report_path, json_path):
-        if path is not None and not path.parent.is_dir():
-            raise click.UsageError(f"'{path}' can't be written: the folder '{path.parent}' does not exist. Create it first.")
+    _require_folders(out_path, urdf_out, report_path, json_path)
     settings = settings_from(read_config(config_path))
     robots: list[RobotModel] = []
     problems: list[Problem] = []
     read = [read_recording(path, urdf, topic, settings, robots, problems) for path in (*bags, *validate, *payload_bag)]
     provenance = {"bags": [str(b) for b in bags], "command": command_line(), "version": __version__}
+    first, second = len(bags), len(bags) + len(validate)
     try:
         with progress_bar("identifying", 2 * len(read) + 1) as advance:
             result = identify_recordings(
                 robots[0],
-                read[: len(bags)],
-                read[len(bags) : len(bags) + len(validate)],
+                read[:first],
+                read[first:second],
                 provenance,
-                Choices(method, form, friction, physical, prior_weight, accept_doubts, payload_frame),
+                Choices(method, form, friction, physical, prior_weight, accept_doubts, payload_frame, effects),
                 cutoff or 0.0,
                 settings.max_gap,
                 settings.velocity_source == "message",
                 problems,
-                read[len(bags) + len(validate) :],
+                read[second:],
                 lambda what: advance(1),
             )
     except SysidError:
         # what was wrong with the messages may be the reason
         _warn_of(problems)
         raise
+    _write(robots[0], result, provenance, out_path, json_path, urdf_out, report_path)
+
+
+def _require_folders(*paths: Path | None) -> None:
+    for path in paths:
+        if path is not None and not path.parent.is_dir():
+            raise click.UsageError(f"'{path}' can't be written: the folder '{path.parent}' does not exist. Create it first.")
+
+
+def _write(
+    robot: RobotModel,
+    result: Identification,
+    provenance: dict[str, Any],
+    out_path: Path,
+    json_path: Path | None,
+    urdf_out: Path | None,
+    report_path: Path | None,
+) -> None:
+    """Warnings, the files that were asked for, and the tables."""
     _warn_of(result.problems)
     for sentence in result.physical.notes if result.physical else ():
         note(sentence)
     result.model.write(out_path)
-    check_model_file(robots[0], result.model, out_path)
+    check_model_file(robot, result.model, out_path)
     if json_path:
         write_json(json_path, as_json(result))
     show(result)
     note(f"Model written to {out_path}.")
     if urdf_out:
-        for sentence in export_urdf(robots[0], result.model, urdf_out):
+        for sentence in export_urdf(robot, result.model, urdf_out):
             note(sentence)
         note(f"URDF written to {urdf_out}.")
     if report_path:

@@ -14,18 +14,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from sysid_ros.cli.output import report
+from sysid_ros.effects import EFFECTS
 from sysid_ros.identification import Identification
+from sysid_ros.identification.free_effects import frictions, own_knobs
 from sysid_ros.identification.result import Parameter, TorqueError
 from sysid_ros.pages.residual_curves import residual_curves
 from sysid_ros.plain_json import plain
-
-_COLUMNS = {
-    "b": "viscous\nN m s/rad",
-    "Fc": "Coulomb\nN m",
-    "Fs": "breakaway\nN m",
-    "mu": "by load\n1",
-    "J": "rotor inertia\nkg m²",
-}
 
 
 def show(result: Identification) -> None:
@@ -51,15 +45,17 @@ def show(result: Identification) -> None:
 
 def _friction(result: Identification) -> str:
     """Which friction each joint got, in words."""
-    kinds = {"load_dependent_friction": "growing with the load at", "stribeck_friction": "falling with speed at"}
-    told = []
-    for effect, words in kinds.items():
-        if joints := list(dict.fromkeys(p.joint for p in result.parameters if p.effect == effect)):
-            told.append(f"{words} {', '.join(joints)}")
-    if any(p.effect == "coulomb_friction" for p in result.parameters):
-        told.append("Coulomb's at the other joints" if told else "Coulomb's at all joints")
-    chosen = " (chosen by what was not fitted)" if result.friction in ("auto", "stribeck") else ""
-    return f"{', '.join(told)}{chosen}"
+    forms = frictions().values()
+    by_effect: dict[str, list[str]] = {}
+    for p in result.parameters:
+        by_effect.setdefault(p.effect, []).append(p.joint)
+    joints = {form: list(dict.fromkeys(by_effect.get(form.id, ()))) for form in forms}
+    usual, *others = forms
+    chosen = result.friction == "auto" or bool(own_knobs(frictions()[result.friction]))
+    found = [f"{form.label} at {', '.join(joints[form])}" for form in others if joints[form]]
+    if joints[usual]:
+        found.append(f"{usual.label} at the other joints" if found else f"{usual.label} at all joints")
+    return f"{', '.join(found)}{' (chosen by what was not fitted)' if chosen else ''}"
 
 
 def _table(title: str, *columns: str) -> Table:
@@ -71,16 +67,27 @@ def _table(title: str, *columns: str) -> Table:
 
 
 def _show_joints(console: Console, result: Identification) -> None:
-    by_name = {p.name: p for p in result.parameters}
-    symbols = [s for s in (*_COLUMNS, "offset") if any(f"{s}[{j}]" in by_name for j in result.joint_names)]
-    headings = [_COLUMNS.get(s, "offset\nN m") for s in symbols]
-    table = _table("Joints, with 95 % intervals (in brackets: by the Cramér-Rao bound, for white residuals)", "joint", *headings)
+    by_place = {(p.name.split("[")[0], p.joint): p for p in result.parameters}
+    beside = [p for p in result.parameters if not EFFECTS[p.effect].replaces_links]
+    of_joints = [p for p in beside if p.joint in result.joint_names]
+    symbols = {p.name.split("[")[0]: p for p in of_joints}
+    table = _table(
+        "Joints, with 95 % intervals (in brackets: by the Cramér-Rao bound, for white residuals)",
+        "joint",
+        *(f"{symbol}\n{p.unit}" for symbol, p in symbols.items()),
+    )
     for joint in result.joint_names:
-        table.add_row(joint, *(_interval(by_name.get(f"{s}[{joint}]")) for s in symbols))
+        table.add_row(joint, *(_interval(by_place.get((symbol, joint))) for symbol in symbols))
     console.print(table)
+    labels = {symbol: EFFECTS[p.effect].label for symbol, p in symbols.items()}
+    console.print("; ".join(f"{escape(symbol)}: {label}" for symbol, label in labels.items()) + ".", highlight=False)
+    for p in beside:
+        if p.joint not in result.joint_names:
+            line = f"{EFFECTS[p.effect].label}, {p.name}: {p.value:.3g} ± {1.96 * p.std:.2g} {p.unit}"
+            console.print(escape(line), highlight=False)
     for knob in result.knobs:
-        told = "" if knob.determined else " (the bags can't tell it)"
-        console.print(f"Stribeck velocity of {knob.joint}: {knob.value:.3g} {knob.unit}{told}", highlight=False)
+        doubt = "" if knob.determined else " (these bags do not determine it)"
+        console.print(f"{knob.name} of {knob.joint or 'the arm'}: {knob.value:.3g} {knob.unit}{doubt}", highlight=False)
 
 
 def _interval(p: Parameter | None) -> str:
@@ -93,10 +100,11 @@ def _show_groups(console: Console, result: Identification) -> None:
     for g in result.groups:
         table.add_row(escape(g.words), f"{g.value:.3g}", f"{g.std:.2g}", f"{g.crb:.2g}", g.unit, g.determined_by)
     console.print(table)
-    told = sum(g.determined_by == "bags" for g in result.groups)
+    determined = sum(g.determined_by == "bags" for g in result.groups)
     console.print(
-        f"{result.base.rank} base parameters of {len(result.names)}; these bags determine {told} of them, with condition number "
-        f"{result.bags_condition_number:.0f} of the scaled columns. 'bound' is the Cramér-Rao bound, were the residuals white.",
+        f"{result.base.rank} base parameters of {len(result.names)}; these bags determine {determined} of them, with condition "
+        f"number {result.bags_condition_number:.0f} of the scaled columns. 'bound' is the Cramér-Rao bound, were the residuals "
+        "white.",
         highlight=False,
     )
     if result.base.rounded:
@@ -126,21 +134,21 @@ def _error_cell(e: TorqueError, i: int) -> str:
 
 def _show_noise(console: Console, result: Identification) -> None:
     white = {(w.bag, w.joint): w for w in result.whiteness}
-    title = "Residual where it was fitted: rms in N m, time for which it keeps its sign, rows that it leaves the data worth"
-    table = _table(title, "joint", "bag", "rms", "time", "worth / rows", "Ljung-Box")
+    title = "Residual where it was fitted: rms in N m, time for which it keeps its sign, rows that it counts as"
+    table = _table(title, "joint", "bag", "rms", "time", "effective / rows", "Ljung-Box")
     table.columns[1].justify = "left"
     for n in result.noise:
         w = white.get((n.bag, n.joint))
         test = (
             "" if w is None else f"{'white' if w.white else 'coloured'} (p = {w.p_value:.2g}, Q = {w.statistic:.3g} of {w.lags})"
         )
-        worth = f"{n.effective_rows:.0f} / {n.rows}"
-        table.add_row(n.joint, Path(n.bag).name, f"{n.std:.2g}", f"{n.correlation_time:.2g} s", worth, test)
+        effective = f"{n.effective_rows:.0f} / {n.rows}"
+        table.add_row(n.joint, Path(n.bag).name, f"{n.std:.2g}", f"{n.correlation_time:.2g} s", effective, test)
     console.print(table)
 
 
 def _show_repeatability(console: Console, result: Identification) -> None:
-    friction = [r for r in result.repeatability if r.name.startswith(("b[", "Fc[", "Fs[", "mu["))]
+    friction = [r for r in result.repeatability if r.friction]
     if not friction:
         return
     names = [Path(bag).name for bag in result.bags]

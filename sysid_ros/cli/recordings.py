@@ -39,7 +39,7 @@ def read_recording(
     with progress_bar(path.name, source.message_count) as advance:
         accepted = (m for m in map(gate.accept, source) if isinstance(m, Measurement))
         try:
-            recording = Recording.of(str(path), accepted, advance)
+            recording = Recording.from_measurements(str(path), accepted, advance)
         except DataError:
             _require_accepted(path, gate)
             raise

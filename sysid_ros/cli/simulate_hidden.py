@@ -25,7 +25,6 @@ _SHARED = {"seed", "duration", "rate", "encoder_noise", "torque_noise", "velocit
 _OWN = {"hide", "hide_value", "hide_seed", "velocity"}
 _DURATION = 25.0
 _SEEN = 4.0
-_NOT_IN_TORQUE = {"velocity_lag", "torque_quantisation"}
 
 
 def parse_effect(text: str) -> tuple[str, str | None]:
@@ -58,6 +57,7 @@ def record_hidden(bag: Path, storage: str, json_file: Path | None, options: dict
     Raises:
         SettingsError: an option does not go with ``--hide``, or what is asked for can't be hidden.
     """
+    from sysid_ros.simulation.hidden_effects import cause_of
     from sysid_ros.simulation.hidden_effects.hide import HiddenScenario, hide_in_arm
 
     context = click.get_current_context()
@@ -99,7 +99,7 @@ def record_hidden(bag: Path, storage: str, json_file: Path | None, options: dict
         json_file.write_text(json.dumps(summary, indent=2) + "\n")
     _show(summary)
     seen = truth["residual_over_noise"]
-    if seen is not None and max(seen) < _SEEN and not {parse_effect(e)[0] for e in options["hide"]} <= _NOT_IN_TORQUE:
+    if seen is not None and max(seen) < _SEEN and any(cause_of(id_).in_torque for id_, _ in scenario.hide):
         warn(
             f"what is hidden is at most {max(seen):.2g} times the noise floor of any joint, and hardly anyone can find it. Hide "
             "it on another joint (EFFECT@JOINT), make it larger (--hide-value), or choose another --hide-seed."

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid_ros.effects import CoulombFriction, LinkInertia, Payload, RotorInertia, ViscousFriction
+from sysid_ros.effects import CoulombFriction, LinkInertia, Payload, ViscousFriction
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -37,21 +37,20 @@ class ArmTorque:
     def __init__(self, robot: RobotModel, known: Sequence[KnownEffect] = (), frame: str = "") -> None:
         self.robot = robot
         self.payload = Payload(robot, frame=frame)
-        rigid = [k for k in known if isinstance(k.effect, LinkInertia | RotorInertia)]
-        others = [k for k in known if not isinstance(k.effect, LinkInertia | RotorInertia)]
-        if not any(isinstance(k.effect, LinkInertia) for k in rigid):
+        if any(k.effect.carried for k in known):
+            raise ModelFileError(
+                "the model has a 'payload' among its effects, and a controller adds the payload itself. Give the model of the "
+                "empty arm."
+            )
+        rigid = [k for k in known if k.effect.inertial]
+        others = [k for k in known if not k.effect.inertial]
+        if not any(k.effect.replaces_links for k in rigid):
             links = LinkInertia(robot)
             rigid.append(KnownEffect(links, links.nominal))
             others += [
                 KnownEffect(ViscousFriction(robot), np.array(robot.damping)),
                 KnownEffect(CoulombFriction(robot), np.array(robot.friction)),
             ]
-        carried = [k.effect.id for k in others if isinstance(k.effect, Payload)]
-        if carried:
-            raise ModelFileError(
-                "the model has a 'payload' among its effects, and a controller adds the payload itself. Give the model of the "
-                "empty arm."
-            )
         self._rigid = TorqueModel(robot, [self.payload], rigid)
         self._others = TorqueModel(robot, [], others, links=False)
         self._still = np.zeros(robot.n)

@@ -12,7 +12,7 @@ class CertaintyEquivalence(TrackingController):
     """Computed torque that takes the estimate for the truth (Goodwin, Sin 1984, section 6.3).
 
     Args:
-        law: the computed torque that is told.
+        law: the computed torque that is informed.
     """
 
     def __init__(self, law: ComputedTorque) -> None:

@@ -106,9 +106,9 @@ class LiveControl:
         if not fast[k] <= _TOO_FAST:
             return f"{names[k]} moved at {abs(v[k]):.1f} a second, {fast[k]:.1f} times what the URDF allows. {end}"
         if self._states > _TO_KNOW and not self._period <= _JITTER * self.law.feedback.delay:
-            period, told = 1e3 * self._period, 1e3 * self.law.feedback.delay
+            period, assumed = 1e3 * self._period, 1e3 * self.law.feedback.delay
             return (
-                f"The joint states come every {period:.1f} ms; the gains are for a loop_delay of {told:g} ms. Set it to more. "
+                f"The joint states come every {period:.1f} ms; the gains are for a loop_delay of {assumed:g} ms. Set it to more. "
                 f"{end}"
             )
         return ""

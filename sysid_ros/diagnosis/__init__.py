@@ -1,4 +1,4 @@
-"""Diagnosis: what a robot's model gets wrong, why, and what the fix buys."""
+"""Diagnosis: what a robot's model gets wrong, why, and what the fix gains."""
 
 from sysid_ros.diagnosis.diagnose import diagnose
 from sysid_ros.diagnosis.joint_side import JointSide

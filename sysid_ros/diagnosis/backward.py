@@ -1,4 +1,4 @@
-"""Backward checks: what is in a fit must still pay, be possible, be seen, and hold on rows that it was not fitted to."""
+"""Backward checks: what is in a fit must still gain its price, be possible, be seen, and hold on rows not fitted."""
 
 from __future__ import annotations
 
@@ -6,13 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sysid_ros.diagnosis.cross_validation import worth
+from sysid_ros.diagnosis.cross_validation import predictive_gains
 from sysid_ros.diagnosis.fit import Fit, Problem
-from sysid_ros.diagnosis.physics import allowed
-from sysid_ros.diagnosis.term import DRY, Term
+from sysid_ros.diagnosis.term import Term
+from sysid_ros.effects import EFFECTS
 
-EXPECTED = (*DRY, "viscous_friction", "rotor_inertia", "torque_offset")
-"""Effects that every arm has on every joint, large or small."""
 _SEEN = 0.012
 """Least part of the nominal residual (rms) that an effect must make on one of its joints."""
 _SEEN_OF_ALL = 0.003
@@ -23,10 +21,8 @@ _EDGE = 0.1
 """What changes within this part of the recordings from their start or end is no event: it may have been there always."""
 _ELSEWHERE = 3.0
 """Likelihood that a term must gain on segments that it was not fitted to."""
-_ON_EVENTS = ("payload_change", "torque_saturation")
-"""Effects that happen once: the segments before tell nothing of those after. A payload that is set down is one of them."""
 _SURELY = 20.0
-"""A usual term whose significance is so many times its price need not be left out to see what it is worth."""
+"""A usual term whose significance is so many times its price need not be left out to see what it gains."""
 
 
 def visible(problem: Problem, fit: Fit, term: Term) -> bool:
@@ -40,31 +36,31 @@ def visible(problem: Problem, fit: Fit, term: Term) -> bool:
     noise = np.sum(fit.variance, axis=0)
     if not np.any(power > _SEEN**2 * nominal[rows]):
         return False
-    if term.id in EXPECTED:
+    if term.expected:
         return True
-    if "t0" in term.effect.settings:
-        name = term.effect.settings.get("recording", "")
+    if term.instant is not None:
+        name = term.recording
         within = [m.t for m in problem.band.motions if not name or m.recording == name]
         start, end = min(t[0] for t in within), max(t[-1] for t in within)
-        if not _EDGE < (float(term.effect.settings["t0"]) - start) / (end - start) < 1.0 - _EDGE:
+        if not _EDGE < (term.instant - start) / (end - start) < 1.0 - _EDGE:
             return False
     floors = float(np.sum(power / noise[rows]))
-    least = _FLOORS_OF_NOISE if term.effect.settings.get("kind") == "motor" else _FLOORS
+    least = _FLOORS_OF_NOISE if term.effect.from_measured else _FLOORS
     return floors > max(least**2, _SEEN_OF_ALL**2 * float(np.sum(nominal[active] / noise[active])))
 
 
 def prune(problem: Problem, fit: Fit, price: Callable[[Term], float]) -> Fit:
-    """The fit without what is no longer worth its price or no longer possible, taken out one after the other."""
+    """The fit without what no longer gains its price or is no longer possible, taken out one after the other."""
     while fit.terms:
         worst, margin, without = None, 0.0, fit
-        elsewhere = worth(problem, fit)
-        once = (*_ON_EVENTS, "payload") if any(t.id == "payload_change" for t in fit.terms) else _ON_EVENTS
+        elsewhere = predictive_gains(problem, fit)
+        changed = {EFFECTS[t.effect.changes] for t in fit.terms if t.effect.changes}
         for term in fit.terms:
             theta, std = fit.theta_of(term), fit.std_of(term)
             significance = 0.5 * float(np.sum((theta / np.maximum(std, 1e-30)) ** 2))
-            impossible = not allowed(term, theta, std) or not visible(problem, fit, term)
-            impossible = impossible or (elsewhere[term] < _ELSEWHERE and term.id not in once)
-            if significance > _SURELY * price(term) and term.id in EXPECTED and not impossible:
+            impossible = not term.possible(theta, std) or not visible(problem, fit, term)
+            impossible = impossible or (elsewhere[term] < _ELSEWHERE and not (term.effect.partial or term.kind in changed))
+            if significance > _SURELY * price(term) and term.expected and not impossible:
                 continue
             rest = problem.fit([t for t in fit.terms if t is not term], fit.noise, inexact=fit.inexact)
             left = fit.loglik - rest.loglik - price(term) - (1e9 if impossible else 0.0)

@@ -33,7 +33,7 @@ class Band:
     """Rows of several motions in the frequency domain, segment after segment.
 
     Where a joint stands, dry friction leaves its torque undetermined: torque and columns are bridged there by the same straight
-    line. (A weight of zero would spread slow noise over all frequencies, together with every slow column.) A line ends at
+    line. (A weight of zero would spread slow noise over all frequencies, and with it every slow column.) A line ends at
     weighted means over a short while of motion on both sides: fast noise of one instant would else stand for all of a rest.
 
     Args:

@@ -2,7 +2,7 @@
 
 The score of a parameter is a sum over time, ``g = sum_b g_b``, zero at the fit. If the noise is what the weights say, flipping
 the signs of whole blocks at random changes nothing but the signs, and the mean of ``(V g)_k^2`` over all such flips,
-``(V sum_b g_b g_b' V)_kk``, is the variance V_kk. Where it is larger, the rows within a block belong together in a way that the
+``(V sum_b g_b g_b' V)_kk``, is the variance V_kk. Where it is larger, the rows within a block are dependent in a way that the
 weights don't know: a model that is wrong for a while, noise that comes and goes or that joints share. (Block sign flips in
 expectation are the covariance of White 1980 with clusters, Liang, Zeger 1986.)
 """
@@ -56,8 +56,13 @@ class BlockScatter:
         Args:
             inverse: of the information, shape (m, m).
         """
-        blocks = len(self._scores)
-        moved = self._scores @ inverse
-        variance = np.maximum(np.diag(inverse), 1e-300)
-        ratio = np.sum(moved**2, axis=0) / variance * blocks / max(blocks - 1, 1)
-        return np.where(ratio > 1.0 + _SURELY * np.sqrt(2.0 / blocks), ratio, 1.0)
+        return scatter_ratios(self._scores, inverse)
+
+
+def scatter_ratios(scores: FloatArray, inverse: FloatArray) -> FloatArray:
+    """As :meth:`BlockScatter.ratios` gives it, for scores of any blocks, shape (blocks, m)."""
+    blocks = len(scores)
+    moved = scores @ inverse
+    variance = np.maximum(np.diag(inverse), 1e-300)
+    ratio = np.sum(moved**2, axis=0) / variance * blocks / max(blocks - 1, 1)
+    return np.where(ratio > 1.0 + _SURELY * np.sqrt(2.0 / blocks), ratio, 1.0)

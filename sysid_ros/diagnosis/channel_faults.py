@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sysid_ros.effects import ChannelEffect, Channels, JointOrder, JointSign, TorqueSign, TorqueUnit
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.conditioning import motions
 from sysid_ros.signals.recording import Recording
@@ -32,25 +33,25 @@ _LOADED, _STRONG = 0.005, 0.05
 """Torque of a joint, of that of the strongest, from which its factor is asked, and from which it alone can refute a unit."""
 _CURRENT, _CURRENT_FITS = 3.3, 0.9
 """Factor from which efforts with a factor of their own on each joint are currents, and part of their power that must follow."""
-_GAIN = {"torque_sign": 1.0, "joint_sign": 1.0, "joint_order": 2.0}
 _LEFT = 0.1
-"""A fault of signs or order must lower the sum of the logarithms of the joints' squared errors by so much, and leave no more than
-this part of the squared torque on half of the joints."""
+"""Part of the squared torque that a fault of signs or order may leave on half of the joints."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault and what it explains.
+    """A fault.
 
     Attributes:
-        effect: how it is undone. joints: indices. values: (name, joint or None, value, unit, std) of each parameter.
-        share: part of the squared torque that the nominal model left and no longer leaves.
+        effect: how it is undone. joints: indices.
+        values: (name, joint or None, value, unit, std) of each parameter; std is None where none was measured.
+        parameters: free numbers among them. candidates: other faults that were tried, and itself.
     """
 
     effect: ChannelEffect
     joints: tuple[int, ...]
-    values: tuple[tuple[str, int | None, float | str, str, float], ...]
-    share: float
+    values: tuple[tuple[str, int | None, float | str, str, float | None], ...]
+    parameters: int = 0
+    candidates: int = 1
 
 
 def find_faults(robot: RobotModel, recordings: Sequence[Recording]) -> list[Fault]:
@@ -87,7 +88,7 @@ class _Screen:
         rest = tau - (self.robot.rnea_along(q, v, a) if nominal is None else nominal)
         out = np.empty(self.robot.n)
         for j in range(self.robot.n):
-            X = np.stack([np.tanh(v[:, j] / 0.02), v[:, j]], axis=1)
+            X = np.stack([smoothed_sign(v[:, j]), v[:, j]], axis=1)
             theta = np.linalg.lstsq(X, rest[:, j], rcond=None)[0]
             out[j] = np.mean((rest[:, j] - X @ theta) ** 2)
         return out
@@ -108,21 +109,21 @@ def _order_and_signs(screen: _Screen) -> Fault | None:
         flip = np.where(np.arange(n) == j, -1.0, 1.0)
         if np.corrcoef(screen.tau[:, j], screen.nominal[:, j])[0, 1] < -0.5:
             left = screen.left(screen.q, screen.v, screen.a, screen.tau * flip, screen.nominal)
-            add(left, Fault(TorqueSign([j]), (j,), (("gain", j, -1.0, "1", 0.0),), 0.0))
+            add(left, Fault(TorqueSign([j]), (j,), (("gain", j, -1.0, "1", None),)))
         left = screen.left(screen.q * flip, screen.v * flip, screen.a * flip, screen.tau * flip)
-        add(left, Fault(JointSign([j]), (j,), (("sign", j, -1.0, "1", 0.0),), 0.0))
+        add(left, Fault(JointSign([j]), (j,), (("sign", j, -1.0, "1", None),)))
     for i, j in combinations(range(n), 2):
         source = np.arange(n)
         source[[i, j]] = j, i
-        values = (("takes_from", i, names[j], "", 0.0), ("takes_from", j, names[i], "", 0.0))
+        values = (("takes_from", i, names[j], "", None), ("takes_from", j, names[i], "", None))
         left = screen.left(screen.q, screen.v, screen.a, screen.tau[:, source], screen.nominal)
-        add(left, Fault(JointOrder(source.tolist(), True), (i, j), values, 0.0), size[source])
+        add(left, Fault(JointOrder(source.tolist(), True), (i, j), values), size[source])
         moved = [x[:, source] for x in (screen.q, screen.v, screen.a, screen.tau)]
-        add(screen.left(*moved), Fault(JointOrder(source.tolist(), False), (i, j), values, 0.0), size[source])
+        add(screen.left(*moved), Fault(JointOrder(source.tolist(), False), (i, j), values), size[source])
     gain, best, part = max(trials, key=lambda t: t[0])
-    if gain < _GAIN[best.effect.id] or float(np.median(part)) > _LEFT:
+    if gain < best.effect.stands_out or float(np.median(part)) > _LEFT:
         return None
-    return replace(best, share=1.0 - float(np.exp(-gain / n)))
+    return replace(best, candidates=len(trials))
 
 
 def _gains(screen: _Screen) -> Fault | None:
@@ -130,7 +131,7 @@ def _gains(screen: _Screen) -> Fault | None:
     n = screen.robot.n
     gains, stds, fits = np.ones(n), np.full(n, np.inf), np.zeros(n)
     for j in range(n):
-        X = np.stack([screen.nominal[:, j], np.tanh(screen.v[:, j] / 0.02), screen.v[:, j], np.ones(len(screen.v))], axis=1)
+        X = np.stack([screen.nominal[:, j], smoothed_sign(screen.v[:, j]), screen.v[:, j], np.ones(len(screen.v))], axis=1)
         theta, *_ = np.linalg.lstsq(X, screen.tau[:, j], rcond=None)
         rest = screen.tau[:, j] - X @ theta
         spread = np.var(rest) * np.linalg.pinv(X.T @ X)
@@ -147,8 +148,7 @@ def _gains(screen: _Screen) -> Fault | None:
     known = min(UNITS, key=lambda u: abs(np.log(u / middle)))
     if np.mean(same) > 0.7 and abs(np.log(known / middle)) < _CLOSE:
         factor = known
-        std = float(np.min(stds[loaded]))
-        return Fault(TorqueUnit([factor] * n), tuple(range(n)), (("factor", None, factor, "1", std),), _share(middle))
+        return Fault(TorqueUnit([factor] * n), tuple(range(n)), (("factor", None, factor, "1", None),), 1, len(UNITS))
     far = np.abs(np.log(np.maximum(gains, 1e-12))) > np.log(_CURRENT)
     strong = loaded & (size > _STRONG * size.max())
     if (
@@ -158,8 +158,8 @@ def _gains(screen: _Screen) -> Fault | None:
         and np.median(fits[loaded]) > _CURRENT_FITS
     ):
         factors = np.where((fits > 0.5) & (gains > 0.1 * middle), gains, middle)
-        values = tuple(("factor", j, float(factors[j]), "1", float(stds[j])) for j in range(n))
-        return Fault(TorqueUnit(factors.tolist()), tuple(range(n)), values, _share(middle))
+        values = tuple(("factor", j, float(factors[j]), "1", None) for j in range(n))
+        return Fault(TorqueUnit(factors.tolist()), tuple(range(n)), values, n, len(UNITS))
     return None
 
 
@@ -171,7 +171,3 @@ def _gravity_alone(screen: _Screen, gains: FloatArray, loaded: NDArray[np.bool_]
     scaled = np.sum(np.log(screen.left(*state, screen.tau / gains, screen.nominal) * gains**2)[loaded])
     added = [np.sum(np.log(screen.left(*state, screen.tau + c * gravity, screen.nominal))[loaded]) for c in (-1.0, 1.0)]
     return bool(min(added) < scaled)
-
-
-def _share(factor: float) -> float:
-    return min(1.0, abs(factor - 1.0) ** 2 / max(abs(factor - 1.0) ** 2, 1.0))

@@ -6,21 +6,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy import optimize
 
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.term import Term
 
-COMPLIANT = ("joint_elasticity", "backlash")
-"""Effects in which a link lags behind its motor."""
-_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
-_SIDES = (-1, 0, 1)
-_FIRST = {
-    "joint_elasticity": (("damping", 0.0), ("around", 1.05), ("damping", 1.5), ("around", 1.01)),
-    "backlash": (("side", 0.0), ("flank", 0.0), ("damping", 0.0), ("around", 1.3), ("flank", 1.5), ("around", 1.05)),
-}
-"""What is searched, and within which ratio of the value at hand; 0: over its whole range."""
-_SCAN = {"joint_elasticity": 1.1, "backlash": 1.5}
 _SCANNED = 11
 _NARROWED = 7
 _FOLLOWED = 4
@@ -32,8 +23,8 @@ _LONGEST = 0.3
 class _Search:
     """Settings of one term, moved to where the rows are the most likely.
 
-    The linear parameter must be the one that the columns were made for: a fit that wants another one pays for it what forcing
-    it would cost, ``((theta - around) / std)^2 / 2``.
+    The linear parameter must be the one that the columns were made for: a fit that wants another one costs what forcing
+    it would, ``((theta - around) / std)^2 / 2``.
     """
 
     def __init__(self, problem: Problem, library: Library, fit: Fit, term: Term) -> None:
@@ -76,19 +67,11 @@ class _Search:
             self.attempt(**{name: float(x)})
 
     def narrow(self, name: str, low: float, high: float) -> None:
-        """Golden sections of the logarithm."""
-        a, b = np.log(low), np.log(high)
-        x1, x2 = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
-        f1, f2 = (self.attempt(**{name: float(np.exp(x))}) for x in (x1, x2))
-        for _ in range(_NARROWED):
-            if f1 < f2:
-                b, x2, f2 = x2, x1, f1
-                x1 = b - _GOLDEN * (b - a)
-                f1 = self.attempt(**{name: float(np.exp(x1))})
-            else:
-                a, x1, f1 = x1, x2, f2
-                x2 = a + _GOLDEN * (b - a)
-                f2 = self.attempt(**{name: float(np.exp(x2))})
+        """Brent's method on the logarithm; :meth:`attempt` keeps the best."""
+        bounds, steps = (np.log(low), np.log(high)), {"maxiter": _NARROWED + 2}
+        optimize.minimize_scalar(
+            lambda x: self.attempt(**{name: float(np.exp(x))}), bounds=bounds, method="bounded", options=steps
+        )
 
     def slopes(self, names: tuple[str, ...]) -> None:
         """A step of Gauss and Newton in the logarithms of some settings."""
@@ -105,32 +88,31 @@ class _Search:
         self.attempt(**{name: float(self.settings[name] * np.exp(x)) for name, x in zip(names, step, strict=True)})
 
 
-def settle(problem: Problem, library: Library, fit: Fit, term: Term) -> tuple[Fit, Term]:
+def fit_deflection(problem: Problem, library: Library, fit: Fit, term: Term) -> tuple[Fit, Term]:
     """The fit with the compliance of ``term`` where the rows are the most likely.
 
     A term that is tried for the first time is searched for to first order in the deflection, then made exact; one that was made
     exact before only follows what has changed beside it.
     """
-    search = _Search(problem, library, fit, term)
+    how, search = term.effect.deflection, _Search(problem, library, fit, term)
+    assert how is not None
     first = not term.effect.settings["exact"]
     if first:
         search.follow()
-        search.scan("around", _SCAN[term.id])
-        for name, ratio in _FIRST[term.id]:
-            if name == "side":
-                for side in _SIDES:
-                    search.attempt(side=side)
-                continue
+        search.scan("around", how.scanned)
+        for side in how.sides:
+            search.attempt(side=side)
+        for name, ratio in how.steps:
             value = float(search.settings[name])
             knob = next((k for k in term.effect.knobs if k.name == name), None)
             low, high = (value / ratio, value * ratio) if ratio or knob is None else (knob.low, knob.high)
             search.narrow(name, low, high)
         search.settings["exact"] = True
         search.cost, search.fit, search.term = search.at(search.settings)
-    if term.id == "backlash":  # hardly ever smooth enough for slopes
+    if how.smooth:
+        for _ in range(_SLOPES if first else 1):
+            search.slopes(("around", *(k.name for k in term.effect.knobs)))
+    else:
         value = float(search.settings["around"])
         search.narrow("around", value / 1.02, value * 1.02)
-    else:
-        for _ in range(_SLOPES if first else 1):
-            search.slopes(("around", "damping"))
     return search.fit, search.term

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from sysid_ros.diagnosis.band import CUTOFF
+from sysid_ros.diagnosis.evidence import Evidence
 from sysid_ros.effects import Motion
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -40,6 +42,8 @@ _AS_WELL = 0.1
 """A force must explain a window by so much better than one joint that gives way."""
 SMEARED = 0.15
 """Time over which the filters spread a step [s]."""
+_INDEPENDENT = 2.0 * CUTOFF
+"""Independent values of the residual of one joint in a second: two a hertz of the band that it is judged in."""
 _MOST = 0.3
 """Part of the time: more is no event."""
 
@@ -51,8 +55,8 @@ class Contact:
     Attributes:
         recording: its name. start, end: since the first stamp [s]. frame: link that is pushed.
         force: its mean on the robot, in the world, over the time in which it has more than half of its peak, shape (3,) [N].
-        std: of it, shape (3,). peak: of its size [N]. explained: part of the squared residual that it explains.
-        share: of the squared residual of the whole recordings, by that of the windows. rows: independent values in the window.
+        std: of it, shape (3,). peak: of its size [N].
+        evidence: its gain is the part of the nominal residual's power that is predicted on each joint from all others.
     """
 
     recording: str
@@ -62,9 +66,7 @@ class Contact:
     force: FloatArray
     std: FloatArray
     peak: float
-    explained: float
-    share: float
-    rows: float
+    evidence: Evidence
 
 
 def find_contacts(
@@ -72,12 +74,14 @@ def find_contacts(
     names: Sequence[str],
     motions: Sequence[Motion],
     residuals: Sequence[FloatArray],
+    nominal: Sequence[FloatArray],
     moving: Sequence[NDArray[np.bool_]],
 ) -> list[Contact]:
     """Contacts in what a fit leaves.
 
     Args:
-        names: recording of each motion. residuals: torque that is left on its grid, shape (N, n) [N m].
+        names: recording of each motion. residuals: torque that is left on its grid, shape (N, n) [N m]. nominal: torque of the
+            nominal model alike.
         moving: where each joint moves, shape (N, n): friction leaves the torque of a standing joint undetermined.
     """
     pooled = np.concatenate([np.where(m, r, np.nan) for r, m in zip(residuals, moving, strict=True)])
@@ -88,7 +92,7 @@ def find_contacts(
     scale[judged] = 1.4826 * np.nanmedian(np.abs(pooled[:, judged]), axis=0)
     scale = np.maximum(scale, 1e-9)
     out: list[Contact] = []
-    seconds = 0.0
+    seconds, tried = 0.0, 0
     for name, motion, residual, moves in zip(names, motions, residuals, moving, strict=True):
         # where a joint starts or turns, its friction is what is modelled worst
         reach = 2 * round(_TURNS / motion.period) + 1
@@ -96,13 +100,18 @@ def find_contacts(
         z = np.where(moves, residual, 0.0) / scale
         for window in _windows(z, moves & judged, motion.period):
             seconds += (window.stop - window.start) * motion.period
+            tried += robot.n - _JOINTS + 1
             contact = _explain(robot, name, motion, z, scale, window)
             if contact is not None:
                 out.append(contact)
     if seconds > _MOST * sum(len(m.t) * m.period for m in motions):
         return []
-    energy = float(np.nansum((pooled / scale) ** 2)) * motions[0].period
-    return [replace(c, share=c.share / energy) for c in out]
+    left = [np.where(moves, m.tau - x, 0.0) / scale for m, x, moves in zip(motions, nominal, moving, strict=True)]
+    energy = sum(float(np.sum(z**2)) * m.period for z, m in zip(left, motions, strict=True))
+    return [
+        replace(c, evidence=replace(c.evidence, gain=(c.evidence.gain or 0.0) / max(energy, 1e-12), candidates=tried))
+        for c in out
+    ]
 
 
 def is_change(contact: Contact, t0: float) -> bool:
@@ -171,13 +180,33 @@ def _explain(robot: RobotModel, name: str, motion: Motion, z: FloatArray, scale:
     columns[residual[strong] == 0.0] = 0.0
     X, y = columns.reshape(-1, 3), residual[strong].ravel()
     force = np.linalg.lstsq(X, y, rcond=1e-6)[0]
-    # the residual of one joint has some 16 independent values a second
-    independent = max(3.0, 16.0 * strong.sum() * motion.period * np.count_nonzero(np.any(columns, axis=(0, 2))))
+    independent = max(3.0, _INDEPENDENT * strong.sum() * motion.period * np.count_nonzero(np.any(columns, axis=(0, 2))))
     variance = float(np.mean((y - X @ force) ** 2)) * len(y) / independent
     std = np.sqrt(np.diag(np.linalg.pinv(X.T @ X)) * max(variance, len(y) / independent))
     start, end = float(motion.t[window.start]), float(motion.t[window.stop - 1])
-    energy = explained * float(np.sum(residual**2)) * motion.period
-    return Contact(name, start, end, frame, force, std, float(size.max()), explained, energy, independent)
+    # a direction and its amplitudes, against nothing
+    amplitudes = _INDEPENDENT * len(residual) * motion.period
+    rows = amplitudes * np.count_nonzero(power)
+    rise = -rows * float(np.log(max(1.0 - explained, np.finfo(float).eps)))
+    jacobian = robot.frame_jacobian_along(motion.q[window], robot.frame_id(frame))[:, :3]
+    columns = np.where((residual == 0.0)[:, :, None], 0.0, -jacobian.swapaxes(1, 2) / scale[:, None])
+    removed = _predicted(columns, residual) * motion.period
+    evidence = Evidence(rise, 2 + max(1, round(amplitudes)), float(rows), 1, removed)
+    return Contact(name, start, end, frame, force, std, float(size.max()), evidence)
+
+
+def _predicted(columns: FloatArray, residual: FloatArray) -> float:
+    """By how much the squared residual falls where the force that the other joints tell predicts each joint.
+
+    Args:
+        columns: A, shape (k, n, 3). residual: shape (k, n), zero where not judged.
+    """
+    out = 0.0
+    for j in np.flatnonzero(np.any(columns, axis=(0, 2))):
+        others = np.delete(np.arange(columns.shape[1]), j)
+        direction, size = _one_direction(columns[:, others], residual[:, others])
+        out += float(np.sum(residual[:, j] ** 2 - (residual[:, j] - columns[:, j] @ direction * size) ** 2))
+    return out
 
 
 def _one_joint(columns: FloatArray, residual: FloatArray) -> float:

@@ -7,15 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from sysid_ros.diagnosis.block_scatter import BlockScatter
-from sysid_ros.diagnosis.compliant import COMPLIANT
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.refine import remake
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
 
-_SKETCH = {"joint_elasticity": 0.01, "backlash": 0.04}
-"""What a linear spring, and flanks that spring and rebound alike everywhere, are of a gear, as a part of stiffness or gap."""
 _PROBE = 0.003
 """Relative step of a difference."""
 
@@ -40,13 +37,13 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estim
     errors count for the few independent values that they are; what scatters more than they say is given that scatter.
     """
     extra, owners = [], []
-    slopes = {t: _slope(library, t) for t in fit.terms if t.id in COMPLIANT}
+    slopes = {t: _slope(library, t) for t in fit.terms if t.effect.deflection}
     for term in fit.terms:
         for knob in term.effect.knobs:
             if knob.name not in term.effect.settings:
                 continue
             value = float(term.effect.settings[knob.name])
-            step = 0.02 * value if knob.logarithmic else {"t0": 0.05, "limit": 0.01 * value}.get(knob.name, 0.02)
+            step = knob.step * value if knob.logarithmic else knob.step
             sides = [remake(library, term, {**term.effect.settings, knob.name: value + s}) for s in (step, -step)]
             theta = fit.theta_of(term) if term not in slopes else np.array([float(term.effect.settings["around"])])
             slope = (sides[0].columns - sides[1].columns) @ theta / (2.0 * step)
@@ -88,8 +85,8 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estim
         values = np.concatenate([theta, [owners[i][2] for i in knobs]])
         wider = np.sqrt(ratios[both])
         spread = inverse[np.ix_(both, both)] * wider[:, None] * wider
-        if term in slopes:
-            spread[0, 0] += (_SKETCH[term.id] * float(theta[0])) ** 2
+        if how := term.effect.deflection:
+            spread[0, 0] += (how.form_error * float(theta[0])) ** 2
         out[term] = Estimates(values, spread, float(np.mean(ratios[both])))
     return out
 

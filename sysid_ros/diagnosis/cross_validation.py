@@ -1,4 +1,4 @@
-"""What each term is worth on parts of the recordings that it was not fitted to."""
+"""What each term gains on parts of the recordings that it was not fitted to."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
 
 
-def worth(problem: Problem, fit: Fit) -> dict[Term, float]:
+def predictive_gains(problem: Problem, fit: Fit) -> dict[Term, float]:
     """Likelihood of left-out segments that each term gains, the others adjusted, with the noise of the fit.
 
     Every segment is predicted with the parameters that all others give. What is known of these before any data counts once: links

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.diagnosis.backward import prune
+from sysid_ros.diagnosis.channel_evidence import deviation_of, fault_evidence
 from sysid_ros.diagnosis.channel_faults import find_faults, undo
 from sysid_ros.diagnosis.contact_findings import contact_findings, contacts_held_out, contacts_in, in_words
 from sysid_ros.diagnosis.contacts import without
@@ -18,7 +19,7 @@ from sysid_ros.diagnosis.fault_findings import as_unit, finding_of, message_find
 from sysid_ros.diagnosis.faults import refusal_of
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.forward_simulation import forward_simulation
-from sysid_ros.diagnosis.held_out_gate import paying
+from sysid_ros.diagnosis.held_out_gate import validated
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.joint_side import JointSide
 from sysid_ros.diagnosis.library import Library
@@ -78,9 +79,9 @@ def diagnose(
     effects = known.known_effects(robot) if known else []
     progress("looking for faults of units, signs and order")
     faults = [] if known else find_faults(robot, fitted)
-    published = judged
+    published, published_fitted = judged, fitted
     signals = [
-        *signal_findings(fitted, judged, robot.joint_names),
+        *signal_findings(fitted, robot.joint_names),
         *message_finding([f for _, f in ordered], robot.joint_names),
     ]
     for fault in faults:
@@ -108,19 +109,20 @@ def diagnose(
         judged = [without(r, later) for r in judged]
         held = HeldOut.of(robot, prepare(robot, judged, effects, train.turns), fit)
         notes += tuple(f"{c.recording}: {in_words(c)}, and is left out of what the models are judged on." for c in later)
-    fit = better_drift(train.problem, library, paying(train.problem, library, fit, held), held)
+    fit = better_drift(train.problem, library, validated(train.problem, library, fit, held), held)
     fit = prune(train.problem, fit, selection.price)
     fit = selection.fit = with_masses(robot, train.problem, fit, held)
     values = with_knobs(train.problem, library, fit)
     found = report(robot, train, selection, fit, held, values)
     found = replace(found, findings=tuple(as_unit(found.findings, robot.joint_names)), driven=found.predictions)
-    signals += contact_findings(contacts, robot.joint_names)
+    signals += contact_findings(contacts, robot)
     if faults or signals:
-        told, rest = with_scales(faults, found.findings, robot.joint_names)
+        known_faults, rest = with_scales(faults, found.findings, robot.joint_names)
         found = replace(found, findings=tuple(rest))
-        first = [finding_of(f, robot.joint_names, len(train.band.f)) for f in told]
+        evidence, deviation = fault_evidence(robot, published_fitted, faults), deviation_of(train, fit)
+        first = [finding_of(f, robot.joint_names, e, deviation) for f, e in zip(known_faults, evidence, strict=True)]
         raw = prepare(robot, published, effects) if faults and not later else held.prepared
-        found = with_faults(found, first, signals, faults, raw, held, fit)
+        found = with_faults(found, [*first, *signals], faults, raw, held, fit)
     model = extended_model(robot, known, fit, values, train, {r.name: r.start for r in fitted}, provenance or {})
     urdf_model, changes = urdf_part(robot, model, train)
     notes += changes

@@ -1,4 +1,4 @@
-"""When a payload changes in recordings that were not fitted: the one thing that is found anew there."""
+"""When events happen in recordings that were not fitted: the one thing that is searched again there."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ _GRID, _FINE = 41, 21
 """Times in a recording that are tried first, and about the best of them."""
 
 
-def found_anew(library: Library, prepared: Prepared, fit: Fit, terms: Mapping[Term, Term]) -> dict[Term, Term]:
+def dated_again(library: Library, prepared: Prepared, fit: Fit, terms: Mapping[Term, Term]) -> dict[Term, Term]:
     """The events of a fit at the times at which these recordings leave the least.
 
-    The first two events are looked for together: a body that is picked up and set down is neither alone. Residuals are weighted
+    The first two events are searched as a pair: a body that is picked up and set down is neither alone. Residuals are weighted
     by the noise of each joint, all frequencies alike.
 
     Args:
         terms: of the fit, on these recordings.
     """
-    events = [t for t in fit.terms if t.id == "payload_change"]
+    events = [t for t in fit.terms if t.instant is not None]
     if not events:
         return {}
     # with the weights of coloured noise the cost has a narrow minimum, and tells nothing a quarter of a second beside it
@@ -48,30 +48,30 @@ def found_anew(library: Library, prepared: Prepared, fit: Fit, terms: Mapping[Te
     rest = (rest * weight)[:, active].ravel()
 
     def torque(term: Term, recording: str, t0: float) -> FloatArray:
-        made = remake(library, term, {**term.effect.settings, "recording": recording, "t0": t0})
+        made = _at(library, term, recording, t0)
         x: FloatArray = ((made.columns @ fit.theta_of(term)) * weight)[:, active].ravel()
         return x
 
     names = library.recordings if len(library.recordings) > 1 else ("",)
     options = [(name, float(t)) for name in names for t in _times(library, name)]
     drawn = {e: np.stack([torque(e, *o) for o in options]) for e in events[:2]}
-    settled: set[Term] = set()
+    dated: set[Term] = set()
     chosen = dict.fromkeys(events, options[-1])  # never
-    chosen.update(zip(events, (options[i] for i in _together(rest, list(drawn.values()))), strict=False))
+    chosen.update(zip(events, (options[i] for i in _best_pair(rest, list(drawn.values()))), strict=False))
     for event in [*events[2:], *events, *events]:
         left = rest - sum(torque(e, *chosen[e]) for e in events if e is not event)
         name, t0 = chosen[event]
         if event in events[2:] and t0 == options[-1][1]:
             name, t0 = min(options, key=lambda o: _power(left - torque(event, *o)))
         step = min(b - a for a, b in pairwise(_times(library, name)))
-        step = step if event not in settled else 2.0 * step / (_FINE - 1)
-        settled.add(event)
+        step = step if event not in dated else 2.0 * step / (_FINE - 1)
+        dated.add(event)
         near = t0 + np.linspace(-step, step, _FINE)
         chosen[event] = name, float(min(near, key=lambda t: _power(left - torque(event, name, float(t)))))
     out = {}
     for event in events:
         name, t0 = chosen[event]
-        out[event] = remake(library, event, {**event.effect.settings, "recording": name, "t0": t0})
+        out[event] = _at(library, event, name, t0)
     return out
 
 
@@ -81,16 +81,20 @@ def in_words(library: Library, terms: Mapping[Term, Term]) -> tuple[str, ...]:
     Args:
         terms: of the fit, on these recordings.
     """
-    told = []
+    dates = []
     for term in terms.values():
-        if term.id == "payload_change":
-            recording, t0 = str(term.effect.settings.get("recording", "")), float(term.effect.settings["t0"])
+        if (t0 := term.instant) is not None:
+            recording = term.recording
             start, end = library.times(recording)
             when = "before it begins" if t0 <= start + _UNSEEN else "never" if t0 >= end - _UNSEEN else f"at {t0:.2f} s"
-            told.append(f"{when} in {recording}" if recording else when)
-    if not told:
+            dates.append(f"{when} in {recording}" if recording else when)
+    if not dates:
         return ()
-    return (f"In the data that judge nothing is fitted; only when the payload changes is found anew there: {', '.join(told)}.",)
+    return (f"In the data that judge nothing is fitted; only when the payload changes is found anew there: {', '.join(dates)}.",)
+
+
+def _at(library: Library, event: Term, recording: str, t0: float) -> Term:
+    return remake(library, event, {**event.effect.settings, "recording": recording, event.effect.instant: t0})
 
 
 def _times(library: Library, recording: str) -> FloatArray:
@@ -102,7 +106,7 @@ def _power(x: FloatArray) -> float:
     return float(x @ x)
 
 
-def _together(rest: FloatArray, drawn: list[FloatArray]) -> tuple[int, ...]:
+def _best_pair(rest: FloatArray, drawn: list[FloatArray]) -> tuple[int, ...]:
     """Option of each of one or two events that leaves the least of ``rest``, shape (R,).
 
     Args:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from sysid_ros.diagnosis.covariance import Estimates
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects import CoulombFriction, LinkInertia, ViscousFriction
+from sysid_ros.effects import EFFECTS, CoulombFriction, LinkInertia, ViscousFriction
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.model_file import EffectBlock, ModelFile, urdf_digest
@@ -32,12 +33,12 @@ def extended_model(
         stamps: first one of each recording, which the times of drifts and events are counted from [s].
     """
     blocks = list(known.effects) if known else []
-    links = [t for t in fit.terms if t.id == "link_inertia"]
+    links = [t for t in fit.terms if t.effect.replaces_links]
     if links or fit.inexact:
-        if not any(b.effect == "link_inertia" for b in blocks):
+        if not has_links(blocks):
             blocks += urdf_dynamics(robot)
         blocks.append(_links(robot, fit, links, covariance))
-    blocks += [_block(t, fit, covariance[t][1], stamps) for t in fit.terms if t.id != "link_inertia"]
+    blocks += [_block(t, fit, covariance[t][1], stamps) for t in fit.terms if not t.effect.replaces_links]
     samples = sum(len(m.t) for m in train.motions)
     variance = np.sum(fit.variance, axis=0) / samples
     at_zero = fit.noise.white + fit.noise.coloured
@@ -56,7 +57,7 @@ def extended_model(
 def _block(term: Term, fit: Fit, covariance: FloatArray, stamps: dict[str, float]) -> EffectBlock:
     effect = term.effect
     settings = dict(effect.settings)
-    for name in ("start", "t0"):
+    for name in effect.times:
         if name in settings:
             settings[name] = float(settings[name]) + stamps.get(settings.get("recording", ""), next(iter(stamps.values())))
     own = covariance[: term.p, : term.p]
@@ -77,6 +78,11 @@ def _links(robot: RobotModel, fit: Fit, links: list[Term], covariance: dict[Term
         basis = np.eye(10) if term.basis is None else term.basis
         spread[where, where] += basis @ covariance[term][1] @ basis.T
     return EffectBlock(effect.id, effect.joint_names, {}, theta, effect.parameter_names, effect.units, spread)
+
+
+def has_links(blocks: Sequence[EffectBlock]) -> bool:
+    """True where the links are not the URDF's."""
+    return any(EFFECTS[b.effect].replaces_links for b in blocks)
 
 
 def urdf_dynamics(robot: RobotModel) -> list[EffectBlock]:

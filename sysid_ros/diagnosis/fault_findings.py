@@ -7,47 +7,59 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid_ros.diagnosis.channel_evidence import Deviation
 from sysid_ros.diagnosis.channel_faults import Fault
+from sysid_ros.diagnosis.effort_lattice import lattices
+from sysid_ros.diagnosis.evidence import Evidence, count_interval, interval, together
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.message_faults import MessageFaults
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter, TorqueRmse
-from sysid_ros.diagnosis.signal_faults import quantisation, velocity_lag
+from sysid_ros.diagnosis.signal_faults import velocity_lag
 from sysid_ros.effects import ChannelEffect, TorqueQuantisation, TorqueUnit, VelocityLag
 from sysid_ros.signals.recording import Recording
 
 MESSAGE_FAULTS = "message_faults"
-_95 = 1.959964
 _FAR, _MOST = 1.15, 0.7
 """Gains further from 1 than by this factor on this part of the joints are another unit."""
 
 
-def finding_of(fault: Fault, joints: Sequence[str], rows: int) -> Finding:
-    """A fault of units, signs or order.
-
-    Args:
-        rows: independent rows that speak for it.
-    """
+def finding_of(fault: Fault, joints: Sequence[str], evidence: Evidence, deviation: Deviation) -> Finding:
+    """A fault of units, signs or order; the spread of a factor is that of the efforts, all that was found adjusted to it."""
+    effect = fault.effect
     found = []
     for name, joint, value, unit, std in fault.values:
-        low, high = (value, value) if isinstance(value, str) else (value - _95 * std, value + _95 * std)
-        found.append(Parameter(name, None if joint is None else joints[joint], value, unit, std, low, high))
+        where = None if joint is None else joints[joint]
+        if isinstance(value, str) or not effect.scales:
+            found.append(Parameter(name, where, value, unit))
+        elif std is not None:
+            found.append(Parameter(name, where, value, unit, std, *interval(value, std)))
+        elif (measured := deviation(fault.joints if joint is None else (joint,))) is None:
+            found.append(Parameter(name, where, value, unit))
+        else:
+            found.append(_factor(name, where, value, unit, *measured))
     named = tuple(joints[j] for j in fault.joints)
     sizes = ", ".join(_size(p) for p in found)
     sentence = (
-        f"{_capital(fault.effect.label)} on {', '.join(named)} ({sizes}): undone before anything else, since every other cause "
+        f"{_capital(effect.label)} on {', '.join(named)} ({sizes}): undone before anything else, since every other cause "
         "would soak it up."
     )
-    share = max(fault.share, 1e-3)
-    return _finding(fault.effect, named, tuple(found), share, -rows * float(np.log(max(1.0 - share, 1e-6))), sentence)
+    return _finding(effect, named, tuple(found), evidence, sentence)
+
+
+def _factor(name: str, joint: str | None, value: float, unit: str, part: float, part_std: float) -> Parameter:
+    """A factor with what the efforts say of it; it is the one of a known unit where they do not refute that."""
+    measured, std = value * (1.0 + part), abs(value) * part_std
+    low, high = interval(measured, std)
+    return Parameter(name, joint, value if low <= value <= high else measured, unit, std, low, high)
 
 
 def as_unit(findings: Sequence[Finding], joints: Sequence[str]) -> list[Finding]:
     """Findings in which wrong gains of nearly all joints are what they are: efforts in another unit, as amperes."""
     out = []
     for f in findings:
-        far = [p for p in f.parameters if f.id == "torque_scale" and not 1.0 / _FAR < p.value < _FAR]
+        far = [p for p in f.parameters if TorqueUnit.takes(f.id) and not 1.0 / _FAR < p.value < _FAR]
         if len(far) < max(2, round(_MOST * len(joints))):
             out.append(f)
             continue
@@ -67,18 +79,20 @@ def as_unit(findings: Sequence[Finding], joints: Sequence[str]) -> list[Finding]
                 parameters=values,
                 sentence=sentence,
                 signature=unit.signature,
+                heldout_gain=None,
+                of_data=True,
             )
         )
-    return out
+    return sorted(out, key=lambda f: f.of_data)
 
 
 def with_scales(faults: Sequence[Fault], findings: Sequence[Finding], joints: Sequence[str]) -> tuple[list[Fault], list[Finding]]:
     """Wrong gains that are left after currents were turned into torques belong to the factors of the currents."""
-    per_joint = [f for f in faults if isinstance(f.effect, TorqueUnit) and all(v[1] is not None for v in f.values)]
+    per_joint = [f for f in faults if f.effect.absorbs and all(v[1] is not None for v in f.values)]
     if not per_joint:
         return list(faults), list(findings)
     unit = per_joint[0]
-    gains = {p.joint: p for f in findings if f.id == "torque_scale" for p in f.parameters}
+    gains = {p.joint: p for f in findings if unit.effect.takes(f.id) for p in f.parameters}
     values = []
     for name, j, factor, what, std in unit.values:
         assert j is not None
@@ -86,49 +100,40 @@ def with_scales(faults: Sequence[Fault], findings: Sequence[Finding], joints: Se
             factor, std = factor * p.value, factor * p.std
         values.append((name, j, factor, what, std))
     better = replace(unit, values=tuple(values))
-    return [better if f is unit else f for f in faults], [f for f in findings if f.id != "torque_scale"]
+    return [better if f is unit else f for f in faults], [f for f in findings if not unit.effect.takes(f.id)]
 
 
-def signal_findings(fitted: Sequence[Recording], judged: Sequence[Recording], joints: Sequence[str]) -> list[Finding]:
+def signal_findings(fitted: Sequence[Recording], joints: Sequence[str]) -> list[Finding]:
     """Faults that need no dynamics."""
     out = []
     if (lag := velocity_lag(fitted)) is not None:
-        other = velocity_lag(judged)
-        names = tuple(joints)
-        value = Parameter("cutoff", None, lag.cutoff, "Hz", lag.std, lag.cutoff - _95 * lag.std, lag.cutoff + _95 * lag.std)
+        value = Parameter("cutoff", None, lag.cutoff, "Hz", lag.std, *interval(lag.cutoff, lag.std))
         sentence = (
             f"The published velocity went through a low-pass of about {lag.cutoff:.3g} Hz, which explains "
             f"{100 * lag.share:.0f} % of its difference to the derivative of the position; "
             "velocities are taken from the positions here."
         )
-        share = other.share if other is not None else 0.0
-        out.append(_finding(VelocityLag(lag.cutoff), names, (value,), share, 1e3 * lag.share, sentence))
-    steps = quantisation(fitted)
-    if np.any(steps > 0.0):
-        named = tuple(name for name, step in zip(joints, steps, strict=True) if step > 0.0)
-        values = tuple(
-            Parameter("step", name, float(s), "N m", 1e-3 * float(s), 0.998 * float(s), 1.002 * float(s))
-            for name, s in zip(joints, steps, strict=True)
-            if s > 0.0
-        )
+        out.append(_finding(VelocityLag(lag.cutoff), tuple(joints), (value,), lag.evidence, sentence))
+    if found := lattices(fitted):
+        named = tuple(joints[x.joint] for x in found)
+        values = tuple(Parameter("step", joints[x.joint], x.step, "N m", x.std, *interval(x.step, x.std)) for x in found)
         sentence = (
             f"The effort of {', '.join(named)} comes in steps of {', '.join(f'{p.value:.3g}' for p in values)} N m, coarser "
             "than its noise: the noise floor can't be lower than the step over the square root of 12."
         )
-        out.append(_finding(TorqueQuantisation(steps.tolist()), named, values, 0.0, 1e3, sentence))
+        effect = TorqueQuantisation([next((x.step for x in found if x.joint == j), 0.0) for j in range(len(joints))])
+        out.append(_finding(effect, named, values, together([x.evidence for x in found]), sentence))
     return out
 
 
 def with_faults(
-    found: Diagnosis,
-    first: list[Finding],
-    signals: list[Finding],
-    faults: Sequence[Fault],
-    raw: Prepared,
-    held: HeldOut,
-    fit: Fit,
+    found: Diagnosis, findings: Sequence[Finding], faults: Sequence[Fault], raw: Prepared, held: HeldOut, fit: Fit
 ) -> Diagnosis:
-    """The diagnosis with the faults of the channels before its causes, and its torques as they are published."""
+    """The diagnosis with contacts among its causes, by gain, faults of the data after them, and torques as they are published.
+
+    Args:
+        findings: contacts and faults of the data, which are added.
+    """
     assert found.torque is not None
     assert found.predictions is not None
     rows, floor, extended = held.residual(fit), found.torque.noise_floor[None], found.predictions.extended
@@ -146,12 +151,12 @@ def with_faults(
             held.rms(raw.band.rows([m.tau for m in raw.motions])),
         )
         predictions = replace(predictions, measured=measured, nominal=np.concatenate(raw.nominal), extended=extended)
-    # the share of each later cause is that of what the faults leave
-    left = 1.0 - max((f.heldout_gain for f in first), default=0.0)
-    later = [replace(f, heldout_gain=left * f.heldout_gain) for f in found.findings]
-    findings = tuple(first) + tuple(sorted([*later, *signals], key=lambda f: -f.heldout_gain))
+    every = list(found.findings)
+    for f in findings:
+        later = [i for i, x in enumerate(every) if x.of_data or (x.heldout_gain or 0.0) < (f.heldout_gain or 0.0)]
+        every.insert(len(every) if f.of_data or not later else later[0], f)
     verdict = "explained" if found.verdict == "nothing_wrong" else found.verdict
-    return replace(found, verdict=verdict, findings=findings, torque=torque, predictions=predictions)
+    return replace(found, verdict=verdict, findings=tuple(every), torque=torque, predictions=predictions)
 
 
 def message_finding(found: Sequence[MessageFaults], joints: Sequence[str]) -> list[Finding]:
@@ -159,9 +164,9 @@ def message_finding(found: Sequence[MessageFaults], joints: Sequence[str]) -> li
     total = sum(f.count for f in found)
     values = []
     for name in ("repeated", "dropped", "late", "unordered"):
-        share = sum(f.shares()[name] * f.count for f in found) / max(total, 1)
+        count = sum(getattr(f, name) for f in found)
         if any(name in f.named() for f in found):
-            values.append(Parameter(name, None, share, "1", 0.0, share, share))
+            values.append(Parameter(name, None, count / total, "1", *count_interval(count, total)))
     if not values:
         return []
     sizes = ", ".join(f"{100 * p.value:.1f} % {p.name}" for p in values)
@@ -171,13 +176,29 @@ def message_finding(found: Sequence[MessageFaults], joints: Sequence[str]) -> li
     )
     signature = "stairs and jumps in the raw values of all joints at once"
     label, cure = "message faults", "stamps that the hardware sets, and one publisher"
-    return [Finding(MESSAGE_FAULTS, label, tuple(joints), tuple(values), 0.0, 0.0, 0.0, (), sentence, signature, cure)]
+    # stamps without any fault have no distribution that these counts could be judged by
+    of_stamps = Finding(MESSAGE_FAULTS, label, tuple(joints), tuple(values), None, None, None, (), sentence, signature, cure)
+    return [replace(of_stamps, of_data=True)]
 
 
 def _finding(
-    effect: ChannelEffect, joints: tuple[str, ...], values: tuple[Parameter, ...], share: float, rise: float, sentence: str
+    effect: ChannelEffect, joints: tuple[str, ...], values: tuple[Parameter, ...], evidence: Evidence, sentence: str
 ) -> Finding:
-    return Finding(effect.id, effect.label, joints, values, share, rise, 0.0, (), sentence, effect.signature, effect.separated_by)
+    return Finding(
+        effect.id,
+        effect.label,
+        joints,
+        values,
+        heldout_gain=None,
+        delta_bic=evidence.delta_bic,
+        p_value=evidence.p_value,
+        cannot_be_told_from=(),
+        sentence=sentence,
+        signature=effect.signature,
+        separated_by=effect.separated_by,
+        log10_p=evidence.log10_p,
+        of_data=True,
+    )
 
 
 def _size(p: Parameter) -> str:

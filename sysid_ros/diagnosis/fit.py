@@ -1,4 +1,4 @@
-"""Generalised least squares in the band, with the noise found together with the parameters."""
+"""Generalised least squares in the band, with the noise estimated beside the parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What does not pay on held-out recordings is not claimed."""
+"""What does not make held-out recordings likelier is not claimed."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from itertools import combinations
 
 import numpy as np
 
-from sysid_ros.diagnosis.backward import EXPECTED
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.term import DRY, Term
+from sysid_ros.diagnosis.term import Term
 
 _CLEAR, _DOUBT = 25.0, 0.2
 """What an effect that every arm has gains on the fitted rows beyond this likelihood may be lost elsewhere by this part: a model
@@ -19,17 +18,17 @@ _MOST_PAIRS = 60
 """More pairs than this are not asked."""
 
 
-def paying(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit:
+def validated(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit:
     """The fit without the terms that make held-out rows less likely, the worst first; the others are fitted anew.
 
     A richer form of dry friction is asked against the simplest one. Terms that make up for one another, of which none can go
-    alone, are asked together too. Nothing is fitted to the held-out rows.
+    alone, are asked as a group too. Nothing is fitted to the held-out rows.
     """
     while fit.terms:
         cost = whitened_cost(fit, held, fit)
         without = _asked(problem, library, fit, held, cost, [[t] for t in fit.terms])
         if without is None:
-            without = _asked(problem, library, fit, held, cost, _together(fit))
+            without = _asked(problem, library, fit, held, cost, _pairs_and_groups(fit))
         if without is None:
             break
         fit = without
@@ -51,13 +50,13 @@ def _better_than_nothing(problem: Problem, fit: Fit, held: HeldOut) -> Fit:
     nothing = problem.fit([], fit.noise, inexact=fit.inexact)
     if not fit.terms or error(fit) <= error(nothing):
         return fit
-    usual = problem.fit([t for t in fit.terms if t.id in EXPECTED], fit.noise, inexact=fit.inexact)
+    usual = problem.fit([t for t in fit.terms if t.expected], fit.noise, inexact=fit.inexact)
     return min((nothing, usual), key=error)
 
 
-def _together(fit: Fit) -> list[list[Term]]:
+def _pairs_and_groups(fit: Fit) -> list[list[Term]]:
     """Pairs of terms that load a joint in common, all that load one, and all; but for what every arm has, which goes alone."""
-    terms = [t for t in fit.terms if t.id not in EXPECTED]
+    terms = [t for t in fit.terms if not t.expected]
     loads = {t: set(range(t.effect.robot.n)) if t.row is None else {t.row} for t in terms}
     pairs = [[a, b] for a, b in combinations(terms, 2) if loads[a] & loads[b]]
     local = [[t for t in terms if t.row == j] for j in sorted({t.row for t in terms if t.row is not None})]
@@ -69,11 +68,11 @@ def _asked(problem: Problem, library: Library, fit: Fit, held: HeldOut, cost: fl
     least, without = 0.0, None
     for group in groups:
         others = [t for t in fit.terms if t not in group]
-        others += [library.local(DRY[0], t.joints[0]) for t in group if t.id in DRY[1:] and len(group) == 1]
+        others += [library.local(t.simplest.id, t.joints[0]) for t in group if t.simplest and len(group) == 1]
         rest = problem.fit(others, fit.noise, inexact=fit.inexact)
         held.add(others)
         gain = whitened_cost(rest, held, fit) - cost
-        if group[0].id in EXPECTED:
+        if group[0].expected:
             gain += _DOUBT * max(fit.loglik - rest.loglik - _CLEAR, 0.0)
         if gain < least:
             least, without = gain, rest

@@ -1,4 +1,4 @@
-"""What a fitted set of terms is worth on recordings that were not fitted."""
+"""What a fitted set of terms predicts of recordings that were not fitted."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.diagnosis.events import OUTSIDE, found_anew
+from sysid_ros.diagnosis.events import OUTSIDE, dated_again
 from sysid_ros.diagnosis.fit import Fit
-from sysid_ros.diagnosis.library import ON_DRIVE, ON_LOAD, Library
+from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.refine import remake
 from sysid_ros.diagnosis.term import Term
@@ -33,15 +33,15 @@ class HeldOut:
 
     @classmethod
     def of(cls, robot: RobotModel, prepared: Prepared, fit: Fit) -> HeldOut:
-        """The terms of ``fit`` on held-out recordings; only the time of an event is found anew."""
+        """The terms of ``fit`` on held-out recordings; only the time of an event is searched again."""
         library = Library(robot, prepared.band, inside=-OUTSIDE)
         links = [m.link_torque for m in prepared.motions]
-        for _ in range(2 if any(t.id in ON_LOAD + ON_DRIVE for t in fit.terms) else 0):
+        for _ in range(2 if any(t.on_torques for t in fit.terms) else 0):
             library.update(*torques(library, fit, links, prepared.nominal))
         terms = {}
         for term in fit.terms:
             terms[term] = remake(library, term, term.effect.settings)
-        terms |= found_anew(library, prepared, fit, terms)
+        terms |= dated_again(library, prepared, fit, terms)
         return cls(prepared, library, terms)
 
     def add(self, terms: Sequence[Term]) -> None:

@@ -9,11 +9,10 @@ import numpy as np
 
 from sysid_ros.robot.drive import Drive
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.known_effect import KnownEffect
-
-_SIGN = 0.02
-"""Width of the sign of a velocity in the models' torque [rad/s]."""
+from sysid_ros.torque.torque_model import TorqueModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,23 +30,12 @@ class JointSide:
     @classmethod
     def of(cls, robot: RobotModel, known: Sequence[KnownEffect]) -> JointSide:
         """Of known effects, or of the URDF's ``<dynamics>`` where they do not replace it."""
-        replaced = any(k.effect.id == "link_inertia" for k in known)
-        viscous, coulomb = (np.zeros(robot.n) if replaced else x.copy() for x in (robot.damping, robot.friction))
-        rotor = np.zeros(robot.n)
-        for k in known:
-            names = k.effect.parameter_names
-            for j, joint in enumerate(robot.joint_names):
-                if (level := f"Fc[{joint}]") in names:
-                    coulomb[j] += k.theta[names.index(level)]
-            if k.effect.id == "viscous_friction":
-                viscous[k.effect.joints] += k.theta
-            elif k.effect.id == "rotor_inertia":
-                rotor[k.effect.joints] += k.theta
-        return cls(*(np.maximum(x, 0.0) for x in (viscous, coulomb, rotor)))
+        model = TorqueModel(robot, [], known)
+        return cls(*(np.maximum(x, 0.0) for x in (model.damping(), model.dry_friction(), model.armature())))
 
     def torque(self, v: FloatArray, a: FloatArray) -> FloatArray:
         """What the model says of it along a motion, shape (N, n) [N m]."""
-        along: FloatArray = self.viscous * v + self.coulomb * np.tanh(v / _SIGN) + self.rotor * a
+        along: FloatArray = self.viscous * v + self.coulomb * smoothed_sign(v) + self.rotor * a
         return along
 
     def drive(self, step: float) -> Drive:

@@ -8,9 +8,10 @@ import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.prepare import Prepared
-from sysid_ros.diagnosis.temperature import over_temperature
 from sysid_ros.diagnosis.unsteady import Leftover, unsteady
 from sysid_ros.effects import Motion
+from sysid_ros.effects.friction_drift import usual_temperature
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 
 _MOST = 6
@@ -60,9 +61,9 @@ def _temperatures(train: Prepared, held: Prepared) -> dict[int, float]:
     """Joints whose temperature is known everywhere and changes, with its mean on the fitted rows [degrees Celsius]."""
     out = {}
     for j in range(train.motions[0].robot.n):
-        settings = over_temperature(train.motions, j)
-        if settings and all(m.temperature is not None and np.isfinite(m.temperature[:, j]).all() for m in held.motions):
-            out[j] = float(settings[0]["reference"])
+        usual = usual_temperature(train.motions, j)
+        if usual is not None and all(m.temperature is not None and np.isfinite(m.temperature[:, j]).all() for m in held.motions):
+            out[j] = usual
     return out
 
 
@@ -73,7 +74,7 @@ def features(motion: Motion, names: Sequence[str], warm: Mapping[int, float] | N
         warm: joints whose temperature is known, with the one that it is counted from [degrees Celsius].
     """
     out: dict[str, FloatArray] = {}
-    signs = np.tanh(motion.v / 0.02)
+    signs = smoothed_sign(motion.v)
     for i, name in enumerate(names):
         q, v = motion.q[:, i], motion.v[:, i]
         out[f"direction of {name}"] = signs[:, i]

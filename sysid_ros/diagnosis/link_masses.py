@@ -16,20 +16,20 @@ from sysid_ros.robot.robot_model import RobotModel
 _SURE = 1e-4
 """Probability of masses that are so far from the URDF's, were they only as inexact as any URDF's."""
 
-_TOLD = 0.01
-"""Part of a mass from which it is told."""
+_STATED = 0.01
+"""Part of a mass from which it is stated."""
 
 
 def with_masses(robot: RobotModel, problem: Problem, fit: Fit, held: HeldOut) -> Fit:
     """The fit with those masses as terms that its nuisance parameters have taken in silence.
 
     ``sum_k (dm_k / m_k / 0.02)^2`` of exact models with inexact masses is chi-squared. Where it is too large, the mass that is
-    farthest off becomes a term, and so on with the rest. The terms must pay on held-out rows against a fit with the URDF's
+    farthest off becomes a term, and so on with the rest. The terms must make held-out rows likelier than a fit with the URDF's
     masses.
     """
     if not fit.inexact:
         return fit
-    known = {t.joints[0] for t in fit.terms if t.id == LinkInertia.id}
+    known = {t.joints[0] for t in fit.terms if t.effect.replaces_links}
     found: list[Term] = []
     wider = fit
     while rest := [k for k in range(robot.n) if k not in known]:
@@ -53,10 +53,10 @@ def tolerated(robot: RobotModel, fit: Fit) -> tuple[str, ...]:
     if not fit.inexact:
         return ()
     part = fit.theta[-robot.n :]
-    told = [f"{robot.body_names[k]} {100.0 * part[k]:+.1f} %" for k in np.argsort(-np.abs(part)) if abs(part[k]) > _TOLD]
-    if not told:
+    stated = [f"{robot.body_names[k]} {100.0 * part[k]:+.1f} %" for k in np.argsort(-np.abs(part)) if abs(part[k]) > _STATED]
+    if not stated:
         return ()
-    return (f"Taken for what a URDF is inexact by, and no cause: the masses of {', '.join(told)}. model.yaml has them.",)
+    return (f"Taken for what a URDF is inexact by, and no cause: the masses of {', '.join(stated)}. model.yaml has them.",)
 
 
 def _mass(robot: RobotModel, problem: Problem, link: int) -> Term:

@@ -11,6 +11,7 @@ from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.fit import Problem
 from sysid_ros.effects import Motion
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.conditioning import as_measured, motions
 from sysid_ros.signals.recording import Recording
@@ -52,9 +53,9 @@ def prepare(
     """
     named = [(recording.name, motion) for recording in recordings for motion in motions(robot, recording)]
     found = [motion for _, motion in named]
-    model = TorqueModel(robot, [], known)
     turns = _turns(robot, found) if turns is None else turns
-    nominal = [_nominal(model, motion, turns) for motion in found]
+    model = TorqueModel(robot, [], known, turns=turns)
+    nominal = [_nominal(model, motion) for motion in found]
     prepared = assemble(robot, [m.with_torques(m.link_torque, t) for m, t in zip(found, nominal, strict=True)], nominal)
     return replace(prepared, names=tuple(name for name, _ in named), turns=turns)
 
@@ -69,12 +70,10 @@ def assemble(robot: RobotModel, found: Sequence[Motion], nominal: Sequence[Float
     return Prepared(tuple(found), tuple(nominal), band, Problem(band, y, links, np.full(robot.n, INEXACT)))
 
 
-def _nominal(model: TorqueModel, motion: Motion, turns: FloatArray) -> FloatArray:
-    robot = model.robot
-    if model.known:
-        return np.stack([model.known_torque(sample) for sample in motion.samples()])
-    dry = robot.friction * np.tanh(motion.v / turns)
-    return np.asarray(motion.link_torque + robot.damping * motion.v + as_measured(dry, motion.period))
+def _nominal(model: TorqueModel, motion: Motion) -> FloatArray:
+    torque = model.torques_along(motion)
+    # where nothing is known but the URDF its friction may turn within less than the low-pass of the torques lets through
+    return torque.total if model.known else torque.total - torque.jumps + as_measured(torque.jumps, motion.period)
 
 
 def _turns(robot: RobotModel, found: Sequence[Motion]) -> FloatArray:
@@ -84,7 +83,7 @@ def _turns(robot: RobotModel, found: Sequence[Motion]) -> FloatArray:
         rest = np.concatenate([m.tau[:, j] - m.link_torque[:, j] for m in found])
         left: list[float] = []
         for speed in _TURNS:
-            dry = np.concatenate([as_measured(np.tanh(m.v[:, [j]] / speed), m.period) for m in found])
+            dry = np.concatenate([as_measured(smoothed_sign(m.v[:, [j]], speed), m.period) for m in found])
             X = np.column_stack([dry, np.concatenate([m.v[:, j] for m in found]), np.ones(len(rest))])
             left.append(float(np.sum((rest - X @ np.linalg.lstsq(X, rest, rcond=None)[0]) ** 2)))
         out[j] = _TURNS[int(np.argmin(left))]

@@ -6,22 +6,20 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from scipy import optimize
 
-from sysid_ros.diagnosis.compliant import COMPLIANT, settle
+from sysid_ros.diagnosis.compliant import fit_deflection
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.diagnosis.torque_noise import Noise
 from sysid_ros.effects import Knob
 
-_STEPS = 8
+_STEPS = 10
 _FIXED_POINTS = 3
-_BUMPY = ("t0", "harmonic")
-"""Knobs with several local optima near the first value."""
 _SCAN = 13
 _NEAR, _APART = 8, 0.015
 """Number and spacing of the times on each side of an event that are tried at last [s]."""
-_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 def refine(problem: Problem, library: Library, fit: Fit, terms: Sequence[Term]) -> Fit:
@@ -29,7 +27,7 @@ def refine(problem: Problem, library: Library, fit: Fit, terms: Sequence[Term]) 
     changed: dict[Term, Term] = {}
     for term in terms:
         if "around" in term.effect.settings:
-            step = settle if term.id in COMPLIANT else _exact
+            step = fit_deflection if term.effect.deflection else _exact
             fit, changed[term] = step(problem, library, fit, term)
             continue
         if all(knob.name not in term.effect.settings for knob in term.effect.knobs):
@@ -85,11 +83,11 @@ def _whole(problem: Problem, library: Library, fit: Fit, term: Term) -> Term:
         return tried(settings, fit.noise, 2)
 
     settings = dict(term.effect.settings)
-    if "t0" in settings:
+    if instant := term.effect.instant:
         even = Noise.even(np.mean(fit.residual**2, axis=0))
         settings = search(term, settings, lambda s: tried(s, even, 0))
-        near = settings["t0"] + np.arange(-_NEAR, _NEAR + 1) * _APART
-        settings = min(({**settings, "t0": float(t0)} for t0 in near), key=cost)
+        near = settings[instant] + np.arange(-_NEAR, _NEAR + 1) * _APART
+        settings = min(({**settings, instant: float(t0)} for t0 in near), key=cost)
         if cost(settings) > cost(dict(term.effect.settings)):
             settings = dict(term.effect.settings)
     else:
@@ -98,49 +96,26 @@ def _whole(problem: Problem, library: Library, fit: Fit, term: Term) -> Term:
 
 
 def search(term: Term, settings: dict[str, Any], cost: Callable[[dict[str, Any]], float]) -> dict[str, Any]:
-    """Settings of the least cost, by golden sections of each knob in turn."""
+    """Settings of the least cost, of each knob in turn, by Brent's method within bounds."""
     best = cost(settings)
     for knob in term.effect.knobs:
         if knob.name not in settings:
             continue
-        low, high = _around(term, knob, float(settings[knob.name]))
+        low, high = term.effect.search_range(knob, float(settings[knob.name]), term.load)
         a, b = (np.log(low), np.log(high)) if knob.logarithmic else (low, high)
 
-        def at(x: float, knob: Knob = knob, settings: dict[str, Any] = settings) -> tuple[float, dict[str, Any]]:
-            changed = {**settings, knob.name: float(np.exp(x) if knob.logarithmic else x)}
-            return cost(changed), changed
+        def moved(x: float, knob: Knob = knob, settings: dict[str, Any] = settings) -> dict[str, Any]:
+            return {**settings, knob.name: float(np.exp(x) if knob.logarithmic else x)}
 
-        if knob.name in _BUMPY:
+        if knob.bumpy:
             grid = np.linspace(a, b, _SCAN)
-            x = grid[int(np.argmin([at(float(g))[0] for g in grid]))]
+            x = grid[int(np.argmin([cost(moved(float(g))) for g in grid]))]
             a, b = x - (grid[1] - grid[0]), x + (grid[1] - grid[0])
-        x1, x2 = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
-        f1, f2 = at(x1), at(x2)
-        for _ in range(_STEPS):
-            if f1[0] < f2[0]:
-                b, x2, f2 = x2, x1, f1
-                x1 = b - _GOLDEN * (b - a)
-                f1 = at(x1)
-            else:
-                a, x1, f1 = x1, x2, f2
-                x2 = a + _GOLDEN * (b - a)
-                f2 = at(x2)
-        for found, changed in (f1, f2):
-            if found < best:
-                best, settings = found, changed
+        steps = {"maxiter": _STEPS}
+        found = optimize.minimize_scalar(lambda x: cost(moved(float(x))), bounds=(a, b), method="bounded", options=steps)
+        if found.fun < best:
+            best, settings = float(found.fun), moved(float(found.x))
     return settings
-
-
-def _around(term: Term, knob: Knob, value: float) -> tuple[float, float]:
-    """The neighbours of a value on the grid that was tried first."""
-    if knob.name == "t0":
-        return value - 2.0, value + 2.0
-    if knob.name == "harmonic":
-        return value - 0.6, value + 0.6
-    if knob.name == "limit":
-        return max(0.9 * value, term.load), max(1.1 * value, 1.1 * term.load)
-    ratio = 5.0 if knob.name == "width" else (knob.high / knob.low) ** (1.1 / 7.0)
-    return max(value / ratio, knob.low / 2.0), min(value * ratio, knob.high * 2.0)
 
 
 def remake(library: Library, term: Term, settings: dict[str, Any]) -> Term:

@@ -1,26 +1,27 @@
-"""From a fit to what is told: findings with their evidence, the torques on held-out data, the verdict."""
+"""From a fit to what is claimed: findings with their evidence, the torques on held-out data, the verdict."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
 
 from sysid_ros.diagnosis.covariance import Estimates
 from sysid_ros.diagnosis.events import in_words
+from sysid_ros.diagnosis.evidence import Evidence, heldout_gain
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.leftover import Leftover, leftovers
 from sysid_ros.diagnosis.link_masses import tolerated
-from sysid_ros.diagnosis.parameters import coulomb_part, parameters
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, TorqueRmse
 from sysid_ros.diagnosis.rivals import rivals
-from sysid_ros.diagnosis.selection import EXPECTED, Selection
+from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.sentences import sentence
-from sysid_ros.diagnosis.term import COMPANIONS, DRY, Term
+from sysid_ros.diagnosis.term import Term
 from sysid_ros.diagnosis.time_or_temperature import RECORD_NEXT, SIGNATURE, correlations, drift_cause
+from sysid_ros.effects import EFFECTS, Parameter
+from sysid_ros.effects.parameter import by_delta_method
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
@@ -28,12 +29,10 @@ _MOST_RIVALS = 8
 _STRONG = 10.0
 """Difference of the BIC from which evidence is very strong (Kass, Raftery 1995)."""
 _SURE = 0.05
-"""Probability, times the number of candidates tried, up to which what every arm has is claimed however little it buys."""
-_BUYS = 0.02
+"""Probability, times the number of candidates tried, up to which what every arm has is claimed however little it gains."""
+_GAINS = 0.02
 """Part of the residual's power on data that was not fitted, from which an effect is claimed however much it scatters."""
 _SCATTERS = "What looks like {} differs so much from time to time that it may be something else."
-_SAMPLING = 3e-3
-"""Shorter delays come from sampling [s]."""
 _LEFT, _LEFT_SEEN = 0.1, 0.005
 """Part of the nominal residual's power that may be left where it counts as explained, and where it is seen to be no noise."""
 _BEYOND = 4.0
@@ -46,7 +45,7 @@ Values = dict[Term, Estimates]
 
 
 def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, held: HeldOut, values: Values) -> Diagnosis:
-    """The findings of a fit, in order of gain, and what they buy on the held-out recordings.
+    """The findings of a fit, in order of gain, and what they gain on the held-out recordings.
 
     Args:
         train: what was fitted. held: what it is judged on. values: of each term, with their covariance.
@@ -63,38 +62,38 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
     unexplained = min(1.0, excess / max(power_before, 1e-12))
     findings = []
     groups = _groups(fit.terms)
-    rich = _beside_coulomb(fit.terms, n)
+    rich = _beside_simplest(fit.terms, n)
     undecided = False
     scattering: list[str] = []
-    for (name, *_), terms in groups.items():
-        if name == "time_delay" and abs(float(fit.theta_of(terms[0])[0])) < _SAMPLING:
-            continue  # in the model, but no fault: the effort is held between two samples
+    for (name, _), terms in groups.items():
+        if not any(t.effect.notable(fit.theta_of(t)) for t in terms):
+            continue  # in the model, but no fault
         others = [t for t in fit.terms if t not in terms]
-        if name == "coulomb_friction":
-            others = [t for t in others if t not in rich]
+        richer = [t for t in rich if t.simplest is terms[0].kind]
+        if richer:
+            others = [t for t in others if t not in richer]
         elif any(t in rich for t in terms):
-            others += [selection.library.local("coulomb_friction", t.joints[0]) for t in terms]
+            others += [selection.library.local(t.simplest.id, t.joints[0]) for t in terms if t.simplest]
             held.add(others)
         rest = problem.fit(others, fit.noise, inexact=fit.inexact)
         without = held.residual(rest)
-        gain = float(np.sum((held.rms(without) ** 2 - held.rms(after) ** 2) * weight)) / max(power_before, 1e-12)
+        gain = heldout_gain(held.rms(without) ** 2 * weight, held.rms(after) ** 2 * weight, power_before)
         cost = sum(t.cost for t in terms)
         rise = 2.0 * (fit.loglik - rest.loglik) / max(values[t].scatter for t in terms)
         rows = len(train.band.f) * (len(active) if terms[0].row is None else len(terms))
-        evidence = rise - cost * float(np.log(rows))
-        p_value = float(min(1.0, stats.chi2.sf(max(rise, 0.0), cost) * selection.tried))
-        weak = p_value > _SURE if name in EXPECTED else evidence < _STRONG
-        if weak and gain < _BUYS:
+        evidence = Evidence(rise, cost, rows, selection.tried, gain)
+        weak = evidence.p_value > _SURE if terms[0].expected else evidence.delta_bic < _STRONG
+        if weak and gain < _GAINS:
             continue  # in the model, but not claimed: its scatter over time leaves too little of its evidence
-        found = tuple(p for t in terms for p in parameters(t, *values[t][:2]))
-        if name == "coulomb_friction" and rich:
-            terms = sorted([*terms, *rich], key=lambda t: t.joints)
-            found = tuple(p for t in terms for p in coulomb_part(t, *values[t][:2]))
-        if p_value > _SURE:
+        found = tuple(p for t in terms for p in t.effect.as_parameters(*values[t][:2], t.basis))
+        if richer:
+            terms = sorted([*terms, *richer], key=lambda t: t.joints)
+            found = tuple(_dry_friction(t, values[t]) for t in terms)
+        if evidence.p_value > _SURE:
             scattering.append(terms[0].effect.label)
         joints = tuple(dict.fromkeys(robot.joint_names[j] for t in terms for j in t.joints))
         words = sentence(terms[0].effect.label, joints, found, gain, n)
-        drift = drift_cause(problem, selection.library, fit, held, terms, floor) if name == "friction_drift" else None
+        drift = drift_cause(problem, selection.library, fit, held, terms, floor)
         if drift is not None:
             words, undecided = f"{words} {drift.in_words()}", undecided or not drift.decided
         findings.append(
@@ -103,14 +102,15 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
                 label=terms[0].effect.label,
                 joints=joints,
                 parameters=found,
-                heldout_gain=min(gain, 1.0),
-                delta_bic=evidence,
-                p_value=p_value,
+                heldout_gain=evidence.gain,
+                delta_bic=evidence.delta_bic,
+                p_value=evidence.p_value,
                 cannot_be_told_from=rivals(selection, [t for t in terms if t in fit.terms], len(groups) <= _MOST_RIVALS),
                 sentence=words,
                 signature=SIGNATURE if drift is not None and drift.over == "temperature" else terms[0].effect.signature,
                 separated_by=terms[0].effect.separated_by,
                 drift=None if drift is None else drift.as_dict(),
+                log10_p=evidence.log10_p,
             )
         )
     findings = _companions_last(findings)
@@ -164,31 +164,42 @@ def _worse(robot: RobotModel, before: FloatArray, after: FloatArray, floor: Floa
 
 def _companions_last(findings: Sequence[Finding]) -> list[Finding]:
     """In order of gain; what an effect brings along comes after it, whichever gains more."""
-    gain = {f.id: f.heldout_gain for f in findings}
+    gain = {f.id: f.heldout_gain or 0.0 for f in findings}
+    by_name = {f.id: f for f in reversed(findings)}
     for f in findings:
-        other = next((x for x in findings if x.id == COMPANIONS.get(f.id) and set(x.joints) <= set(f.joints)), None)
-        if other is not None:
+        other = by_name.get(EFFECTS[f.id].companion)
+        if other is not None and set(other.joints) <= set(f.joints):
             gain[f.id] = max(gain[f.id], gain[other.id] + 1e-9)
     return sorted(findings, key=lambda f: -gain[f.id])
 
 
-def _groups(terms: Sequence[Term]) -> dict[tuple[str, tuple[int, ...], str], list[Term]]:
-    """Terms of one finding: those with the same name, each coupling and each event by itself, a drift by what it follows."""
-    groups: dict[tuple[str, tuple[int, ...], str], list[Term]] = {}
+def _groups(terms: Sequence[Term]) -> dict[tuple[str, str], list[Term]]:
+    """Terms of one finding: those of one effect, but for what keeps them apart, as an event."""
+    groups: dict[tuple[str, str], list[Term]] = {}
     for term in sorted(terms, key=lambda t: t.joints):
-        follows = term.form if term.id == "friction_drift" else ""
-        if "t0" in term.effect.settings:
-            follows = f"{term.effect.settings.get('recording', '')} {term.effect.settings['t0']:.3f}"
-        key = (term.id, term.joints if term.id == "joint_coupling" else (), follows)
-        groups.setdefault(key, []).append(term)
+        groups.setdefault((term.id, term.effect.apart), []).append(term)
     return groups
 
 
-def _beside_coulomb(terms: Sequence[Term], n: int) -> list[Term]:
-    """Richer forms of dry friction where most joints have the simplest: their Coulomb part is named with the others'."""
-    plain = [t for t in terms if t.id == "coulomb_friction"]
-    rich = [t for t in terms if t.id in DRY and t.id != "coulomb_friction"]
-    return rich if len(plain) >= len(rich) and len(plain) + len(rich) > n // 2 else []
+def _beside_simplest(terms: Sequence[Term], n: int) -> list[Term]:
+    """Richer forms of dry friction where most joints have the simplest: their level is named with the others'."""
+    out = []
+    rubbing = [t for t in terms if t.effect.as_dry_friction(np.ones(t.effect.p)).any()]
+    for kind in dict.fromkeys(t.simplest for t in rubbing if t.simplest):
+        plain, rich = [t for t in rubbing if t.kind is kind], [t for t in rubbing if t.simplest is kind]
+        if len(plain) >= len(rich) and len(plain) + len(rich) > n // 2:
+            out += rich
+    return out
+
+
+def _dry_friction(term: Term, estimates: Estimates) -> Parameter:
+    """The level of dry friction that any form of it has on its joint."""
+    effect, (joint, *_) = term.effect, term.joints
+
+    def level(x: FloatArray) -> float:
+        return float(effect.as_dry_friction(x[: effect.p])[joint])
+
+    return by_delta_method("Fc", effect.robot.joint_names[joint], effect.units[0], level, *estimates[:2])
 
 
 def _in_words(robot: RobotModel, follows: Sequence[Leftover]) -> str:

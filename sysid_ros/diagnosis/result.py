@@ -7,34 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.effects import Parameter
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.model_file import ModelFile
 
+__all__ = ["VERDICTS", "Diagnosis", "Finding", "Parameter", "Predictions", "SimulationError", "TorqueRmse"]
+
 VERDICTS = ("explained", "partly_explained", "unexplained", "nothing_wrong", "refused")
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter with its 95 % interval; value, std and both ends of the interval are lists where it is a vector."""
-
-    name: str
-    joint: str | None
-    value: Any
-    unit: str
-    std: Any
-    low: Any
-    high: Any
-
-    def as_dict(self) -> dict[str, Any]:
-        """As it stands in diagnosis.json."""
-        return {
-            "name": self.name,
-            "joint": self.joint,
-            "value": self.value,
-            "unit": self.unit,
-            "std": self.std,
-            "ci95": [self.low, self.high],
-        }
 
 
 @dataclass(frozen=True)
@@ -43,25 +22,30 @@ class Finding:
 
     Attributes:
         id, label: of the effect. joints: that it concerns. parameters: with their intervals.
-        heldout_gain: part of the nominal residual's power that it removes on data that were not fitted.
-        delta_bic: of the fitted rows. p_value: corrected for the number of candidates.
+        heldout_gain: part of the nominal residual's power that it removes on data that were not fitted; None for faults of the
+            data, which have no share in a torque.
+        delta_bic: of the fitted rows. p_value: corrected for the number of candidates; log10_p: its decimal logarithm, also where
+            it is smaller than a number can be. None where they can't be measured.
         cannot_be_told_from: ids that explain these recordings as well. sentence: for an engineer.
         signature: what it looks like. separated_by: motion that tells it from its look-alikes.
-        drift: of a friction that drifts, where a temperature is known: what it follows, and how it was told.
+        drift: of a friction that drifts, where a temperature is known: what it follows, and by which evidence.
+        of_data: True for a fault of the channels or the messages.
     """
 
     id: str
     label: str
     joints: tuple[str, ...]
     parameters: tuple[Parameter, ...]
-    heldout_gain: float
-    delta_bic: float
-    p_value: float
+    heldout_gain: float | None
+    delta_bic: float | None
+    p_value: float | None
     cannot_be_told_from: tuple[str, ...]
     sentence: str
     signature: str = ""
     separated_by: str = ""
     drift: dict[str, Any] | None = None
+    log10_p: float | None = None
+    of_data: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """As it stands in diagnosis.json."""
@@ -69,7 +53,12 @@ class Finding:
             "name": self.id,
             "joints": list(self.joints),
             "parameters": [p.as_dict() for p in self.parameters],
-            "evidence": {"heldout_gain": self.heldout_gain, "delta_bic": self.delta_bic, "p_value": self.p_value},
+            "evidence": {
+                "heldout_gain": self.heldout_gain,
+                "delta_bic": self.delta_bic,
+                "p_value": self.p_value,
+                "log10_p_value": self.log10_p,
+            },
             "cannot_be_told_from": list(self.cannot_be_told_from),
             "sentence": self.sentence,
             **({} if self.drift is None else {"drift": self.drift}),
@@ -116,11 +105,12 @@ class Predictions:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What is wrong with a model, and what the fix buys.
+    """What is wrong with a model, and what the fix gains.
 
     Attributes:
         verdict: one of :data:`VERDICTS`. refusal: why, where it is "refused".
-        findings: in order of gain. torque: error on held-out data. simulation: of a forward simulation, where it was run.
+        findings: causes in order of gain, then the faults of the data. torque: error on held-out data.
+        simulation: of a forward simulation, where it was run.
         unexplained_fraction: power above the noise that is left on held-out data, as a part of the nominal residual's.
         record_next: what to record next, one sentence each. notes: what the user should know, one sentence each.
         model: the extended model. urdf_model: what a URDF can hold of it. predictions: on the held-out data.
@@ -153,6 +143,7 @@ class Diagnosis:
             "verdict": self.verdict,
             "refusal": self.refusal,
             "effects": [f.as_dict() for f in self.findings],
+            "data_faults": [f.as_dict() for f in self.findings if f.of_data],
             "torque_rmse": {
                 "joints": list(torque.joints),
                 "before": torque.before.tolist(),

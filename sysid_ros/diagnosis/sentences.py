@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from sysid_ros.diagnosis.result import Parameter
 
 _FEW = 2
-"""Joints up to which each number is told by itself."""
+"""Joints up to which each number is stated by itself."""
 
 
 def sentence(label: str, joints: Sequence[str], parameters: Sequence[Parameter], gain: float, of: int = 0) -> str:
-    """One sentence for an engineer: what, where, how much, and what it buys; ``of`` is the number of the robot's joints."""
+    """One sentence for an engineer: what, where, how much, and what it gains; ``of`` is the number of the robot's joints."""
     where = f"all {of} joints" if len(joints) == of > _FEW else _listed(joints)
     if len(joints) > 1 and all(p.joint is None for p in parameters):
         where = "the whole arm"
@@ -44,7 +44,8 @@ def _size(p: Parameter, several: bool) -> str:
         return f"{name} = {p.value}"
     if isinstance(p.value, list):
         return f"{name} = ({', '.join(f'{v:.3g}' for v in p.value)}){unit}"
-    return f"{name} = {p.value:.3g} ± {1.96 * p.std:.2g}{unit}"
+    spread = "" if p.std is None else f" ± {1.96 * p.std:.2g}"
+    return f"{name} = {p.value:.3g}{spread}{unit}"
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""Faults that need no dynamics to be seen: a filtered velocity, an effort in coarse steps."""
+"""A velocity that the driver has filtered: it is seen without any dynamics."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import interpolate, optimize, signal
+from scipy import fft, interpolate, optimize, signal
 
+from sysid_ros.diagnosis.block_scatter import scatter_ratios
+from sysid_ros.diagnosis.evidence import Evidence
+from sysid_ros.diagnosis.torque_noise import Noise
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
 
@@ -15,18 +18,52 @@ _BAND = 12.0
 _LEAST_LAG = 1.5e-3
 _PAYS = 0.3
 _MOVES = 0.05
-_LATTICE = 0.02
-_COARSE = 1.2
+_SEGMENT = 2.0
+"""Length of the stretches whose coefficients are compared [s]."""
+_FLAT = 0.8
+"""Part of the band in which its filter leaves the noise as it is."""
+_END = 0.5
+"""Left out at both ends [s]."""
+_ROUNDS = 4
+_PROBE = 0.02
 
 
 @dataclass(frozen=True)
 class Lag:
     """First-order low-pass on the published velocity: cutoff and its standard deviation [Hz], and the part of the difference
-    between published and true velocity that it explains."""
+    between published and true velocity that it explains; the evidence is against a velocity that is not filtered."""
 
     cutoff: float
     std: float
     share: float
+    evidence: Evidence
+
+
+@dataclass(frozen=True, eq=False)
+class _Velocities:
+    """Velocities of one recording in the same band on an even grid, shape (N, n) each: true ones, differences of messages,
+    published ones; spacing [s] and upper end of the band [Hz]."""
+
+    true: FloatArray
+    differences: FloatArray
+    published: FloatArray
+    period: float
+    edge: float
+
+    @property
+    def inner(self) -> slice:
+        """Without the ends, where filters have no past or no future."""
+        cut = round(_END / self.period)
+        return slice(cut, -cut)
+
+    def rows(self, values: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+        """Frequencies (k,) and coefficients (k, n) of values (N, n) in each stretch of time."""
+        out = []
+        inner = values[self.inner]
+        for part in np.array_split(inner, max(1, round(len(inner) * self.period / _SEGMENT))):
+            count = int(2.0 * _FLAT * self.edge * len(part) * self.period)
+            out.append((np.arange(count) / (2.0 * len(part) * self.period), fft.dct(part, axis=0, norm="ortho")[:count]))
+        return out
 
 
 def velocity_lag(recordings: Sequence[Recording]) -> Lag | None:
@@ -34,34 +71,74 @@ def velocity_lag(recordings: Sequence[Recording]) -> Lag | None:
 
     A velocity that is the difference of two messages, ``(q(t) - q(t - T)) / T``, is late too, by half of T, and no low-pass.
     """
-    pairs = [p for r in recordings if (p := _velocities(r)) is not None]
-    if not pairs:
+    parts = [p for r in recordings if (p := _velocities(r)) is not None]
+    if not parts:
         return None
 
     def left(tau: float) -> float:
-        return float(sum(np.sum((_lagged(true, tau, period) - published) ** 2) for true, _, published, period in pairs))
+        return float(sum(np.sum((_lagged(p.true, tau, p.period) - p.published)[p.inner] ** 2) for p in parts))
 
     found = optimize.minimize_scalar(lambda x: left(float(np.exp(x))), bounds=(np.log(2e-4), np.log(0.3)), method="bounded")
     tau = float(np.exp(found.x))
-    differences = float(sum(np.sum((differs - published) ** 2) for _, differs, published, _ in pairs))
-    without = min(left(0.0), differences)
+    without = min(left(0.0), float(sum(np.sum((p.differences - p.published)[p.inner] ** 2) for p in parts)))
     share = 1.0 - left(tau) / max(without, 1e-30)
     if tau < _LEAST_LAG or share < _PAYS:
         return None
-    step = 0.02 * tau
-    curvature = (left(tau + step) - 2.0 * left(tau) + left(tau - step)) / step**2
-    # rows below the band's edge are independent; those of the fine grid are not
-    independent = sum(2.0 * _BAND * period * true.size for true, _, _, period in pairs)
-    count = sum(true.size for true, _, _, _ in pairs)
-    variance = 2.0 * (left(tau) / count) / max(curvature, 1e-30) * count / independent
-    # by half a sample the driver's own filter may be early or late, depending on how it was discretised
-    variance += (0.5 * max(period for *_, period in pairs) / 1.96) ** 2
-    cutoff = 1.0 / (2.0 * np.pi * tau)
-    return Lag(cutoff, float(cutoff * np.sqrt(variance) / tau), share)
+    return _measured(parts, float(found.x), share)
 
 
-def _velocities(r: Recording) -> tuple[FloatArray, FloatArray, FloatArray, float] | None:
-    """True velocity, differences of messages, and published velocity in the same band, on an even grid, and its spacing [s]."""
+def _measured(parts: Sequence[_Velocities], log_tau: float, share: float) -> Lag:
+    """The likeliest lag near one, in coefficients that are nearly independent, each weighted by the noise of its frequency.
+
+    The driver's filter may be late or early by up to half a sample, depending on how it was discretised: that is a parameter of
+    its own, of which as much is known before any data.
+    """
+    prior = np.array([0.0, (1.96 / (0.5 * max(p.period for p in parts))) ** 2])
+    x = np.array([log_tau, 0.0])
+    stretch = np.concatenate([np.full(len(f), i) for i, (f, _) in enumerate(_rows(parts, [p.true for p in parts]))])
+    for _ in range(_ROUNDS):
+        f, residual = _stacked(parts, [p.published - y for p, y in zip(parts, _models(parts, x), strict=True)])
+        weight = 1.0 / Noise.of(f, residual**2).variance(f)
+        columns = []
+        for step in (np.array([_PROBE, 0.0]), np.array([0.0, 0.1 / np.sqrt(prior[1])])):
+            sides = [_models(parts, x + s) for s in (step, -step)]
+            slope = [(a - b) / (2.0 * step.sum()) for a, b in zip(*sides, strict=True)]
+            columns.append(_stacked(parts, slope)[1])
+        J = np.stack(columns, axis=-1)
+        inverse = np.linalg.inv(np.einsum("kja,kj,kjb->ab", J, weight, J) + np.diag(prior))
+        scores = np.einsum("kja,kj->ka", J, weight * residual)
+        x = x + inverse @ (scores.sum(axis=0) - prior * x)
+    f, residual = _stacked(parts, [p.published - y for p, y in zip(parts, _models(parts, x), strict=True)])
+    plain = [[p.published - p.true for p in parts], [p.published - p.differences for p in parts]]
+    rise = 2.0 * (_likelihood(f, residual) - max(_likelihood(*_stacked(parts, e)) for e in plain)) - float(prior @ x**2)
+    by_stretch = np.stack([scores[stretch == i].sum(axis=0) for i in range(stretch.max() + 1)])
+    variance = (inverse.diagonal() * scatter_ratios(by_stretch, inverse))[0]
+    cutoff = float(1.0 / (2.0 * np.pi * np.exp(x[0])))
+    return Lag(cutoff, cutoff * float(np.sqrt(variance)), share, Evidence(rise, 1, float(residual.size), len(plain)))
+
+
+def _models(parts: Sequence[_Velocities], x: FloatArray) -> list[FloatArray]:
+    """Published velocities by the logarithm of a lag and a small delay, shape (N, n) each."""
+    lagged = [_lagged(p.true, float(np.exp(x[0])), p.period) for p in parts]
+    return [y - x[1] * np.gradient(y, p.period, axis=0) for p, y in zip(parts, lagged, strict=True)]
+
+
+def _rows(parts: Sequence[_Velocities], values: Sequence[FloatArray]) -> list[tuple[FloatArray, FloatArray]]:
+    return [rows for p, v in zip(parts, values, strict=True) for rows in p.rows(v)]
+
+
+def _stacked(parts: Sequence[_Velocities], values: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Frequencies (K,) and coefficients (K, n) of all stretches."""
+    f, rows = zip(*_rows(parts, values), strict=True)
+    return np.concatenate(f), np.concatenate(rows)
+
+
+def _likelihood(f: FloatArray, residual: FloatArray) -> float:
+    variance = Noise.of(f, residual**2).variance(f)
+    return -0.5 * float(np.sum(np.log(variance) + residual**2 / variance))
+
+
+def _velocities(r: Recording) -> _Velocities | None:
     if r.v is None or len(r.t) < 50 or not np.isfinite(r.v).all():
         return None
     moving = np.ptp(r.q, axis=0) > _MOVES
@@ -73,12 +150,12 @@ def _velocities(r: Recording) -> tuple[FloatArray, FloatArray, FloatArray, float
     grid = np.arange(0.0, t[-1], 1.0 / rate)
     q = interpolate.make_interp_spline(t, r.q[keep], k=3)(grid)
     v = interpolate.make_interp_spline(t, r.v[keep], k=1)(grid)
-    sections = signal.butter(3, min(_BAND, rate / 5.0), fs=rate, output="sos")
+    edge = min(_BAND, rate / 5.0)
+    sections = signal.butter(3, edge, fs=rate, output="sos")
     q, v = (signal.sosfiltfilt(sections, x, axis=0) for x in (q, v))
     true = interpolate.make_interp_spline(grid, q, k=5)(grid, nu=1)
     differs = np.diff(q, axis=0, prepend=q[:1]) * rate
-    edge = int(0.5 * rate)
-    return true[edge:-edge], differs[edge:-edge], v[edge:-edge], 1.0 / rate
+    return _Velocities(true, differs, v, 1.0 / rate, edge)
 
 
 def _lagged(v: FloatArray, tau: float, period: float) -> FloatArray:
@@ -91,25 +168,3 @@ def _lagged(v: FloatArray, tau: float, period: float) -> FloatArray:
     start = signal.lfilter_zi(b, a)[:, None] * v[0]
     out: FloatArray = signal.lfilter(b, a, v, axis=0, zi=start)[0]
     return out
-
-
-def quantisation(recordings: Sequence[Recording]) -> FloatArray:
-    """Step of the lattice that the raw efforts of each joint lie on, shape (n,) [N m]; 0 where it is finer than their noise."""
-    tau = np.concatenate([r.tau for r in recordings])
-    steps = np.zeros(tau.shape[1])
-    for j in range(tau.shape[1]):
-        values = np.unique(tau[:, j])
-        if not 3 <= len(values) <= len(tau) // 4:
-            continue
-        gaps = np.diff(values)
-        gaps = gaps[gaps > 1e-6 * np.ptp(values)]
-        step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
-        multiples = gaps / step
-        if np.max(np.abs(multiples - np.round(multiples))) > _LATTICE * max(1.0, float(multiples.max())):
-            continue
-        rate = recordings[0].rate
-        sections = signal.butter(4, min(30.0, rate / 5.0), "high", fs=rate, output="sos")
-        fast = np.concatenate([signal.sosfiltfilt(sections, r.tau[:, j]) for r in recordings])
-        if step > _COARSE * float(np.std(fast)):
-            steps[j] = step
-    return steps

@@ -11,10 +11,9 @@ from sysid_ros.diagnosis.contacts import SMEARED, Contact, find_contacts, is_cha
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.effects import Motion
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 
-_SIGN = 0.02
-"""Width of the sign of a velocity [rad/s]."""
 _RATE = 50.0
 """Rate at which strong contacts are looked for [Hz]."""
 _OWN = 7
@@ -70,11 +69,12 @@ def strong_contacts(robot: RobotModel, train: Prepared) -> list[Contact]:
     every = [slice(None, None, max(1, int(1.0 / (_RATE * m.period)))) for m in train.motions]
     motions = [Motion(robot, *(x[s] for x in (m.t, m.q, m.v, m.a, m.tau))) for m, s in zip(train.motions, every, strict=True)]
     moves = [x[s] for x, s in zip(train.band.moving, every, strict=True)]
-    rows = _rows(robot, motions, [x[s] for x, s in zip(train.nominal, every, strict=True)], moves)
+    nominal = [x[s] for x, s in zip(train.nominal, every, strict=True)]
+    rows = _rows(robot, motions, nominal, moves)
 
     def found(fit: _RobustFit) -> list[Contact]:
         parts = np.split(fit.left, np.cumsum([len(m.t) for m in motions])[:-1])
-        return find_contacts(robot, train.names, motions, parts, moves)
+        return find_contacts(robot, train.names, motions, parts, nominal, moves)
 
     fit = _fit(rows)
     contacts = found(fit)
@@ -112,7 +112,7 @@ def _rows(robot: RobotModel, motions: list[Motion], nominal: list[FloatArray], m
         payloads.append(X[:, :, :10])
         for j in range(n):
             v = motion.v[:, j]
-            s, own = np.tanh(v / _SIGN), slice(10 + _OWN * j, 10 + _OWN * (j + 1))
+            s, own = smoothed_sign(v), slice(10 + _OWN * j, 10 + _OWN * (j + 1))
             X[:, j, own] = np.stack([s, v, np.ones(count), motion.a[:, j], s * late, v * late, late], axis=1)
         columns.append(X)
     return _Rows(

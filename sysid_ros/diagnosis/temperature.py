@@ -1,30 +1,22 @@
-"""Temperatures of joints: which sensor belongs to which joint, what of it can be believed, and where friction may follow it."""
+"""Temperatures of joints: which sensor belongs to which joint, what of it can be believed."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.effects import Motion
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, TemperatureSeries
 from sysid_ros.signals.recording import Recording
 
-TEMPERATURE = "temperature"
-"""What a friction drifts over that follows the temperature of its joint."""
 _COLDEST, _HOTTEST = -60.0, 200.0
 """No sensor in a robot that runs shows less or more [degrees Celsius]; kelvins are above."""
 _HELD = 60.0
 """A reading holds before the first and after the last one for so long [s]."""
-_WARMS = 1.0
-"""A joint must warm up or cool down by so much before its friction is asked to follow [K]."""
-_TAIL = 0.02
-"""Part of the readings at either end that does not count for that: a reading may jump."""
 _WORDS = re.compile(r"(^|_)(motor_|joint_)?temp(erature)?s?(_|$)")
 
 Known = NDArray[np.bool_]
@@ -55,7 +47,7 @@ def with_temperatures(
         if believed is not None:
             values[:, j] = _at(recording.t, believed)
             if np.isnan(values[:, j]).any():
-                why = "its stamps are not those of the joint states, or end more than a minute before them. Record both together."
+                why = "its stamps are not those of the joint states, or end more than a minute before them. Record both at once."
         if why:
             sentences.append(f"The temperature of {robot.joint_names[j]} ({_named(series)}): {why}")
         if np.isfinite(values[:, j]).any():
@@ -77,8 +69,8 @@ def joint_of(series: TemperatureSeries, robot: RobotModel) -> int | None:
     for of_robot in (robot.joint_names, robot.body_names):
         if (frame := series.frame.lstrip("/")) in of_robot:
             return of_robot.index(frame)
-    told = {names_of.index(name) for names_of in (robot.joint_names, robot.body_names) for name in names if name in names_of}
-    return told.pop() if len(told) == 1 else None
+    named = {names_of.index(name) for names_of in (robot.joint_names, robot.body_names) for name in names if name in names_of}
+    return named.pop() if len(named) == 1 else None
 
 
 def known_everywhere(
@@ -96,17 +88,6 @@ def known_everywhere(
             r = replace(r, temperature=np.where(missing, np.nan, r.temperature))
         out.append(r)
     return out, (f"The temperature of {names} is not known in all of the recordings: no friction is asked to follow it.",)
-
-
-def over_temperature(motions: Sequence[Motion], joint: int) -> list[dict[str, Any]]:
-    """Settings of a friction that follows the temperature of a joint, none where that is not known or does not change."""
-    column = [m.temperature[:, joint] for m in motions if m.temperature is not None]
-    if len(column) < len(motions):
-        return []
-    values = np.concatenate(column)
-    if not np.isfinite(values).all() or np.ptp(np.quantile(values, [_TAIL, 1.0 - _TAIL])) < _WARMS:
-        return []
-    return [{"over": TEMPERATURE, "reference": round(float(values.mean()), 1)}]
 
 
 def _known(recording: Recording) -> Known:

@@ -7,22 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid_ros.effects import Effect
+from sysid_ros.effects import Depends, Effect, forms_of
 from sysid_ros.sample import FloatArray
 
-DRY = (
-    "coulomb_friction",
-    "asymmetric_coulomb_friction",
-    "stribeck_friction",
-    "load_dependent_friction",
-    "presliding_hysteresis",
-    "friction_drift",
-)
-"""Forms of dry friction, of which a joint has at most one; the simpler ones first."""
-
-_ONE_EVENT = 1.5
-"""Changes of the payload nearer to one another are one [s]."""
-_BODIES = ("payload", "payload_change", "link_inertia")
+_EXPECTED = 0.15
+"""Share of all joints of real arms from which an effect is expected on every joint, large or small."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +25,7 @@ class Term:
         columns: shape (K, p) where it loads one joint, else (K, n, p).
         basis: the effect's parameters are ``basis @ theta``, shape (effect.p, p); None for the identity.
         form: which of several forms with the same name it is, for messages.
-        load: rms torque on the joint's links, where the effect is a deflection under it; where it is a motor's limit, the effort
-            that is not often exceeded [N m].
+        load: the effect's reference torque on the recordings [N m].
     """
 
     effect: Effect
@@ -56,7 +44,7 @@ class Term:
     @property
     def key(self) -> tuple[str, tuple[int, ...]]:
         """Name and joints; an event's recording is part of its name."""
-        return f"{self.effect.id} {self.effect.settings.get('recording', '')}".rstrip(), self.joints
+        return f"{self.effect.id} {self.recording}".rstrip(), self.joints
 
     @property
     def p(self) -> int:
@@ -64,11 +52,41 @@ class Term:
         return int(self.columns.shape[-1])
 
     @property
+    def kind(self) -> type[Effect]:
+        """Which effect it is."""
+        return type(self.effect)
+
+    @property
+    def expected(self) -> bool:
+        """True for what every arm has on every joint, large or small."""
+        return self.row is not None and self.effect.usual > _EXPECTED
+
+    @property
+    def simplest(self) -> type[Effect] | None:
+        """The simplest form of what this is a richer form of on its joint; None where it is none."""
+        forms = forms_of(self.effect.family) if self.row is not None else ()
+        return forms[0] if forms and forms[0] is not self.kind else None
+
+    @property
+    def instant(self) -> float | None:
+        """When it happens [s], None where it is there all the time."""
+        return float(self.effect.settings[self.effect.instant]) if self.effect.instant else None
+
+    @property
+    def recording(self) -> str:
+        """The recording in which it happens, where there are several."""
+        return str(self.effect.settings.get("recording", ""))
+
+    @property
+    def on_torques(self) -> bool:
+        """True where its columns depend on torques, of which more becomes known."""
+        return depends_on_torques(self.kind)
+
+    @property
     def prior(self) -> FloatArray:
         """Inverse variance of the columns' parameters before any data, shape (p,): for what a motion does not show of a body."""
-        if self.id not in _BODIES or self.form == "scale":
-            return np.zeros(self.p)
-        return np.asarray(1.0 / np.array([30.0] + [10.0] * 3 + [3.0] * 6)[: self.p] ** 2)
+        known = 1.0 / self.effect.prior_std(self.form)[: self.p] ** 2
+        return np.concatenate([known, np.zeros(self.p - len(known))])
 
     @property
     def cost(self) -> int:
@@ -79,31 +97,24 @@ class Term:
         """Parameters of the effect, shape (effect.p,)."""
         return theta if self.basis is None else self.basis @ theta
 
+    def possible(self, theta: FloatArray, std: FloatArray) -> bool:
+        """True where physics allows parameters of its columns, shape (p,), within twice their standard deviation."""
+        return self.effect.possible(theta, std, self.form, self.load)
+
     def excludes(self, other: Term) -> bool:
         """True where the two can't stand side by side: forms of one thing on the same joint, or one event."""
         if self.joints != other.joints and not (self.row is not None and self.row == other.row):
             return False
-        if self.id == other.id == "payload_change":
-            mine, its = self.effect.settings, other.effect.settings
-            return mine.get("recording") == its.get("recording") and abs(mine["t0"] - its["t0"]) < _ONE_EVENT
-        if self.id == other.id:
-            return self.id != "joint_coupling" or self.joints == other.joints
-        pair = {self.id, other.id}
-        if pair == set(COMPANIONS):
-            return True
-        if self.row is not None and self.row == other.row:
-            if self.id in DRY and other.id in DRY:
-                return True
-            return pair == {"friction_drift", "viscous_friction"}
-        return False
+        return self.effect.excludes(other.effect) or other.effect.excludes(self.effect)
 
 
-COMPANIONS = {"joint_elasticity": "rotor_inertia", "backlash": "rotor_inertia"}
-"""What an effect brings along on its joint: behind a spring or a play turns a motor, which the URDF does not know."""
+def depends_on_torques(kind: type[Effect]) -> bool:
+    """True where an effect's columns depend on the torque of the links or of the drives."""
+    return bool(kind.depends_on & {Depends.LOAD, Depends.DRIVE})
 
 
 def joined(terms: Sequence[Term]) -> Term:
-    """One term with the columns of several, to score them together."""
+    """One term with the columns of several, to score them at once."""
     first = terms[0]
     if len(terms) == 1:
         return first
@@ -119,12 +130,12 @@ def joined(terms: Sequence[Term]) -> Term:
 
 
 def best_of_each(groups: Sequence[tuple[float, list[Term]]]) -> list[tuple[float, list[Term]]]:
-    """Groups with their gains, the largest first; of one compliance with several settings only the best."""
+    """Groups with their gains, the largest first; of one deflection with several sizes only the best."""
     out: list[tuple[float, list[Term]]] = []
     seen: set[tuple[str, tuple[int, ...]]] = set()
     for gain, terms in sorted(groups, key=lambda g: -g[0]):
         key = terms[0].key
-        if terms[0].id in COMPANIONS and key in seen:
+        if terms[0].effect.deflection and key in seen:
             continue
         seen.add(key)
         out.append((gain, terms))

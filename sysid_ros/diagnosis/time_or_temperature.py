@@ -11,11 +11,10 @@ import numpy as np
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.physics import allowed
 from sysid_ros.diagnosis.refine import refine
 from sysid_ros.diagnosis.result import Predictions
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects import FrictionDrift
+from sysid_ros.effects import Depends
 from sysid_ros.sample import FloatArray
 
 _STRONG = 10.0
@@ -102,11 +101,13 @@ RECORD_NEXT = (
 def drift_cause(
     problem: Problem, library: Library, fit: Fit, held: HeldOut, terms: Sequence[Term], floor: FloatArray
 ) -> DriftCause | None:
-    """What a drift of friction follows, None where no temperature of its joints is known.
+    """What a drift of friction follows, None where it is none, or no temperature of its joints is known.
 
     Args:
         terms: of the drift, all over the same thing. floor: noise of each joint on held-out data, shape (n,) [N m].
     """
+    if not all(_may_follow_temperature(t) for t in terms):
+        return None
     trial, joints = _swapped(problem, library, fit, terms)
     if not joints:
         return None
@@ -121,7 +122,7 @@ def drift_cause(
         delta_heldout=_worse_elsewhere(fit, trial, held, joints),
         error=own,
         error_of_other=other,
-        reference={names[t.joints[0]]: float(t.effect.settings["reference"]) for t in terms if t.form},
+        reference={names[t.joints[0]]: float(t.effect.settings["reference"]) for t in terms if "reference" in t.effect.settings},
     )
 
 
@@ -130,17 +131,21 @@ def better_drift(problem: Problem, library: Library, fit: Fit, held: HeldOut) ->
 
     Nothing is fitted to the held-out rows.
     """
-    for joint in [t.joints[0] for t in fit.terms if t.id == FrictionDrift.id]:
-        term = next(t for t in fit.terms if t.id == FrictionDrift.id and t.joints[0] == joint)
+    for joint in [t.joints[0] for t in fit.terms if _may_follow_temperature(t)]:
+        term = next(t for t in fit.terms if _may_follow_temperature(t) and t.joints[0] == joint)
         trial, joints = _swapped(problem, library, fit, [term])
         if not joints or trial.loglik < fit.loglik - _CLOSE:
             continue
         held.add(trial.terms)
-        new = next(t for t in trial.terms if t.id == FrictionDrift.id and t.joints[0] == joint)
+        new = next(t for t in trial.terms if t.kind is term.kind and t.joints[0] == joint)
         gain = 2.0 * (trial.loglik - fit.loglik) - _worse_elsewhere(fit, trial, held, joints)
-        if gain > _STRONG and allowed(new, trial.theta_of(new), trial.std_of(new)):
+        if gain > _STRONG and new.possible(trial.theta_of(new), trial.std_of(new)):
             fit = trial
     return fit
+
+
+def _may_follow_temperature(term: Term) -> bool:
+    return Depends.TEMPERATURE in term.effect.depends_on
 
 
 def _swapped(problem: Problem, library: Library, fit: Fit, terms: Sequence[Term]) -> tuple[Fit, list[int]]:
@@ -150,7 +155,8 @@ def _swapped(problem: Problem, library: Library, fit: Fit, terms: Sequence[Term]
         joint = term.joints[0]
         others = [t for t in library.local_options(term.id, joint) if t.form != term.form]
         if others:
-            settings = {**others[0].effect.settings, "width": term.effect.settings["width"]}
+            knobs = {k.name: term.effect.settings[k.name] for k in term.effect.knobs}
+            settings = {**others[0].effect.settings, **knobs}
             swapped[term] = library.local(term.id, joint, **settings)
     if not swapped:
         return fit, []

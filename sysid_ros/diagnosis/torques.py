@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit
-from sysid_ros.diagnosis.library import LINK_SIDE, MEASUREMENT, Library
-from sysid_ros.effects import LinkInertia, Payload
-from sysid_ros.robot.inertial_parameters import move
+from sysid_ros.diagnosis.library import Library
+from sysid_ros.effects import Acts
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
@@ -21,12 +20,12 @@ def torques(
     link, drive = [x.copy() for x in links], [x.copy() for x in nominal]
     for term in fit.terms:
         theta = term.theta_of_effect(fit.theta_of(term))
-        if term.id in MEASUREMENT:
+        if term.effect.acts is Acts.MEASUREMENT:
             continue
         for i, motion in enumerate(library.motions):
             torque = term.effect.torque_along(motion, theta)
             drive[i] += torque
-            if term.id in LINK_SIDE:
+            if term.effect.acts is Acts.LINK:
                 link[i] += torque
     return link, drive
 
@@ -36,10 +35,7 @@ def links_changed(robot: RobotModel, fit: Fit) -> FloatArray:
     change = np.zeros(10 * robot.n)
     for term in fit.terms:
         theta = term.theta_of_effect(fit.theta_of(term))
-        if isinstance(term.effect, LinkInertia):
-            change.reshape(-1, 10)[term.effect.joints] += theta.reshape(-1, 10)
-        elif type(term.effect) is Payload:
-            frame = robot.model.frames[term.effect.frame_index]
-            j = frame.parentJoint - 1
-            change[10 * j : 10 * j + 10] += move(theta, np.array(frame.placement.rotation), np.array(frame.placement.translation))
+        # a term of links is a change of them already
+        nothing = term.effect.as_links(np.zeros(term.effect.p))
+        change += (term.effect.as_links(theta) - nothing).ravel()
     return change

@@ -10,6 +10,7 @@ from scipy.interpolate import BSpline
 from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.prepare import Prepared
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 
 _LOWEST, _HIGHEST = 0.5, 7.5
@@ -105,7 +106,7 @@ def _changing(band: Band, joint: int, words: str) -> FloatArray:
     curves = []
     for m in band.motions:
         v = m.v[:, joint]
-        base = {"load": m.link_torque[:, joint], "direction": np.tanh(v / 0.02), "speed": v}[words]
+        base = {"load": m.link_torque[:, joint], "direction": smoothed_sign(v), "speed": v}[words]
         count = max(2, round((m.t[-1] - m.t[0]) / _KNOTS))
         knots = np.concatenate([[m.t[0]] * 2, np.linspace(m.t[0], m.t[-1], count), [m.t[-1]] * 2])
         bumps = BSpline.design_matrix(np.clip(m.t, knots[0], knots[-1]), knots, 2).toarray()

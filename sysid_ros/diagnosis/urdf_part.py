@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid_ros.diagnosis.extended_model import urdf_dynamics
+from sysid_ros.diagnosis.extended_model import has_links, urdf_dynamics
 from sysid_ros.diagnosis.prepare import Prepared
-from sysid_ros.effects import LinkInertia, Payload
+from sysid_ros.effects import LinkInertia
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification.physical_consistency import PhysicalProblem
 from sysid_ros.robot import inertial_parameters
@@ -29,10 +29,12 @@ def urdf_part(robot: RobotModel, model: ModelFile, train: Prepared) -> tuple[Mod
     recordings, ``min sum |W (Y pi - Y pi_found)|^2``, over links with positive definite pseudo-inertias (Traversaro et al. 2016;
     Wensing, Kim, Slotine 2018), with the URDF's own where the motion shows nothing.
     """
-    links, changed = _links(robot, model)
-    blocks = [b for b in model.effects if b.effect not in ("link_inertia", "payload")]
-    if not changed:
+    known = list(zip(model.effects, model.known_effects(robot), strict=True))
+    parts = [(b, k.effect.as_links(k.theta)) for b, k in known if k.effect.replaces_links or k.effect.as_links(k.theta).any()]
+    if not parts:
         return model, ()
+    blocks = [b for b in model.effects if not any(b is other for other, _ in parts)]
+    links = robot.pi + sum((part for _, part in parts), np.zeros((robot.n, 10))).ravel()
     notes: list[str] = []
     bad = [
         name
@@ -55,38 +57,16 @@ def urdf_part(robot: RobotModel, model: ModelFile, train: Prepared) -> tuple[Mod
             f"{len(bad)} links that no body can be are what another robot's URDF leads to as well: check that --urdf is that of "
             "the robot that was recorded."
         )
-    if any(b.effect == "payload" for b in model.effects):
-        notes.append(f"The payload is part of link {_carrier(robot, model)} in extended.urdf.")
+    for block, k in known:
+        if not k.effect.replaces_links and any(block is other for other, _ in parts):
+            carriers = np.flatnonzero(k.effect.as_links(k.theta).any(axis=1))
+            names = ", ".join(robot.body_names[j] for j in carriers)
+            notes.append(f"The {k.effect.label} is part of link {names} in extended.urdf.")
     effect = LinkInertia(robot)
     own = EffectBlock(effect.id, effect.joint_names, {}, links, effect.parameter_names, effect.units, None)
-    if not any(b.effect == "link_inertia" for b in model.effects):
+    if not has_links(model.effects):
         blocks += urdf_dynamics(robot)
     return replace(model, effects=(own, *blocks), uncertainty=None), tuple(notes)
-
-
-def _links(robot: RobotModel, model: ModelFile) -> tuple[FloatArray, bool]:
-    """Inertials of all links with what they carry, shape (10 n,), and whether they are not the URDF's."""
-    links, changed = robot.pi.copy(), False
-    for known in model.known_effects(robot):
-        if isinstance(known.effect, LinkInertia):
-            changed = True
-            links.reshape(-1, 10)[known.effect.joints] += (known.theta - known.effect.nominal).reshape(-1, 10)
-    for known in model.known_effects(robot):
-        if type(known.effect) is Payload:
-            changed = True
-            frame = robot.model.frames[known.effect.frame_index]
-            j = frame.parentJoint - 1
-            placed = inertial_parameters.move(
-                known.theta, np.array(frame.placement.rotation), np.array(frame.placement.translation)
-            )
-            links[10 * j : 10 * j + 10] += placed
-    return links, changed
-
-
-def _carrier(robot: RobotModel, model: ModelFile) -> str:
-    settings = next(b.settings for b in model.effects if b.effect == "payload")
-    frame = robot.model.frames[robot.frame_id(settings.get("frame") or robot.default_frame)]
-    return str(robot.body_names[frame.parentJoint - 1])
 
 
 def _nearest(robot: RobotModel, model: ModelFile, train: Prepared, links: FloatArray) -> tuple[FloatArray, str] | None:

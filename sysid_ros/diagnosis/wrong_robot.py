@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.conditioning import motions
 from sysid_ros.signals.recording import Recording
@@ -17,18 +18,17 @@ _ROWS = 500
 _NEAR = 0.1
 """Part of the torque, or of what friction, rotors and offsets alone leave of it, that a right URDF leaves (median)."""
 _MOST = 0.05
-"""The same of the squared torque of all joints together, N m for N m: a robot whose large ones are explained is no other one."""
+"""The same of the squared torque of all joints together, in (N m)^2: a robot whose large ones are explained is no other one."""
 _HELPS, _HELPS_ALL = 0.6, 0.7
 """A right URDF lowers what is left to less than this part: in the median of the joints, or in their mean of logarithms."""
 _EXPLAINED, _LOADED = 0.2, 0.25
 _CAUSES = (slice(0, 0), slice(0, 10), slice(10, 13), slice(13, 14))
 """Columns of none, a payload, a force and gravity among those of the whole arm."""
 _TIMES = 8
-"""Times in a recording at which a payload is let be picked up or set down."""
+"""Times in a recording at which a payload is assumed to be picked up or set down."""
 _CURRENT = 3.3
 """Factor from which efforts can be currents."""
 _FITS = 0.05
-_SIGN = 0.02
 _OWN = 4
 _BLOCKS, _FOLDS, _CUT = 12, 4, 1e-3
 _BODIES = 0.5
@@ -61,11 +61,11 @@ def wrong_robot(robot: RobotModel, recordings: Sequence[Recording]) -> str | Non
     size = np.maximum(np.mean(tau**2, axis=0), 1e-12)
     own = _own(v, a)
     left, alone = (np.array([_left(own[:, j], y[:, j]) for j in range(robot.n)]) / size for y in (tau - nominal, tau))
-    told = _by_bodies(robot.regressor_along(q, v, a), tau, own) < _BODIES * alone * size
-    told |= np.array([_left(own[:, j], nominal[:, j]) for j in range(robot.n)]) > _MEANT * alone * size
-    if not told.any():
-        told[:] = True
-    loaded = (alone > _LOADED) & told
+    asked = _by_bodies(robot.regressor_along(q, v, a), tau, own) < _BODIES * alone * size
+    asked |= np.array([_left(own[:, j], nominal[:, j]) for j in range(robot.n)]) > _MEANT * alone * size
+    if not asked.any():
+        asked[:] = True
+    loaded = (alone > _LOADED) & asked
     if _without_gravity(robot, q, tau, nominal, own):
         return None
     if float(left @ size) < _MOST * float(alone @ size):
@@ -73,14 +73,14 @@ def wrong_robot(robot: RobotModel, recordings: Sequence[Recording]) -> str | Non
     if not loaded.any() or np.median(left) < _NEAR or np.median((left / alone)[loaded]) < _NEAR:
         return None
     arm = _whole_arm(robot, q, v, a, own)
-    if _one_cause(arm, tau, nominal, alone, loaded) < _EXPLAINED or _helps(arm[:, told], tau[:, told], nominal[:, told]):
+    if _one_cause(arm, tau, nominal, alone, loaded) < _EXPLAINED or _helps(arm[:, asked], tau[:, asked], nominal[:, asked]):
         return None
     late = np.concatenate([m.t[every] / max(float(m.t[-1]), 1e-9) for m in parts])
     owner = np.concatenate([np.full(len(m.t[every]), i) for i, m in enumerate(parts)])
     if _event(arm[:, :, :10], np.concatenate([own, _drift(own, late)], axis=2), tau, nominal, alone, loaded, owner) < _EXPLAINED:
         return None
     gains = _gains_of_currents(own, tau, nominal, size)
-    if gains is not None and _helps(arm[:, told], (tau / gains)[:, told], nominal[:, told]):
+    if gains is not None and _helps(arm[:, asked], (tau / gains)[:, asked], nominal[:, asked]):
         return None
     worst = ", ".join(f"{robot.joint_names[j]} {100 * np.sqrt(left[j]):.0f} %" for j in np.argsort(-left)[:3])
     return (
@@ -142,7 +142,7 @@ def _drift(own: FloatArray, late: FloatArray) -> FloatArray:
 
 def _own(v: FloatArray, a: FloatArray) -> FloatArray:
     """Friction, rotor and offset of each joint, shape (N, n, 4)."""
-    return np.stack([np.tanh(v / _SIGN), v, a, np.ones_like(v)], axis=-1)
+    return np.stack([smoothed_sign(v), v, a, np.ones_like(v)], axis=-1)
 
 
 def _left(X: FloatArray, y: FloatArray) -> float:

@@ -18,6 +18,7 @@ from sysid_ros.effects.joint_order import JointOrder
 from sysid_ros.effects.joint_sign import JointSign
 from sysid_ros.effects.link_inertia import LinkInertia
 from sysid_ros.effects.load_dependent_friction import LoadDependentFriction
+from sysid_ros.effects.parameter import Parameter
 from sysid_ros.effects.payload import Payload
 from sysid_ros.effects.payload_change import PayloadChange
 from sysid_ros.effects.presliding_hysteresis import PreslidingHysteresis
@@ -33,6 +34,7 @@ from sysid_ros.effects.torque_saturation import TorqueSaturation
 from sysid_ros.effects.torque_scale import TorqueScale
 from sysid_ros.effects.torque_sign import TorqueSign
 from sysid_ros.effects.torque_unit import TorqueUnit
+from sysid_ros.effects.traits import Candidate, Scope
 from sysid_ros.effects.velocity_lag import VelocityLag
 from sysid_ros.effects.viscous_friction import ViscousFriction
 from sysid_ros.exceptions import SettingsError
@@ -45,8 +47,8 @@ _CLASSES: tuple[type[Effect], ...] = (
     ViscousFriction,
     CoulombFriction,
     QuadraticFriction,
-    StribeckFriction,
     AsymmetricCoulombFriction,
+    StribeckFriction,
     LoadDependentFriction,
     PreslidingHysteresis,
     FrictionDrift,
@@ -69,12 +71,17 @@ _CLASSES: tuple[type[Effect], ...] = (
 )
 
 EFFECTS: dict[str, type[Effect]] = {effect.id: effect for effect in _CLASSES}
-"""Every effect by the name it has in ``model.yaml``."""
+"""Every effect by the name it has in ``model.yaml``; of one family the simpler ones first."""
 
 CHANNEL_EFFECTS: dict[str, type[ChannelEffect]] = {
     effect.id: effect for effect in (TorqueUnit, TorqueSign, JointSign, JointOrder, VelocityLag, TorqueQuantisation)
 }
 """Every fault of the published channels by its name."""
+
+
+def forms_of(family: str) -> tuple[type[Effect], ...]:
+    """The effects of a family that load one joint, of which a joint has one, the simpler ones first."""
+    return tuple(e for e in EFFECTS.values() if family and e.family == family and e.scope is Scope.JOINT)
 
 
 def register(effect: type[Effect]) -> type[Effect]:
@@ -97,6 +104,7 @@ __all__ = [
     "AsymmetricCoulombFriction",
     "Backlash",
     "BaseTilt",
+    "Candidate",
     "ChannelEffect",
     "Channels",
     "Cogging",
@@ -117,11 +125,13 @@ __all__ = [
     "LinkInertia",
     "LoadDependentFriction",
     "Motion",
+    "Parameter",
     "Payload",
     "PayloadChange",
     "PreslidingHysteresis",
     "QuadraticFriction",
     "RotorInertia",
+    "Scope",
     "Spring",
     "StribeckFriction",
     "TimeDelay",
@@ -134,5 +144,6 @@ __all__ = [
     "TorqueUnit",
     "VelocityLag",
     "ViscousFriction",
+    "forms_of",
     "register",
 ]

@@ -7,13 +7,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.effect import Effect
+from sysid_ros.effects.effect import Acts, Effect
+from sysid_ros.effects.traits import Candidate
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.signals.motion import Motion
 
 
 class AccelerometerBias(Effect):
-    """``tau = -M_b(q) b``: the specific force of the base is told too large by a constant b in the axes of the base [m/s^2].
+    """``tau = -M_b(q) b``: the specific force of the base is measured too large by a constant b in the axes of the base [m/s^2].
 
     With M_b (n, 3) the torque that a unit of specific force costs. Inverse dynamics with ``s + b`` asks for ``M_b b`` more than
     acts. On a robot on legs ``s`` is measured; on an arm, whose base rests, it is minus the model's gravity, and b what that is
@@ -29,6 +31,7 @@ class AccelerometerBias(Effect):
 
     id: ClassVar[str] = "accelerometer_bias"
     label: ClassVar[str] = "bias of the accelerometer"
+    acts: ClassVar[Acts] = Acts.LINK
     signature: ClassVar[str] = "a force that keeps its direction in the base while the base turns, on all links by their mass"
     look_alikes: ClassVar[tuple[str, ...]] = ("base_tilt", "payload", "external_force")
     separated_by: ClassVar[str] = "rolling and pitching the base, by which gravity turns against the bias"
@@ -48,3 +51,7 @@ class AccelerometerBias(Effect):
         out[:] = -self.robot.base_acceleration_columns(sample.q)
         if self._frame_index is not None and self.load.any():
             out -= self.robot.base_acceleration_columns_of(sample.q, self._frame_index, self.load)
+
+    @classmethod
+    def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
+        return []  # an arm has no accelerometer: its base is tilted

@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid_ros.effects.effect import JointCurves, Knob, positive
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -25,18 +26,19 @@ class AsymmetricCoulombFriction(JointCurves):
     label: ClassVar[str] = "Coulomb friction that differs with the direction"
     family: ClassVar[str] = "dry friction"
     usual: ClassVar[float] = 0.2
+    sum_of: ClassVar[tuple[str, ...]] = ("coulomb_friction", "torque_offset")
     jumps: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]] = ("F_pos", "F_neg")
     symbol_units: ClassVar[tuple[str, ...]] = ("N m", "N m")
     slide_units: ClassVar[tuple[str, ...]] = ("N", "N")
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s"),)
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s", reach=5.0, reported=False),)
     signature: ClassVar[str] = "two levels of different size by direction"
     look_alikes: ClassVar[tuple[str, ...]] = ("coulomb_friction", "torque_offset", "load_dependent_friction")
     separated_by: ClassVar[str] = (
         "reversals and rests of a second with the brakes open, where an offset stays and friction does not"
     )
 
-    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = 0.02) -> None:
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = TURNS) -> None:
         super().__init__(robot, joints)
         self.width = positive(width, "width", self.id)
 
@@ -45,8 +47,11 @@ class AsymmetricCoulombFriction(JointCurves):
         return {"width": self.width}
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
-        s = np.tanh(state.v / self.width)
+        s = smoothed_sign(state.v, self.width)
         return np.stack([np.maximum(s, 0.0), np.minimum(s, 0.0)])
 
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:
         return 0.5 * (self.of_symbol("F_pos", theta) + self.of_symbol("F_neg", theta))
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        return bool(np.all(theta + 2.0 * std > 0.0)) and float(theta.sum()) > 0.0

@@ -7,12 +7,21 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.compliance import deflection, torque_of
+from sysid_ros.effects.compliance import deflection, own_torque, torque_of
 from sysid_ros.effects.effect import Depends, Effect, Knob, positive
+from sysid_ros.effects.parameter import Parameter, by_delta_method
+from sysid_ros.effects.traits import Candidate, DeflectionSearch, Scope
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
+
+WIDEST = 0.06
+"""Of a gap [rad]."""
+ONE_SIDED = 0.02
+"""Least part of the time that a link with play lies on each side: on one flank alone it is a wrong zero and an elastic joint."""
+_GAPS = np.geomspace(2e-3, WIDEST, 8)
 
 
 class Backlash(Effect):
@@ -35,6 +44,16 @@ class Backlash(Effect):
     depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.LOAD})
     family: ClassVar[str] = "compliance"
     knobs: ClassVar[tuple[Knob, ...]] = (Knob("flank", 8.0, 60.0, "Hz"), Knob("damping", 0.05, 2.0, "1"))
+    scope: ClassVar[Scope] = Scope.LINK
+    between: ClassVar[tuple[float, float]] = (0.0, np.inf)
+    companion: ClassVar[str] = "rotor_inertia"
+    deflection: ClassVar[DeflectionSearch] = DeflectionSearch(
+        scanned=1.5,
+        steps=(("flank", 0.0), ("damping", 0.0), ("around", 1.3), ("flank", 1.5), ("around", 1.05)),
+        sides=(-1, 0, 1),
+        smooth=False,
+        form_error=0.04,
+    )
     signature: ClassVar[str] = "a wrong zero that changes its sign with the load, and a link that flies free in between"
     look_alikes: ClassVar[tuple[str, ...]] = ("joint_offset", "joint_elasticity")
     separated_by: ClassVar[str] = "motion in which the load on the joint changes its sign"
@@ -78,14 +97,28 @@ class Backlash(Effect):
     def fill(self, sample: Sample, out: FloatArray) -> None:
         state = sample.q[None], sample.v[None], sample.a[None]
         by_q, _, _ = self.robot.rnea_derivatives_along(*state)
-        side = np.tanh(self.robot.rnea_along(*state)[0] / self.width)
+        side = smoothed_sign(self.robot.rnea_along(*state)[0], self.width)
         out[:] = -0.5 * (by_q[0] * side)[:, self.joints]
 
     def columns_along(self, motion: Motion) -> FloatArray:
         if not self.around:
-            side = np.tanh(motion.link_torque / self.width)
+            side = smoothed_sign(motion.link_torque, self.width)
             return np.asarray(-0.5 * (motion.sensitivity[0] * side[:, None])[:, :, self.joints])
         out = []
         for j in self.joints:
             out.append(torque_of(motion, int(j), self.lag(motion, int(j)), self.exact) / self.around)
         return np.stack(out, axis=-1)
+
+    @classmethod
+    def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
+        return [Candidate({"around": float(gap), "side": side, "exact": False}) for gap in _GAPS for side in (-1, 1)]
+
+    def own_curve(self, motion: Motion) -> FloatArray:
+        joint = int(self.joints[0])
+        lag = self.lag(motion, joint)
+        reverses = min(np.mean(lag[:, 0] > 0.0), np.mean(lag[:, 0] < 0.0)) > ONE_SIDED
+        return own_torque(motion, joint, lag) / self.around * reverses
+
+    def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
+        (joint,) = self.joint_names
+        return [by_delta_method("gap", joint, "rad", lambda x: float(x[0]), values, covariance)]

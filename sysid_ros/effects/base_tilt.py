@@ -12,6 +12,9 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
+_STEEPEST = 0.6
+"""Nobody takes a base that stands askew by more for a level one [rad]."""
+
 
 def tilted_gravity(gravity: FloatArray, roll: float, pitch: float) -> FloatArray:
     """Gravity in the axes of a base that is turned by roll about x, then by pitch about y of the world, shape (3,) [m/s^2]."""
@@ -35,6 +38,7 @@ class BaseTilt(Effect):
     label: ClassVar[str] = "tilted base"
     acts: ClassVar[Acts] = Acts.LINK
     depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.LINKS})
+    between: ClassVar[tuple[float, float]] = (-_STEEPEST, _STEEPEST)
     signature: ClassVar[str] = "like gravity on all joints, and on a vertical first joint too"
     look_alikes: ClassVar[tuple[str, ...]] = ("joint_offset", "external_force", "link_inertia")
     separated_by: ClassVar[str] = "a sweep of the first joint over 90 degrees or more with the arm stretched out"

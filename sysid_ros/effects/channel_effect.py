@@ -27,6 +27,9 @@ class ChannelEffect(ABC):
 
     Attributes:
         id, label, signature, look_alikes, separated_by: as :class:`sysid_ros.effects.effect.Effect` has them.
+        scales: True where its parameters are factors on the efforts, which the efforts tell.
+        absorbs: id of the effect whose factors belong to this fault's where both were found.
+        stands_out: by how much it must lower the sum of the logarithms of the joints' squared errors to be undone.
     """
 
     id: ClassVar[str]
@@ -34,10 +37,18 @@ class ChannelEffect(ABC):
     signature: ClassVar[str]
     look_alikes: ClassVar[tuple[str, ...]]
     separated_by: ClassVar[str]
+    scales: ClassVar[bool] = False
+    absorbs: ClassVar[str] = ""
+    stands_out: ClassVar[float] = 1.0
 
     def publish(self, tau: FloatArray) -> FloatArray:
         """True torques as this fault publishes them, shape (N, n)."""
         return tau
+
+    @classmethod
+    def takes(cls, id_: str) -> bool:
+        """Whether the factors of an effect that was found beside this fault belong to it."""
+        return bool(cls.absorbs) and id_ == cls.absorbs
 
     @abstractmethod
     def undo(self, channels: Channels) -> Channels:

@@ -8,6 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sysid_ros.effects.effect import JointCurves, Knob, positive
+from sysid_ros.effects.parameter import Parameter, by_delta_method
+from sysid_ros.effects.traits import Candidate
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
@@ -25,7 +27,7 @@ class Cogging(JointCurves):
     symbols: ClassVar[tuple[str, ...]] = ("s", "c")
     symbol_units: ClassVar[tuple[str, ...]] = ("N m", "N m")
     slide_units: ClassVar[tuple[str, ...]] = ("N", "N")
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("harmonic", 3.0, 120.0, "1/rev", False),)
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("harmonic", 3.0, 120.0, "1/rev", False, reach=0.6, bumpy=True),)
     signature: ClassVar[str] = "a line at the joint's speed times the harmonic: visible over the position, not over time"
     look_alikes: ClassVar[tuple[str, ...]] = ("spring",)
     separated_by: ClassVar[str] = "slow motion of changing speed, so that the harmonic stays below the band of the torque"
@@ -40,3 +42,14 @@ class Cogging(JointCurves):
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         return np.stack([np.sin(self.harmonic * state.q), np.cos(self.harmonic * state.q)])
+
+    @classmethod
+    def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
+        return [Candidate({"harmonic": float(h)}) for h in range(3, 61)]
+
+    def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
+        (joint,) = self.joint_names
+        return [
+            by_delta_method("harmonic", joint, "1/rev", lambda x: float(x[2]), values, covariance),
+            by_delta_method("amp", joint, self.units[0], lambda x: float(np.hypot(x[0], x[1])), values, covariance),
+        ]

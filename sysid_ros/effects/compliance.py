@@ -105,3 +105,9 @@ def torque_of(motion: Motion, joint: int, x: FloatArray, exact: bool) -> FloatAr
     one = np.eye(motion.robot.n)[joint]
     state = motion.q - x[:, :1] * one, motion.v - x[:, 1:2] * one, motion.a - x[:, 2:] * one
     return np.asarray(motion.robot.rnea_along(*state) - motion.rigid_torque)
+
+
+def own_torque(motion: Motion, joint: int, x: FloatArray) -> FloatArray:
+    """As :func:`torque_of` on the joint itself alone, to first order, shape (N,) [N m]."""
+    own = np.stack([s[:, joint, joint] for s in motion.sensitivity], axis=1)
+    return np.asarray(-np.sum(own * x, axis=1))

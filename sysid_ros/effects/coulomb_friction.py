@@ -6,11 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-import numpy as np
-
 from sysid_ros.effects.effect import JointEffect, Knob
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -32,7 +31,8 @@ class CoulombFriction(JointEffect):
     family: ClassVar[str] = "dry friction"
     usual: ClassVar[float] = 0.9
     jumps: ClassVar[bool] = True
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s"),)
+    in_urdf: ClassVar[bool] = True
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s", reach=5.0, reported=False),)
     signature: ClassVar[str] = "two levels of equal size by direction of motion"
     look_alikes: ClassVar[tuple[str, ...]] = ("stribeck_friction", "presliding_hysteresis", "asymmetric_coulomb_friction")
     separated_by: ClassVar[str] = "several speeds in both directions, with reversals"
@@ -41,7 +41,7 @@ class CoulombFriction(JointEffect):
     unit: ClassVar[str] = "N m"
     slide_unit: ClassVar[str] = "N"
 
-    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = 0.02) -> None:
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = TURNS) -> None:
         super().__init__(robot, joints)
         if isinstance(width, bool) or not isinstance(width, int | float) or not 0.0 < width < math.inf:
             raise ModelFileError(f"effect '{self.id}' has width {width!r}; it must be a positive speed in rad/s.")
@@ -52,8 +52,7 @@ class CoulombFriction(JointEffect):
         return {"width": self.width}
 
     def curve(self, sample: Sample | Motion) -> FloatArray:
-        curve: FloatArray = np.tanh(sample.v / self.width)
-        return curve
+        return smoothed_sign(sample.v, self.width)
 
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:
         return self.per_joint(theta)

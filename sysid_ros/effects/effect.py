@@ -2,64 +2,26 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import Enum
 from typing import Any, ClassVar
 
 import numpy as np
 
+from sysid_ros.effects.arguments import carrying, positive
+from sysid_ros.effects.searched import Searched
+from sysid_ros.effects.traits import Acts, Depends, Knob, Scope
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
-
-@dataclass(frozen=True, slots=True)
-class Knob:
-    """A nonlinear parameter of an effect: a constructor argument that is searched for.
-
-    Attributes:
-        name: of the argument. low, high: range of the search [unit]. unit: in words.
-        logarithmic: the search goes in equal ratios.
-    """
-
-    name: str
-    low: float
-    high: float
-    unit: str
-    logarithmic: bool = True
+__all__ = ["Acts", "Depends", "Effect", "JointCurves", "JointEffect", "Knob", "carrying", "positive"]
 
 
-class Acts(Enum):
-    """Where in the drive train an effect's torque acts."""
-
-    LINK = "link"
-    """Behind the gears: bodies, springs, forces. Whatever depends on the load of the gears sees it."""
-    DRIVE = "drive"
-    """In the gears and the motors: friction, rotors."""
-    MEASUREMENT = "measurement"
-    """Only between the torque and the message: gains, offsets, delays."""
-
-
-class Depends(Enum):
-    """What an effect's columns depend on beside the motion: who learns more of it makes the columns anew."""
-
-    LOAD = "load"
-    """The torque of the links on the gears, as far as it is known."""
-    DRIVE = "drive"
-    """The torque of the drives, as far as it is known."""
-    LINKS = "links"
-    """The inertials of the links, as far as they are known."""
-    TEMPERATURE = "temperature"
-    """The temperature of the joints."""
-    TIME = "time"
-    """The time since the recording began: beyond a recording the effect says nothing of itself."""
-
-
-class Effect(ABC):
-    """One cause of torque, linear in its parameters: ``tau_effect = Y(q, v, a) theta``.
+class Effect(Searched):
+    """One cause of torque, linear in its parameters: ``tau_effect = Y(q, v, a) theta``. What a search asks of it stands in
+    :class:`sysid_ros.effects.searched.Searched`.
 
     A nonlinear knob (the width of a sign function, a frame) is a constructor argument; ``settings`` gives it back, so that an
     effect can be written to ``model.yaml`` and made again by :meth:`from_settings`.
@@ -80,6 +42,7 @@ class Effect(ABC):
         usual: how often a real arm's joint (or a real arm) has it so that it shows, before any data: a probability.
         jumps: True where its torque jumps when the velocity changes its sign.
         replaces_links: True where its parameters are the inertials of the links themselves, which then are not the URDF's.
+        in_urdf: True where a URDF's ``<inertial>`` and ``<dynamics>`` hold all of it.
     """
 
     id: ClassVar[str]
@@ -95,6 +58,7 @@ class Effect(ABC):
     usual: ClassVar[float] = 0.05
     jumps: ClassVar[bool] = False
     replaces_links: ClassVar[bool] = False
+    in_urdf: ClassVar[bool] = False
     parameter_names: tuple[str, ...]
     units: tuple[str, ...]
 
@@ -118,9 +82,14 @@ class Effect(ABC):
         return tuple(self.robot.joint_names[i] for i in self.joints)
 
     @property
-    def settings(self) -> dict[str, Any]:
-        """Constructor arguments beside robot and joints, in plain types."""
-        return {}
+    def nominal(self) -> FloatArray:
+        """Its parameters as the URDF has them, shape (p,): what is expected of them before any data."""
+        return np.zeros(self.p)
+
+    @property
+    def nonnegative_rows(self) -> FloatArray:
+        """What must not be negative, as rows times the parameters, shape (m, p): each of them where physics forbids it."""
+        return np.eye(self.p) if self.nonnegative else np.zeros((0, self.p))
 
     @classmethod
     def from_settings(cls, robot: RobotModel, joints: Sequence[str], settings: dict[str, Any]) -> Effect:
@@ -134,6 +103,11 @@ class Effect(ABC):
         :meth:`RobotModel.rnea` has run on this sample just before.
         """
 
+    @property
+    def diagonal(self) -> JointEffect | None:
+        """The effect itself where it has one parameter for each joint of the robot, whose column loads that joint alone."""
+        return None
+
     def columns(self, sample: Sample) -> FloatArray:
         """Y of this effect, shape (n, p) [N m per unit of the parameter]."""
         self.robot.rnea(sample.q, sample.v, sample.a)
@@ -144,6 +118,14 @@ class Effect(ABC):
     def columns_along(self, motion: Motion) -> FloatArray:
         """Y along a whole recording, shape (N, n, p). An effect with a memory computes it here, from the recording's start."""
         return np.stack([self.columns(sample) for sample in motion.samples()])
+
+    def curves_along(self, motion: Motion) -> FloatArray:
+        """Columns of an effect that loads one joint at a time, each on its own joint, shape (c, N, n)."""
+        k = len(self.joints)
+        own = self.columns_along(motion)[:, self.joints].reshape(len(motion.t), k, k, -1)
+        out = np.zeros((own.shape[3], len(motion.t), self.robot.n))
+        out[:, :, self.joints] = np.einsum("tjjc->ctj", own)
+        return out
 
     def momentum_columns_along(self, motion: Motion) -> tuple[FloatArray, FloatArray] | None:
         """For an effect of inertia: columns P and R, shape (N, n, p) each, with ``Y = dP/dt + R``, neither of which needs an
@@ -177,6 +159,10 @@ class Effect(ABC):
         none."""
         return self
 
+    def add_spread(self, sample: Sample, directions: FloatArray, out: FloatArray) -> None:
+        """Add ``Y directions`` to ``out``, shape (n, c): what errors of the parameters, directions of shape (p, c), do."""
+        out += self.columns(sample) @ directions
+
     def torque(self, sample: Sample, theta: FloatArray) -> FloatArray:
         """Joint torques of this effect, shape (n,) [N m]: what a simulation adds at each step."""
         return self.columns(sample) @ theta
@@ -189,6 +175,8 @@ class Effect(ABC):
 class JointEffect(Effect):
     """An effect with one parameter a joint, whose column loads only that joint: ``tau_j = c(q_j, v_j, a_j) theta_j``."""
 
+    scope: ClassVar[Scope] = Scope.JOINT
+    alone: ClassVar[bool] = True
     symbol: ClassVar[str]
     unit: ClassVar[str]
     slide_unit: ClassVar[str]
@@ -198,6 +186,10 @@ class JointEffect(Effect):
         self.parameter_names = tuple(f"{self.symbol}[{name}]" for name in self.joint_names)
         self.units = tuple(self.slide_unit if robot.is_prismatic[j] else self.unit for j in self.joints)
         self._columns = np.arange(len(self.joints))
+
+    @property
+    def diagonal(self) -> JointEffect | None:
+        return self if len(self.joints) == self.robot.n else None
 
     @abstractmethod
     def curve(self, sample: Sample | Motion) -> FloatArray:
@@ -210,7 +202,6 @@ class JointEffect(Effect):
         return out
 
     def curves_along(self, motion: Motion) -> FloatArray:
-        """As :meth:`JointCurves.curves_along`."""
         return np.broadcast_to(self.curve(motion), motion.q.shape)[None]
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
@@ -220,6 +211,13 @@ class JointEffect(Effect):
         out = np.zeros((len(motion.t), self.robot.n, self.p))
         out[:, self.joints, self._columns] = self.curves_along(motion)[0][:, self.joints]
         return out
+
+    def add_spread(self, sample: Sample, directions: FloatArray, out: FloatArray) -> None:
+        curve = self.curve(sample)
+        if len(self.joints) == self.robot.n:
+            out += curve[:, None] * directions
+        else:
+            out[self.joints] += curve[self.joints, None] * directions
 
     def torque(self, sample: Sample, theta: FloatArray) -> FloatArray:
         curve = self.curve(sample)
@@ -236,6 +234,8 @@ class JointCurves(Effect):
     Parameters stand joint after joint, each with all of its ``symbols``.
     """
 
+    scope: ClassVar[Scope] = Scope.JOINT
+    alone: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]]
     symbol_units: ClassVar[tuple[str, ...]]
     slide_units: ClassVar[tuple[str, ...]]
@@ -262,7 +262,6 @@ class JointCurves(Effect):
         """
 
     def curves_along(self, motion: Motion) -> FloatArray:
-        """C of every joint along a recording, shape (c, N, n)."""
         return self.curves(motion, motion.link_torque)
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
@@ -278,29 +277,3 @@ class JointCurves(Effect):
         for k, j in enumerate(self.joints):
             for c in range(len(self.symbols)):
                 out[:, j, k * len(self.symbols) + c] = curves[c][:, j]
-
-
-def positive(value: object, what: str, effect: str) -> float:
-    """A setting that must be a positive, finite number.
-
-    Raises:
-        ModelFileError: it is not.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < np.inf:
-        raise ModelFileError(f"effect '{effect}' has {what} {value!r}; it must be a positive number.")
-    return float(value)
-
-
-def carrying(robot: RobotModel, links: Sequence[float], effect: str) -> RobotModel:
-    """The robot with a change of its links' inertials, shape (10 n,); the robot itself where that is empty.
-
-    Raises:
-        ModelFileError: the change is of another shape.
-    """
-    if len(links) == 0:
-        return robot
-    if len(links) != 10 * robot.n or not np.isfinite(links).all():
-        raise ModelFileError(
-            f"effect '{effect}' has {len(links)} numbers as links; it must be {10 * robot.n} finite ones, or none."
-        )
-    return robot.with_links(np.asarray(links, dtype=float))

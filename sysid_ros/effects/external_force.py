@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from sysid_ros.effects.effect import Acts, Effect
+from sysid_ros.effects.parameter import Parameter, vector
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
@@ -40,3 +41,6 @@ class ExternalForce(Effect):
 
     def columns_along(self, motion: Motion) -> FloatArray:
         return -self.robot.frame_jacobian_along(motion.q, self._frame_index).swapaxes(1, 2)
+
+    def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
+        return [vector("force", None, "N", lambda x: x[:3], values, covariance)]

@@ -8,12 +8,31 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sysid_ros.effects.effect import Depends, JointCurves, Knob, positive
+from sysid_ros.effects.traits import Candidate
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
 _OVER = ("time", "temperature")
+_DRIFTS = 4.0
+"""Standard deviations that a rate must be away from zero."""
+_WARMS = 1.0
+"""A joint must warm up or cool down by so much before its friction is asked to follow [K]."""
+_TAIL = 0.02
+"""Part of the readings at either end that does not count for that: a reading may jump."""
+
+
+def usual_temperature(motions: Sequence[Motion], joint: int) -> float | None:
+    """Mean temperature of a joint, None where it is not known or does not change [degrees Celsius]."""
+    column = [m.temperature[:, joint] for m in motions if m.temperature is not None]
+    if len(column) < len(motions):
+        return None
+    values = np.concatenate(column)
+    if not np.isfinite(values).all() or np.ptp(np.quantile(values, [_TAIL, 1.0 - _TAIL])) < _WARMS:
+        return None
+    return round(float(values.mean()), 1)
 
 
 class FrictionDrift(JointCurves):
@@ -32,11 +51,13 @@ class FrictionDrift(JointCurves):
     depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.TEMPERATURE, Depends.TIME})
     family: ClassVar[str] = "dry friction"
     usual: ClassVar[float] = 0.2
+    includes: ClassVar[tuple[str, ...]] = ("coulomb_friction", "viscous_friction")
+    times: ClassVar[tuple[str, ...]] = ("start",)
     jumps: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]] = ("Fc", "rate_Fc", "b", "rate_b")
     symbol_units: ClassVar[tuple[str, ...]] = ("N m", "N m/s", "N m s/rad", "N m/rad")
     slide_units: ClassVar[tuple[str, ...]] = ("N", "N/s", "N s/m", "N/m")
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s"),)
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s", reach=5.0, reported=False),)
     signature: ClassVar[str] = "the ribbon of the residual against the speed narrows or widens with time"
     look_alikes: ClassVar[tuple[str, ...]] = ("coulomb_friction", "viscous_friction", "torque_offset_drift")
     separated_by: ClassVar[str] = "the same motion early and late in a recording of minutes"
@@ -45,7 +66,7 @@ class FrictionDrift(JointCurves):
         self,
         robot: RobotModel,
         joints: Sequence[str] = (),
-        width: float = 0.02,
+        width: float = TURNS,
         start: float = 0.0,
         over: str = "time",
         reference: float = 25.0,
@@ -66,7 +87,7 @@ class FrictionDrift(JointCurves):
         return {"width": self.width, "start": self.start}
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
-        s = np.tanh(state.v / self.width)
+        s = smoothed_sign(state.v, self.width)
         if self.over == "time":
             x = (np.asarray(state.t) - self.start)[..., None]
         elif state.temperature is None:
@@ -80,3 +101,26 @@ class FrictionDrift(JointCurves):
 
     def as_damping(self, theta: FloatArray) -> FloatArray:
         return self.of_symbol("b", theta)
+
+    @property
+    def form(self) -> str:
+        return self.over if self.follows_temperature else ""
+
+    @property
+    def apart(self) -> str:
+        return self.form
+
+    @property
+    def follows_temperature(self) -> bool:
+        return self.over == "temperature"
+
+    @classmethod
+    def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
+        usual = None if joint is None else usual_temperature(motions, joint)
+        over_temperature = [] if usual is None else [Candidate({"over": "temperature", "reference": usual})]
+        return [Candidate(), *over_temperature]
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        high = theta + 2.0 * std
+        drifts = np.abs(theta[[1, 3]]) > _DRIFTS * np.maximum(std[[1, 3]], 1e-12)
+        return bool(high[0] > 0.0 and high[2] > 0.0 and np.any(drifts))

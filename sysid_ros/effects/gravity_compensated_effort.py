@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-from sysid_ros.effects.effect import Effect
+from sysid_ros.effects.effect import Acts, Effect
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
+
+_COMPENSATED = 0.15
+"""How far a coefficient may be from -1 or +1."""
 
 
 class GravityCompensatedEffort(Effect):
@@ -20,6 +23,7 @@ class GravityCompensatedEffort(Effect):
 
     id: ClassVar[str] = "gravity_compensated_effort"
     label: ClassVar[str] = "effort with gravity already compensated"
+    acts: ClassVar[Acts] = Acts.MEASUREMENT
     signature: ClassVar[str] = "the whole gravity torque, in all joints at once, with a factor of -1 or +1"
     look_alikes: ClassVar[tuple[str, ...]] = ("torque_scale", "link_inertia", "base_tilt")
     separated_by: ClassVar[str] = "fast motion in several postures: the inertial part of the torque is then right"
@@ -34,3 +38,6 @@ class GravityCompensatedEffort(Effect):
 
     def columns_along(self, motion: Motion) -> FloatArray:
         return motion.gravity_torque[:, :, None]
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        return abs(abs(float(theta[0])) - 1.0) < _COMPENSATED

@@ -8,6 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sysid_ros.effects.effect import Depends, JointCurves
+from sysid_ros.effects.searched import Searched
+from sysid_ros.effects.traits import Candidate
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -25,6 +27,7 @@ class JointCoupling(JointCurves):
     id: ClassVar[str] = "joint_coupling"
     label: ClassVar[str] = "coupling of two joints"
     depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.DRIVE})
+    alone: ClassVar[bool] = False
     symbols: ClassVar[tuple[str, ...]] = ("c",)
     symbol_units: ClassVar[tuple[str, ...]] = ("1",)
     slide_units: ClassVar[tuple[str, ...]] = ("1",)
@@ -50,3 +53,18 @@ class JointCoupling(JointCurves):
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         return -load[..., self._other][None]
+
+    @property
+    def concerned(self) -> tuple[int, ...]:
+        return (*super().concerned, *sorted({int(self._other[j]) for j in self.joints} - set(super().concerned)))
+
+    @property
+    def apart(self) -> str:
+        return " ".join([*self.joint_names, self.follows])
+
+    @classmethod
+    def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
+        return [Candidate({"follows": name}) for k, name in enumerate(motions[0].robot.joint_names) if k != joint]
+
+    def excludes(self, other: Searched) -> bool:
+        return isinstance(other, JointCoupling) and self.concerned == other.concerned

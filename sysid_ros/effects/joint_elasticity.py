@@ -7,11 +7,19 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.compliance import deflection, torque_of
+from sysid_ros.effects.compliance import deflection, own_torque, torque_of
 from sysid_ros.effects.effect import Depends, Effect, Knob, positive
+from sysid_ros.effects.parameter import Parameter, by_delta_method
+from sysid_ros.effects.traits import Candidate, DeflectionSearch, Scope
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
+
+_RESONANCES = np.geomspace(0.8, 25.0, 80)
+"""Of elastic joints [Hz]: 4 % apart, as a spring that is hardly damped shows in a narrow line."""
+_DAMPING = 0.05
+_YIELDS = 0.2
+"""No gear yields by more under the loads of a recording [rad]."""
 
 
 class JointElasticity(Effect):
@@ -33,6 +41,11 @@ class JointElasticity(Effect):
     depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.LOAD})
     family: ClassVar[str] = "compliance"
     knobs: ClassVar[tuple[Knob, ...]] = (Knob("damping", 0.003, 1.0, "1"),)
+    scope: ClassVar[Scope] = Scope.LINK
+    companion: ClassVar[str] = "rotor_inertia"
+    deflection: ClassVar[DeflectionSearch] = DeflectionSearch(
+        scanned=1.1, steps=(("damping", 0.0), ("around", 1.05), ("damping", 1.5), ("around", 1.01)), form_error=0.01
+    )
     signature: ClassVar[str] = "a deflection in proportion to the load, in all joints around it; brings a rotor inertia with it"
     look_alikes: ClassVar[tuple[str, ...]] = ("joint_offset", "link_inertia", "torque_scale", "backlash")
     separated_by: ClassVar[str] = "heavy load in both directions, and fast parts near the resonance"
@@ -73,3 +86,28 @@ class JointElasticity(Effect):
                 rate = motion.rate_of(load)
                 out.append(torque_of(motion, int(j), np.stack([load, rate, motion.rate_of(rate)], axis=1), exact=False))
         return np.stack(out, axis=-1)
+
+    @classmethod
+    def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
+        inertia = max(float(np.mean([np.mean(m.sensitivity[2][:, joint, joint]) for m in motions])), 1e-9)
+        sizes = [1.0 / (inertia * (2.0 * np.pi * float(f)) ** 2) for f in _RESONANCES]
+        return [Candidate({"around": x, "damping": _DAMPING, "exact": False}) for x in sizes]
+
+    def own_curve(self, motion: Motion) -> FloatArray:
+        joint = int(self.joints[0])
+        return own_torque(motion, joint, self.lag(motion, joint)) / self.around
+
+    def reference_torque(self, motions: Sequence[Motion]) -> float:
+        return float(np.sqrt(np.mean([np.mean(m.link_torque[:, self.joints[0]] ** 2) for m in motions])))
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        return bool(theta[0] > 0.0 and theta[0] * torque <= _YIELDS)
+
+    def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
+        (joint,), unit = self.joint_names, "N/m" if self.robot.is_prismatic[self.joints[0]] else "N m/rad"
+        compliance = by_delta_method("compliance", joint, self.units[0], lambda x: float(x[0]), values, covariance)
+        # the interval of the compliance turned over: that of the stiffness is not symmetric, and without an upper end where no
+        # compliance at all is in it
+        value, low = 1.0 / compliance.value, 1.0 / compliance.high
+        high = 1.0 / compliance.low if compliance.low > 0.0 else None
+        return [Parameter("stiffness", joint, value, unit, value**2 * compliance.std, low, high)]

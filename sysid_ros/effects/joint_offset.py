@@ -7,10 +7,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from sysid_ros.effects.backlash import ONE_SIDED, WIDEST
 from sysid_ros.effects.effect import Acts, Depends, Effect, carrying
+from sysid_ros.effects.traits import Scope
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
+
+_FARTHEST = 0.7
+"""No encoder is mounted wrong by more [rad]."""
 
 
 class JointOffset(Effect):
@@ -26,6 +31,8 @@ class JointOffset(Effect):
     label: ClassVar[str] = "wrong zero of a joint"
     acts: ClassVar[Acts] = Acts.LINK
     depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.LINKS})
+    scope: ClassVar[Scope] = Scope.LINK
+    between: ClassVar[tuple[float, float]] = (-_FARTHEST, _FARTHEST)
     signature: ClassVar[str] = "the gradient of gravity along the joint's position, in all joints around it"
     look_alikes: ClassVar[tuple[str, ...]] = ("base_tilt", "backlash", "link_inertia", "joint_elasticity")
     separated_by: ClassVar[str] = "motion of the other joints over 60 degrees or more; on a vertical first joint nothing shows it"
@@ -56,3 +63,9 @@ class JointOffset(Effect):
         here = self._arm.rnea_along(q, v, a)
         moved = self.around * np.eye(self.robot.n)[self.joints]
         return np.stack([(self._arm.rnea_along(q - d, v, a) - here) / self.around for d in moved], axis=-1)
+
+    def same_torque(self, theta: FloatArray, motions: Sequence[Motion]) -> tuple[str, ...]:
+        """A play on one flank all the time is a wrong zero by half the gap, the motor ahead of the link under the load."""
+        load = np.concatenate([m.link_torque[:, self.joints[0]] for m in motions])
+        ahead = float(np.mean(load * theta[0] > 0.0))
+        return ("backlash",) if ahead > 1.0 - ONE_SIDED and abs(float(theta[0])) <= 0.5 * WIDEST else ()

@@ -23,6 +23,7 @@ class JointOrder(ChannelEffect):
     signature: ClassVar[str] = "what one joint should show, another one does"
     look_alikes: ClassVar[tuple[str, ...]] = ("joint_coupling", "joint_sign")
     separated_by: ClassVar[str] = "joints that carry different loads"
+    stands_out: ClassVar[float] = 2.0
 
     def __init__(self, source: Sequence[int], efforts_only: bool) -> None:
         self.source = list(source)

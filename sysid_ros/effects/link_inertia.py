@@ -8,10 +8,16 @@ from typing import ClassVar
 import numpy as np
 
 from sysid_ros.effects.effect import Acts, Effect
+from sysid_ros.effects.parameter import Parameter, by_delta_method, vector
+from sysid_ros.effects.payload import BODY_STD
+from sysid_ros.effects.traits import Candidate, Scope
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
+
+_SCALE = "scale"
+"""Form in which all inertials of a link are off by one factor: the parameter is that less 1."""
 
 
 class LinkInertia(Effect):
@@ -26,8 +32,11 @@ class LinkInertia(Effect):
     look_alikes: ClassVar[tuple[str, ...]] = ("payload", "spring", "torque_scale", "joint_offset")
     separated_by: ClassVar[str] = "60 degrees or more of at least two joints before the link, with accelerations"
     acts: ClassVar[Acts] = Acts.LINK
+    scope: ClassVar[Scope] = Scope.LINK
+    inertial: ClassVar[bool] = True
     usual: ClassVar[float] = 0.9
     replaces_links: ClassVar[bool] = True
+    in_urdf: ClassVar[bool] = True
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
         super().__init__(robot, joints)
@@ -58,3 +67,33 @@ class LinkInertia(Effect):
 
     def columns_along(self, motion: Motion) -> FloatArray:
         return np.asarray(motion.regressor[:, :, self._columns])
+
+    @classmethod
+    def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
+        assert joint is not None
+        own = slice(10 * joint, 10 * joint + 10)
+        if not any(np.any(m.regressor[:, :, own]) for m in motions):
+            return []
+        nominal = motions[0].robot.pi[own]
+        scale = [Candidate(basis=nominal[:, None], form=_SCALE)] if np.any(nominal) else []
+        return [*scale, Candidate(basis=np.eye(10)[:, :4], form="first moment"), Candidate(basis=np.eye(10), form="full")]
+
+    def prior_std(self, form: str = "") -> FloatArray:
+        return super().prior_std() if form == _SCALE else np.tile(BODY_STD, len(self.joints))
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        """An error of one link: a link is not lighter than nothing, and the last one not heavier, which is what a payload is."""
+        joint = int(self.joints[0])
+        if form == _SCALE:
+            return bool(theta[0] > -1.0)
+        if self.robot.body_names[joint] == self.robot.default_frame and theta[0] > 0.0:
+            return False
+        return bool(self.robot.pi[10 * joint] + theta[0] + 2.0 * std[0] > 0.0)
+
+    def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
+        """What a link's mass and first moment differ by from the URDF's."""
+        (joint,) = self.joint_names
+        basis = np.eye(10)[:, : len(values)] if basis is None else basis
+        error, spread = basis @ values, basis @ covariance @ basis.T
+        dm = by_delta_method("dm", joint, "kg", lambda x: float(x[0]), error, spread)
+        return [dm, vector("dmc", joint, "kg m", lambda x: x[1:4], error, spread)]

@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid_ros.effects.effect import Depends, JointCurves, Knob, positive
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -31,12 +32,12 @@ class LoadDependentFriction(JointCurves):
     symbols: ClassVar[tuple[str, ...]] = ("Fc", "mu")
     symbol_units: ClassVar[tuple[str, ...]] = ("N m", "1")
     slide_units: ClassVar[tuple[str, ...]] = ("N", "1")
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s"),)
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s", reach=5.0, reported=False),)
     signature: ClassVar[str] = "the level of friction follows the torque that the links need"
     look_alikes: ClassVar[tuple[str, ...]] = ("torque_scale", "asymmetric_coulomb_friction", "coulomb_friction")
     separated_by: ClassVar[str] = "the same loaded and unloaded postures passed in both directions"
 
-    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = 0.02) -> None:
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = TURNS) -> None:
         super().__init__(robot, joints)
         self.width = positive(width, "width", self.id)
 
@@ -45,8 +46,11 @@ class LoadDependentFriction(JointCurves):
         return {"width": self.width}
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
-        s = np.tanh(state.v / self.width)
+        s = smoothed_sign(state.v, self.width)
         return np.stack([s, s * np.abs(load)])
 
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:
         return self.of_symbol("Fc", theta)
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        return bool(theta[0] + 2.0 * std[0] > 0.0 and theta[1] > 0.0)

@@ -5,11 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
+import numpy as np
+
 from sysid_ros.effects.effect import Acts, Effect
+from sysid_ros.effects.parameter import Parameter, by_delta_method, vector
+from sysid_ros.effects.traits import Candidate
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
+
+BODY_STD = np.array([30.0] + [10.0] * 3 + [3.0] * 6)
+"""Size of the ten parameters of a body before any data [kg, kg m, kg m^2]."""
 
 
 class Payload(Effect):
@@ -30,6 +37,8 @@ class Payload(Effect):
     id: ClassVar[str] = "payload"
     label: ClassVar[str] = "payload"
     acts: ClassVar[Acts] = Acts.LINK
+    inertial: ClassVar[bool] = True
+    carried: ClassVar[bool] = True
     usual: ClassVar[float] = 0.2
     signature: ClassVar[str] = "gravity and inertial torque in all joints that carry the tool, of a body with a positive mass"
     look_alikes: ClassVar[tuple[str, ...]] = ("link_inertia", "external_force")
@@ -49,5 +58,27 @@ class Payload(Effect):
     def fill(self, sample: Sample, out: FloatArray) -> None:
         self.robot.fill_payload_regressor(sample.q, self.frame_index, out)
 
+    def as_links(self, theta: FloatArray) -> FloatArray:
+        frame = self.robot.model.frames[self.frame_index]
+        out = super().as_links(theta)
+        placement = np.array(frame.placement.rotation), np.array(frame.placement.translation)
+        out[frame.parentJoint - 1] = inertial_parameters.move(theta, *placement)
+        return out
+
     def columns_along(self, motion: Motion) -> FloatArray:
         return motion.payload_regressor(self.frame)
+
+    @classmethod
+    def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
+        # four columns where the motion is too slow to show the inertia
+        return [Candidate(), Candidate(basis=np.eye(10)[:, :4], form="first moment")]
+
+    def prior_std(self, form: str = "") -> FloatArray:
+        return BODY_STD
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        return bool(theta[0] > 0.0)
+
+    def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
+        mass = by_delta_method("mass", None, "kg", lambda x: float(x[0]), values, covariance)
+        return [mass, vector("com", None, "m", lambda x: x[1:4] / x[0], values, covariance)]

@@ -8,10 +8,18 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sysid_ros.effects.effect import Acts, Depends, Knob
+from sysid_ros.effects.parameter import Parameter, by_delta_method
 from sysid_ros.effects.payload import Payload
+from sysid_ros.effects.searched import Searched
+from sysid_ros.effects.traits import Candidate
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
+
+_ONE_EVENT = 1.5
+"""Changes of the payload nearer to one another are one [s]."""
+_TIMES = 16
+"""Times in a recording that are tried first, both its ends among them, which are no candidates."""
 
 
 class PayloadChange(Payload):
@@ -26,7 +34,11 @@ class PayloadChange(Payload):
     label: ClassVar[str] = "change of the payload"
     acts: ClassVar[Acts] = Acts.LINK
     depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.TIME})
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("t0", 0.0, 1e9, "s", False),)
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("t0", 0.0, 1e9, "s", False, reach=2.0, bumpy=True, step=0.05),)
+    instant: ClassVar[str] = "t0"
+    times: ClassVar[tuple[str, ...]] = ("t0",)
+    changes: ClassVar[str] = Payload.id
+    partial: ClassVar[bool] = True
     signature: ClassVar[str] = "a step at one instant in all joints that carry the tool, then as a payload"
     look_alikes: ClassVar[tuple[str, ...]] = ("external_force", "torque_offset_drift", "payload")
     separated_by: ClassVar[str] = "the same motion before and after the change"
@@ -48,9 +60,41 @@ class PayloadChange(Payload):
         if sample.t < self.t0:
             out[:] = 0.0
 
+    def as_links(self, theta: FloatArray) -> FloatArray:
+        return np.zeros((self.robot.n, 10))
+
     def columns_along(self, motion: Motion) -> FloatArray:
         later = motion.t >= self.t0
         if self.recording and motion.recording != self.recording:
             later = np.zeros_like(later)
         columns: FloatArray = super().columns_along(motion) * later[:, None, None]
         return columns
+
+    @property
+    def apart(self) -> str:
+        return f"{self.recording} {self.t0:.3f}"
+
+    @classmethod
+    def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
+        out, forms = [], super().candidates(motions, joint)
+        names = tuple(dict.fromkeys(m.recording for m in motions))
+        for name in names:
+            own = [m for m in motions if m.recording == name]
+            where: dict[str, Any] = {"recording": name} if len(names) > 1 else {}
+            for t0 in np.linspace(min(m.t[0] for m in own), max(m.t[-1] for m in own), _TIMES)[1:-1]:
+                out += [Candidate({"t0": float(t0), **where}, c.basis, c.form) for c in forms]
+        return out
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        return True
+
+    def excludes(self, other: Searched) -> bool:
+        if not isinstance(other, PayloadChange) or self.recording != other.recording:
+            return False
+        return abs(self.t0 - other.t0) < _ONE_EVENT
+
+    def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
+        t0 = by_delta_method("t0", None, "s", lambda x: float(x[-1]), values, covariance)
+        name = self.recording
+        recording = [Parameter("recording", None, name, "")] if name else []
+        return [*super().as_parameters(values, covariance, basis), t0, *recording]

@@ -10,6 +10,7 @@ from numba import njit
 
 from sysid_ros.effects.effect import JointCurves, Knob, positive
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -42,6 +43,7 @@ class PreslidingHysteresis(JointCurves):
     label: ClassVar[str] = "presliding hysteresis"
     family: ClassVar[str] = "dry friction"
     usual: ClassVar[float] = 0.3
+    between: ClassVar[tuple[float, float]] = (0.0, np.inf)
     jumps: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]] = ("Fc",)
     symbol_units: ClassVar[tuple[str, ...]] = ("N m",)
@@ -62,7 +64,7 @@ class PreslidingHysteresis(JointCurves):
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         if isinstance(state, Motion):
             return np.asarray(bristle(state.q, self.z_s))[None]
-        return np.tanh(state.v / 0.02)[None]
+        return smoothed_sign(state.v)[None]
 
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:
         return self.of_symbol("Fc", theta)

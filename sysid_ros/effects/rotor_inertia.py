@@ -22,6 +22,7 @@ class RotorInertia(JointEffect):
         "strong accelerations in several postures; on the first and the last joint a link's inertia is the same"
     )
     nonnegative: ClassVar[bool] = True
+    inertial: ClassVar[bool] = True
     usual: ClassVar[float] = 0.9
     symbol: ClassVar[str] = "J"
     unit: ClassVar[str] = "kg m^2"

@@ -8,6 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sysid_ros.effects.effect import Acts, JointCurves
+from sysid_ros.effects.parameter import Parameter, by_delta_method
+from sysid_ros.effects.traits import Candidate
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -47,3 +49,20 @@ class Spring(JointCurves):
         if self.shape == "line":
             return np.stack([state.q, np.ones_like(state.q)])
         return np.stack([np.sin(state.q), np.cos(state.q)])
+
+    @property
+    def form(self) -> str:
+        return self.shape
+
+    @classmethod
+    def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
+        return [Candidate({"shape": "line"}), Candidate({"shape": "sine"})]
+
+    def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
+        (joint,) = self.joint_names
+        if self.shape == "line":
+            k = by_delta_method("k", joint, self.units[0], lambda x: float(x[0]), values, covariance)
+            return [k, by_delta_method("q0", joint, "rad", lambda x: float(-x[1] / x[0]), values, covariance)]
+        k = by_delta_method("k", joint, self.units[1], lambda x: float(np.hypot(x[0], x[1])), values, covariance)
+        q0 = by_delta_method("q0", joint, "rad", lambda x: float(np.arctan2(-x[1], x[0])), values, covariance)
+        return [k, q0]

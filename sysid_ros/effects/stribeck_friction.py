@@ -8,9 +8,16 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sysid_ros.effects.effect import JointCurves, Knob, positive
+from sysid_ros.effects.traits import Candidate
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
+
+_SHARP = 0.005
+"""Width of the sign of a velocity, below the speeds at which a joint counts as standing [rad/s]."""
+_BREAKAWAY = 4.0
+"""Breakaway friction is not more than so many times the friction of steady sliding."""
 
 
 class StribeckFriction(JointCurves):
@@ -37,7 +44,7 @@ class StribeckFriction(JointCurves):
     look_alikes: ClassVar[tuple[str, ...]] = ("coulomb_friction", "presliding_hysteresis", "viscous_friction")
     separated_by: ClassVar[str] = "slow moves at several constant speeds between 0.02 and 0.2 rad/s, in both directions"
 
-    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), vs: float = 0.05, width: float = 0.02) -> None:
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), vs: float = 0.05, width: float = TURNS) -> None:
         super().__init__(robot, joints)
         self.vs, self.width = positive(vs, "vs", self.id), positive(width, "width", self.id)
 
@@ -45,10 +52,22 @@ class StribeckFriction(JointCurves):
     def settings(self) -> dict[str, Any]:
         return {"vs": self.vs, "width": self.width}
 
+    @property
+    def nonnegative_rows(self) -> FloatArray:
+        return np.vstack([np.eye(self.p), np.kron(np.eye(len(self.joints)), [-1.0, 1.0])])  # Fs - Fc
+
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
-        s = np.tanh(state.v / self.width)
+        s = smoothed_sign(state.v, self.width)
         e = np.exp(-((state.v / self.vs) ** 2))
         return np.stack([s * (1.0 - e), s * e])
 
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:
         return self.of_symbol("Fc", theta)
+
+    @classmethod
+    def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
+        return [Candidate({"vs": x, "width": _SHARP}) for x in cls.knobs[0].grid()]
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        high = float(theta[0] + 2.0 * std[0])
+        return bool(high > 0.0 and max(theta[0], 0.0) < theta[1] < _BREAKAWAY * max(high, 0.2 * theta[1]))

@@ -12,6 +12,11 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
+_LONGEST = 0.2
+"""A longer delay is no delay of a measurement [s]."""
+_SAMPLING = 3e-3
+"""A shorter one comes from sampling: the effort is held between two samples [s]."""
+
 
 class TimeDelay(Effect):
     """``tau = -delay dtau_link/dt``, to first order: the effort belongs to an earlier instant than the positions [s].
@@ -28,6 +33,7 @@ class TimeDelay(Effect):
     acts: ClassVar[Acts] = Acts.MEASUREMENT
     depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.DRIVE})
     usual: ClassVar[float] = 0.2
+    between: ClassVar[tuple[float, float]] = (-_LONGEST, _LONGEST)
     signature: ClassVar[str] = "in proportion to the rate of the torque, with one delay for all joints"
     look_alikes: ClassVar[tuple[str, ...]] = ("viscous_friction", "joint_elasticity", "velocity_lag")
     separated_by: ClassVar[str] = "fast motion: a delay grows with the square of the frequency, friction does not"
@@ -53,3 +59,6 @@ class TimeDelay(Effect):
 
     def as_delay(self, theta: FloatArray) -> float:
         return float(theta[0])
+
+    def notable(self, theta: FloatArray) -> bool:
+        return abs(float(theta[0])) >= _SAMPLING

@@ -24,6 +24,7 @@ class TorqueOffsetDrift(JointEffect):
     label: ClassVar[str] = "drift of the torque measurement"
     acts: ClassVar[Acts] = Acts.MEASUREMENT
     depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.TIME})
+    times: ClassVar[tuple[str, ...]] = ("start",)
     symbol: ClassVar[str] = "rate"
     unit: ClassVar[str] = "N m/s"
     slide_unit: ClassVar[str] = "N/s"

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from sysid_ros.effects.effect import Acts, Depends, JointCurves
+from sysid_ros.effects.parameter import Parameter, by_delta_method
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -19,6 +20,7 @@ class TorqueScale(JointCurves):
     acts: ClassVar[Acts] = Acts.MEASUREMENT
     depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.DRIVE})
     usual: ClassVar[float] = 0.1
+    between: ClassVar[tuple[float, float]] = (-0.98, np.inf)
     symbols: ClassVar[tuple[str, ...]] = ("gain_error",)
     symbol_units: ClassVar[tuple[str, ...]] = ("1",)
     slide_units: ClassVar[tuple[str, ...]] = ("1",)
@@ -31,3 +33,7 @@ class TorqueScale(JointCurves):
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         return np.array(load)[None]
+
+    def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
+        (joint,) = self.joint_names
+        return [by_delta_method("gain", joint, "1", lambda x: 1.0 + float(x[0]), values, covariance)]

@@ -23,6 +23,7 @@ class TorqueSign(ChannelEffect):
     signature: ClassVar[str] = "twice the torque of the joint is left, with a gain of exactly -1"
     look_alikes: ClassVar[tuple[str, ...]] = ("joint_sign", "torque_scale")
     separated_by: ClassVar[str] = "a joint that carries gravity"
+    scales: ClassVar[bool] = True
 
     def __init__(self, joints: Sequence[int]) -> None:
         self.joints = list(joints)

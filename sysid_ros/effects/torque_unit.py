@@ -23,6 +23,8 @@ class TorqueUnit(ChannelEffect):
     signature: ClassVar[str] = "one factor for all joints, or one for each that has nothing to do with the motion"
     look_alikes: ClassVar[tuple[str, ...]] = ("torque_scale", "payload")
     separated_by: ClassVar[str] = "any motion in which the joints carry load"
+    scales: ClassVar[bool] = True
+    absorbs: ClassVar[str] = "torque_scale"
 
     def __init__(self, factors: Sequence[float]) -> None:
         self.factors = np.array(factors, dtype=float)

@@ -15,6 +15,7 @@ class ViscousFriction(JointEffect):
     id: ClassVar[str] = "viscous_friction"
     label: ClassVar[str] = "viscous friction"
     usual: ClassVar[float] = 0.9
+    in_urdf: ClassVar[bool] = True
     signature: ClassVar[str] = "a straight line against the speed"
     look_alikes: ClassVar[tuple[str, ...]] = ("time_delay", "quadratic_friction", "coulomb_friction")
     separated_by: ClassVar[str] = "speeds from a tenth of the limit to nearly all of it"

@@ -1,12 +1,44 @@
 """Recursive estimators of ``tau = Y theta + noise``, one a file. They know nothing of robots."""
 
 from sysid_ros.estimators.constant_forgetting import ConstantForgetting
-from sysid_ros.estimators.estimator import Estimate, Estimator
+from sysid_ros.estimators.estimator import Estimate, Estimator, Problem
 from sysid_ros.estimators.jump_search import JumpRule
 from sysid_ros.estimators.long_run_variance import LongRunVariance
 from sysid_ros.estimators.variable_forgetting import VariableForgetting
+from sysid_ros.estimators.watched_estimator import WatchedEstimator
+from sysid_ros.exceptions import SettingsError
 
 ESTIMATORS: dict[str, type[Estimator]] = {"variable": VariableForgetting, "constant": ConstantForgetting}
 """Every estimator by the name that the setting ``estimator`` gives it."""
 
-__all__ = ["ESTIMATORS", "ConstantForgetting", "Estimate", "Estimator", "JumpRule", "LongRunVariance", "VariableForgetting"]
+
+def register(name: str, estimator: type[Estimator]) -> None:
+    """Make an estimator known to the node and to every command by a name. What an extension or a test calls.
+
+    Raises:
+        SettingsError: another estimator has the name.
+    """
+    if ESTIMATORS.get(name, estimator) is not estimator:
+        raise SettingsError(f"an estimator '{name}' is registered already. Give the new one another name.")
+    ESTIMATORS[name] = estimator
+
+
+def make_estimator(name: str, problem: Problem) -> Estimator:
+    """The estimator of that name for a problem; it learns its noise and finds jumps, by itself or by being watched."""
+    estimator = ESTIMATORS[name].of(problem)
+    return estimator if estimator.watches_itself else WatchedEstimator(estimator, problem)
+
+
+__all__ = [
+    "ESTIMATORS",
+    "ConstantForgetting",
+    "Estimate",
+    "Estimator",
+    "JumpRule",
+    "LongRunVariance",
+    "Problem",
+    "VariableForgetting",
+    "WatchedEstimator",
+    "make_estimator",
+    "register",
+]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid_ros.estimators import kernels
+from sysid_ros.estimators import variable_update
 from sysid_ros.sample import FloatArray
 
 _MOST_LEVERAGE = 3.0
@@ -22,20 +22,20 @@ class BlockInnovations:
         lengths: rows a block, a level, shape (levels,). m: rows of an update. p: parameters.
 
     Attributes:
-        total, starts, known, progress: what :func:`kernels.add_to_blocks` adds to.
+        total, starts, known, progress: what :func:`variable_update.add_to_blocks` adds to.
     """
 
     def __init__(self, lengths: FloatArray, m: int, p: int) -> None:
         levels = len(lengths)
         self.progress = np.zeros((2, levels))
-        self.progress[kernels.LENGTH] = lengths
+        self.progress[variable_update.LENGTH] = lengths
         self.total = np.zeros((m, p + 1))
         self.starts = np.zeros((levels, m, p + 1))
         self.known = np.zeros((levels, p, p + 1))
 
     def interrupt(self) -> None:
         """Drop the blocks in progress."""
-        self.progress[kernels.FILLED] = 0.0
+        self.progress[variable_update.FILLED] = 0.0
 
     def pop_full(self, variance: FloatArray) -> list[tuple[int, FloatArray]]:
         """The level of each block that is full, and its estimate of the noise, shape (m,); they begin anew.

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from sysid_ros.estimators import kernels
-from sysid_ros.estimators.estimator import Estimate, Estimator
+from sysid_ros.estimators.estimator import Estimate, Estimator, Problem
 from sysid_ros.sample import FloatArray
 
 _NOT_FINITE = "the rows hold values that are not finite, or absurd"
@@ -32,6 +34,10 @@ class ConstantForgetting(Estimator):
         self._prior_mean = np.zeros(self.p) if prior_mean is None else np.asarray(prior_mean, dtype=float)
         self.variance = np.asarray(variance, dtype=float)
         self.reset()
+
+    @classmethod
+    def of(cls, problem: Problem) -> ConstantForgetting:
+        return cls(problem.prior_std, problem.floor, math.exp(-problem.period / problem.forgetting_time))
 
     def reset(self) -> None:
         self._theta = self._prior_mean.copy()

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from sysid_ros.estimators.jump_search import JumpRule
 from sysid_ros.sample import FloatArray
 
 STATUSES = ("warming_up", "ok", "not_excited", "outlier", "not_finite")
@@ -30,13 +32,49 @@ class Estimate(NamedTuple):
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """What there is to estimate.
+
+    Attributes:
+        prior_std: standard deviation of each parameter before any data, shape (p,).
+        floor: least long-run variance of a row, shape (m,). period: time between updates [s].
+        forgetting_time: time constant of what is forgotten [s].
+        jump: which parameters may jump.
+        part: least variance of a single row as a part of ``floor``, which is that of the mean of many: what a low-pass leaves.
+    """
+
+    prior_std: FloatArray
+    floor: FloatArray
+    period: float
+    forgetting_time: float
+    jump: JumpRule
+    part: float = 1.0
+
+
 class Estimator(ABC):
     """A recursive estimator of ``tau = Y theta + e``; it knows nothing of robots.
 
+    A new one implements :meth:`update` and :meth:`reset`, and keeps ``_theta``, ``_P`` and ``_sensitivity`` or answers
+    :attr:`theta` and :meth:`covariance` in its own way. What it says of noise and jumps is here that the noise is as given and
+    that nothing jumps; :func:`sysid_ros.estimators.make_estimator` puts such a one into a :class:`.WatchedEstimator`, which
+    adds both.
+
     Attributes:
         p: number of parameters. m: number of rows of an update.
+        watches_itself: True where it learns its noise and finds jumps by itself.
+        jumps: how many jumps of the parameters it has found. found_after: updates from a jump until it is found.
+        noise_known: True once covariances rest on noise that the data have shown, or that was given.
+        noise_variance: over a long run, of the residual of each row, shape (m,); NaN where nothing was learned of it.
+        row_variance: of the residual of single rows, without what follows from their colour, shape (m,); NaN as above.
+        before_jump, last_jump: of the parameters that may jump, before the newest one, and by how much they changed.
     """
 
+    watches_itself: ClassVar[bool] = False
+    found_after: ClassVar[int] = 0
+    jumps: int = 0
+    before_jump: FloatArray = np.zeros(0)
+    last_jump: FloatArray = np.zeros(0)
     _theta: FloatArray
     _P: FloatArray
     """Covariance of theta, without the considered errors, shape (p, p)."""
@@ -46,6 +84,16 @@ class Estimator(ABC):
     def __init__(self, p: int, m: int) -> None:
         self.p, self.m = p, m
         self._nothing_considered = np.empty((m, 0))
+        self.noise_known = True
+        self.noise_variance: FloatArray = np.full(m, np.nan)
+        self.row_variance: FloatArray = np.full(m, np.nan)
+
+    @classmethod
+    def of(cls, problem: Problem) -> Estimator:
+        """The estimator for a problem; here of a class that is made from prior, floor, period and forgetting time."""
+        make: Any = cls
+        made: Estimator = make(problem.prior_std, problem.floor, problem.period, problem.forgetting_time)
+        return made
 
     @property
     def theta(self) -> FloatArray:
@@ -59,7 +107,8 @@ class Estimator(ABC):
         return self._P + self._sensitivity @ self._sensitivity.T
 
     def _estimate(self, innovation: FloatArray, status: str, reason: str) -> Estimate:
-        return Estimate(self._theta.copy(), self.covariance(), innovation, status, reason)
+        covariance = self.covariance() if self._sensitivity.shape[1] else self._P.copy()
+        return Estimate(self._theta.copy(), covariance, innovation, status, reason)
 
     @abstractmethod
     def update(

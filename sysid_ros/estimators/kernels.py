@@ -1,6 +1,7 @@
-"""Compiled inner loops of the estimators. Arrays are changed in place; nothing is allocated in the loops over rows.
+"""Compiled parts that estimators share: innovation, measurement update, and whether rows fit what is known.
 
-Inner loops run along the last axis without a sum, so that the compiler makes vector instructions of them.
+Arrays are changed in place; nothing is allocated in the loops over rows. Inner loops run along the last axis without a sum, so
+that the compiler makes vector instructions of them.
 """
 
 from __future__ import annotations
@@ -16,16 +17,6 @@ _JIT = {"cache": True, "error_model": "numpy", "nogil": True}
 
 ABSURD: Final = 1e9
 """What is larger than this is no value of a row: its square would overflow what it is added to."""
-MOST_SPREAD: Final = 9.0
-"""A squared residual counts as so many times its mean at most."""
-
-TAKEN_IN, BLOCK_FULL, NOT_ORDINARY, NOT_USABLE, BROKEN_DOWN = range(5)
-"""What :func:`take_in` did: took the rows in, and filled a block with them; nothing, as they do not fit what is known, or are
-not finite or absurd; or it took them in, and theta is not finite any more."""
-SPREAD, NOISE, FLOOR = range(3)
-"""Rows of ``levels``, shape (3, m): total variance of the innovations, variance that weighs a row, and the least of both."""
-FILLED, LENGTH = range(2)
-"""Rows of ``progress``, shape (2, number of lengths): updates in each block so far, and in a full one."""
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
@@ -158,24 +149,6 @@ def normalised_innovation(Y: FloatArray, P: FloatArray, spread: FloatArray, extr
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def accumulate_normal_equations(Y: FloatArray, tau: FloatArray, Z: FloatArray, weight: FloatArray, rows: FloatArray) -> None:
-    """Normal equations of each row, for weighting them anew: ``rows[i] += w_i y_i [y_i' | tau_i | z_i']``, shape (m, p,
-    p + 1 + c)."""
-    m, p = Y.shape
-    for i in range(m):
-        for a in range(p):
-            y = weight[i] * Y[i, a]
-            if y == 0.0:
-                continue
-            row = rows[i, a]
-            for k in range(p):
-                row[k] += y * Y[i, k]
-            row[p] += y * tau[i]
-            for k in range(Z.shape[1]):
-                row[p + 1 + k] += y * Z[i, k]
-
-
-@njit(**_JIT)  # type: ignore[untyped-decorator]
 def is_ordinary(
     Y: FloatArray, P: FloatArray, spread: FloatArray, extra: FloatArray, innovation: FloatArray, threshold: float
 ) -> bool:
@@ -187,113 +160,3 @@ def is_ordinary(
     if most <= threshold * innovation.size:
         return True
     return not normalised_innovation(Y, P, spread, extra, innovation) > threshold
-
-
-@njit(**_JIT)  # type: ignore[untyped-decorator]
-def add_to_blocks(
-    Y: FloatArray,
-    tau: FloatArray,
-    spread: FloatArray,
-    extra: FloatArray,
-    theta: FloatArray,
-    P: FloatArray,
-    total: FloatArray,
-    starts: FloatArray,
-    known: FloatArray,
-    progress: FloatArray,
-) -> bool:
-    """Add the rows ``[Y | tau]``, brought to the noise ``spread``, to the running ``total``, shape (m, p + 1). Where a block of a
-    level begins, keep the total in ``starts``, shape (levels, m, p + 1), and what is known, ``[P | theta]``, in ``known``, shape
-    (levels, p, p + 1). True where a block is full now."""
-    m, p = Y.shape
-    begun, full = False, False
-    for level in range(progress.shape[1]):
-        begun = begun or progress[FILLED, level] > 0.0
-    if not begun:
-        total[:] = 0.0
-    for level in range(progress.shape[1]):
-        if progress[FILLED, level] == 0.0:
-            starts[level] = total
-            known[level, :, :p] = P
-            known[level, :, p] = theta
-        progress[FILLED, level] += 1.0
-        full = full or progress[FILLED, level] >= progress[LENGTH, level]
-    for i in range(m):
-        weight = np.sqrt(spread[i] / (spread[i] + extra[i]))
-        for a in range(p):
-            total[i, a] += weight * Y[i, a]
-        total[i, p] += weight * tau[i]
-    return full
-
-
-@njit(**_JIT)  # type: ignore[untyped-decorator]
-def learn_spread(residual: FloatArray, extra: FloatArray, levels: FloatArray, rate: float, clip: bool) -> None:
-    """Running mean of the squared residuals, shape (m,), of rows whose noise is larger by ``extra``; at most
-    :data:`MOST_SPREAD` times the mean so far where ``clip``."""
-    for i in range(residual.size):
-        spread = levels[SPREAD, i]
-        squared = residual[i] * residual[i] * (spread / (spread + extra[i]))
-        if clip:
-            squared = min(squared, MOST_SPREAD * spread)
-        levels[SPREAD, i] = max((1.0 - rate) * spread + rate * squared, levels[FLOOR, i])
-
-
-@njit(**_JIT)  # type: ignore[untyped-decorator]
-def take_in(
-    Y: FloatArray,
-    tau: FloatArray,
-    extra: FloatArray,
-    Z: FloatArray,
-    theta: FloatArray,
-    P: FloatArray,
-    S: FloatArray,
-    equations: FloatArray,
-    levels: FloatArray,
-    total: FloatArray,
-    starts: FloatArray,
-    known: FloatArray,
-    progress: FloatArray,
-    innovation: FloatArray,
-    threshold: float,
-    inflation: float,
-    rate: float,
-    clip: bool,
-) -> int:
-    """One update, ``tau = Y theta + Z z + noise``: the measurement update with all that the rows say of the noise.
-
-    Args:
-        extra: added to the noise of each row, shape (m,).
-        theta, P, S: as in :func:`joseph_update_considering`.
-        equations: as ``rows`` in :func:`accumulate_normal_equations`.
-        levels: see :data:`SPREAD`. total, starts, known, progress: see :func:`add_to_blocks` and :data:`FILLED`.
-        innovation: written, shape (m,).
-        threshold: rows of which the normalised innovation is larger are left alone.
-        inflation: factor on the noise of the rows; those of more than 1 tell nothing of the noise.
-        rate, clip: see :func:`learn_spread`; a rate of 0 where nothing is learned of the noise.
-
-    Returns:
-        One of :data:`TAKEN_IN` and those beside it.
-    """
-    m = tau.size
-    spread = levels[SPREAD]
-    if not innovate(Y, tau, theta, innovation):
-        return NOT_USABLE
-    if not is_ordinary(Y, P, spread, extra, innovation, threshold):
-        return NOT_ORDINARY
-    full = False
-    if rate > 0.0 and inflation == 1.0:
-        full = add_to_blocks(Y, tau, spread, extra, theta, P, total, starts, known, progress)
-    weight, variance = np.empty(m), np.empty(m)
-    for i in range(m):
-        variance[i] = (levels[NOISE, i] + extra[i]) * inflation
-        weight[i] = levels[NOISE, i] / variance[i]
-    joseph_update_considering(theta, P, Y, tau, variance, S, Z)
-    accumulate_normal_equations(Y, tau, Z, weight, equations)
-    if rate > 0.0:
-        residual = variance
-        innovate(Y, tau, theta, residual)
-        learn_spread(residual, extra, levels, rate, clip)
-    for a in range(theta.size):
-        if not np.isfinite(theta[a]):
-            return BROKEN_DOWN
-    return BLOCK_FULL if full else TAKEN_IN

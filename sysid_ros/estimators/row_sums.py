@@ -1,13 +1,14 @@
-"""NormalEquations: all rows so far, a joint at a time, so that they can be weighted anew when their noise is known better."""
+"""RowSums: all rows so far, a joint at a time, so that they can be weighted anew when their noise is known better."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from sysid_ros.estimators.resetting import forget_towards_prior
 from sysid_ros.sample import FloatArray
 
 
-class NormalEquations:
+class RowSums:
     """``P^-1 = L + sum_i A_i / r_i`` and ``P^-1 theta = h + sum_i b_i / r_i``, with the noise r_i of row i left open.
 
     A recursion weighs a row by the noise that is known when it comes. In this form the same rows can be weighted by the noise
@@ -17,11 +18,11 @@ class NormalEquations:
         prior_variance: diagonal of P0, shape (p,). m: rows of an update.
 
     Attributes:
-        rows: ``[A_i | b_i | C_i]`` of each row, shape (m, p, p + 1 + c), to which :func:`kernels.take_in` adds.
+        rows: ``[A_i | b_i | C_i]`` of each row, shape (m, p, p + 1 + c), to which :func:`variable_update.take_in` adds.
     """
 
     def __init__(self, prior_variance: FloatArray, m: int) -> None:
-        self._std = np.sqrt(prior_variance)
+        self._prior_variance, self._std = prior_variance, np.sqrt(prior_variance)
         self._p, self._m = prior_variance.size, m
         self.start(np.diag(prior_variance), np.zeros(self._p), np.zeros((self._p, 0)))
 
@@ -37,15 +38,9 @@ class NormalEquations:
         self._known = np.hstack([self._known[:, :kept], np.zeros((self._p, c))])
         self.rows = np.concatenate([self.rows[:, :, :kept], np.zeros((self._m, self._p, c))], axis=2)
 
-    def forget(self, epsilon: float, theta: FloatArray, S: FloatArray) -> None:
-        """The information of ``P <- P + eps (P - P P0^-1 P)``: a part eps of it is exchanged for the prior around theta."""
-        keep, p = 1.0 - epsilon, self._p
-        prior = epsilon / self._std**2
-        self.rows *= keep
-        self._known *= keep
-        self._known.flat[:: self._known.shape[1] + 1] += prior
-        self._known[:, p] += prior * theta
-        self._known[:, p + 1 :] -= prior[:, None] * S
+    def forget(self, P: FloatArray, theta: FloatArray, S: FloatArray, epsilon: float) -> None:
+        """``P <- P + eps (P - P P0^-1 P)``, in place: a part eps of the information is exchanged for the prior around theta."""
+        forget_towards_prior(P, self._prior_variance, epsilon, theta, S, self._known, self.rows)
 
     def solve(self, variance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Estimate (p,), covariance (p, p) and sensitivity (p, c) for rows of this noise, shape (m,)."""

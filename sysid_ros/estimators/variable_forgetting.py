@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
-from sysid_ros.estimators import kernels
+from sysid_ros.estimators import kernels, variable_update
 from sysid_ros.estimators.block_innovations import BlockInnovations
-from sysid_ros.estimators.estimator import Estimate, Estimator
+from sysid_ros.estimators.estimator import Estimate, Estimator, Problem
 from sysid_ros.estimators.jump_search import JumpRule, JumpSearch
 from sysid_ros.estimators.long_run_variance import LongRunVariance
-from sysid_ros.estimators.resetting import forget_towards_prior
-from sysid_ros.estimators.row_sums import NormalEquations
+from sysid_ros.estimators.row_sums import RowSums
+from sysid_ros.estimators.variable_update import BLOCK_FULL, BROKEN_DOWN, NOT_ORDINARY, TAKEN_IN
 from sysid_ros.sample import FloatArray
+
+_NOT_FINITE = "the rows hold values that are not finite, or absurd"
+_BROKEN_DOWN = "the recursion broke down and started again"
 
 
 class VariableForgetting(Estimator):
@@ -26,7 +31,7 @@ class VariableForgetting(Estimator):
       data have left the filters.
     - Outlier: an innovation too large that no jump explains gets less weight.
 
-    Rows that fit, which nearly all do, are done in one call of :func:`kernels.take_in`.
+    Rows that fit, which nearly all do, are done in one call of :func:`variable_update.take_in`.
 
     Args:
         prior_std: standard deviation of each parameter before any data, shape (p,).
@@ -37,11 +42,14 @@ class VariableForgetting(Estimator):
         part: least variance of a single row as a part of ``floor``, which is that of the mean of many: what a low-pass leaves.
     """
 
+    watches_itself: ClassVar[bool] = True
+    found_after: ClassVar[int] = JumpSearch.HITS
     THRESHOLD = 4.0
-    HITS = JumpSearch.HITS
     FORGET_EVERY = 10
     SPREAD_MEMORY = 10.0
     """Time constant of the mean of squared residuals [s]."""
+    CLIP_AFTER = 0.5
+    """Time from which on a squared residual counts as :data:`.variable_update.MOST_SPREAD` times their mean at most [s]."""
     SPREAD_ANEW = 0.2
     """What the mean of squared residuals before a jump counts for after it [s]."""
     INDEPENDENT = 0.1
@@ -66,34 +74,28 @@ class VariableForgetting(Estimator):
         self._no_extra = np.zeros(self.m)
         self.reset()
 
+    @classmethod
+    def of(cls, problem: Problem) -> VariableForgetting:
+        return cls(problem.prior_std, problem.floor, problem.period, problem.forgetting_time, problem.jump, problem.part)
+
     def reset(self) -> None:
         self._theta = np.zeros(self.p)
         self._P = np.diag(self._prior_variance)
         self._sensitivity = np.zeros((self.p, 0))
         self.noise = LongRunVariance(self.m, self._period, self._floor)
         self._levels = np.stack([self._floor * self.noise.CAUTION, self._floor, self._part * self._floor])
+        self.noise_known, self.noise_variance = False, self.noise.variance
         self._spread_count = 0
         self._updates = 0
         self._blocks = BlockInnovations(self.noise.lengths, self.m, self.p)
-        self._equations = NormalEquations(self._prior_variance, self.m)
+        self._sums = RowSums(self._prior_variance, self.m)
         self._search = JumpSearch(self._jump, self._prior_variance)
         self._settling = 0
         self._burst = 0
         self._early: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         self._early_jump = False
         self.jumps = 0
-        self.last_jump: FloatArray = np.zeros(len(range(*self._jump.block.indices(self.p))))
-
-    @property
-    def prior_variance(self) -> FloatArray:
-        """Diagonal of the covariance before any data, which bounds it at all times, shape (p,)."""
-        return self._prior_variance
-
-    @property
-    def row_variance(self) -> FloatArray:
-        """Variance of the residual of single rows, shape (m,): without what follows from their colour."""
-        variance: FloatArray = self._levels[kernels.SPREAD].copy()
-        return variance
+        self.before_jump = self.last_jump = np.zeros(self._jump.least.size)
 
     @property
     def settling(self) -> bool:
@@ -109,37 +111,32 @@ class VariableForgetting(Estimator):
         considered: FloatArray | None = None,
     ) -> Estimate:
         extra = self._no_extra if extra_variance is None else extra_variance
-        Z = self._fit_considered(considered)
-        innovation, outlier = np.empty(self.m), False
-        if hold or self._settling or self._burst or self._search.hits:
-            done = kernels.NOT_ORDINARY
-        else:
+        Z = self._nothing_considered if considered is None else considered
+        if Z.shape[1] != self._sensitivity.shape[1]:
+            self._consider(Z.shape[1])
+        innovation, outlier, done = np.empty(self.m), False, NOT_ORDINARY
+        if not (hold or self._settling or self._burst or self._search.hits):
             done = self._take_in(Y, tau, extra, Z, innovation, self.THRESHOLD)
-        if done == kernels.NOT_ORDINARY and kernels.innovate(Y, tau, self._theta, innovation):
-            z = kernels.normalised_innovation(Y, self._P, self._levels[kernels.SPREAD], extra, innovation)
-            jumped = self._watch(Y, innovation, extra, z)
-            if jumped and hold:
-                self._burst = round(0.5 / self._period)
-            if hold and self._burst == 0:
-                self._interrupt_noise()
+        if done == NOT_ORDINARY and kernels.innovate(Y, tau, self._theta, innovation):
+            z = kernels.normalised_innovation(Y, self._P, self._levels[variable_update.SPREAD], extra, innovation)
+            if self._is_idle(Y, innovation, extra, z, hold):
                 return self._estimate(innovation, "not_excited", "nothing excites the parameters; the estimate is held")
-            self._burst = max(self._burst - 1, 0)
-            outlier = z > self.THRESHOLD and not self.settling
+            outlier = z > self.THRESHOLD and not self._settling
             done = self._take_in(Y, tau, extra, Z, innovation, np.inf, z if outlier else 1.0)
-        if done not in (kernels.TAKEN_IN, kernels.BLOCK_FULL):
-            if done != kernels.BROKEN_DOWN:
-                return self._estimate(innovation, "not_finite", "the rows hold values that are not finite, or absurd")
-            self.reset()
-            return self._estimate(innovation, "not_finite", "the recursion broke down and started again")
+        if done not in (TAKEN_IN, BLOCK_FULL):
+            broken = done == BROKEN_DOWN
+            if broken:
+                self.reset()
+            return self._estimate(innovation, "not_finite", _BROKEN_DOWN if broken else _NOT_FINITE)
         if self._settling:
             self._settle()
         if not self.noise.known:
             self._learn_early(Y, tau, extra)
-        elif done == kernels.BLOCK_FULL:
+        elif done == BLOCK_FULL:
             self._learn_colour()
         self._updates += 1
         if self._updates % self.FORGET_EVERY == 0 and not self._settling:
-            self._forget()
+            self._sums.forget(self._P, self._theta, self._sensitivity, self._epsilon)
         if outlier:
             return self._estimate(innovation, "outlier", "the torques do not fit the estimate; they were given less weight")
         if not self.noise.known:
@@ -147,6 +144,16 @@ class VariableForgetting(Estimator):
         if self._settling:
             return self._estimate(innovation, "warming_up", "the parameters have just jumped")
         return self._estimate(innovation, "ok", "")
+
+    def _is_idle(self, Y: FloatArray, innovation: FloatArray, extra: FloatArray, z: float, hold: bool) -> bool:
+        """Look for a jump; True where nothing excites the parameters and none has just been found, so that the rows are left."""
+        if self._watch(Y, innovation, extra, z) and hold:
+            self._burst = round(0.5 / self._period)
+        if hold and self._burst == 0:
+            self._interrupt_noise()
+            return True
+        self._burst = max(self._burst - 1, 0)
+        return False
 
     def _take_in(
         self,
@@ -158,50 +165,28 @@ class VariableForgetting(Estimator):
         threshold: float,
         inflation: float = 1.0,
     ) -> int:
-        blocks, rate, clip = self._blocks, 0.0, False
+        blocks, count, rate = self._blocks, self._spread_count, 0.0
+        self.row_variance = self._levels[variable_update.SPREAD]
         if self.noise.known and not self._settling:
-            rate, clip = self._next_rate()
-        done: int = kernels.take_in(
-            Y,
-            tau,
-            extra,
-            Z,
-            self._theta,
-            self._P,
-            self._sensitivity,
-            self._equations.rows,
-            self._levels,
-            blocks.total,
-            blocks.starts,
-            blocks.known,
-            blocks.progress,
-            innovation,
-            threshold,
-            inflation,
-            rate,
-            clip,
-        )
-        if rate > 0.0 and done in (kernels.TAKEN_IN, kernels.BLOCK_FULL):
+            rate = max(1.0 / (count + 1), self._period / self.SPREAD_MEMORY)
+        done: int = variable_update.take_in(
+            Y, tau, extra, Z, self._theta, self._P, self._sensitivity, self._sums.rows, self._levels,
+            blocks.total, blocks.starts, blocks.known, blocks.progress,
+            innovation, threshold, inflation, rate, count * self._period > self.CLIP_AFTER,
+        )  # fmt: skip
+        if rate > 0.0 and done in (TAKEN_IN, BLOCK_FULL):
             self._spread_count += 1
         return done
 
     def _consider(self, count: int) -> None:
         super()._consider(count)
-        self._equations.consider(count)
-
-    def _next_rate(self) -> tuple[float, bool]:
-        """How much the next squared residual counts in the mean of them, and whether a large one counts less."""
-        count = self._spread_count
-        return max(1.0 / (count + 1), self._period / self.SPREAD_MEMORY), count * self._period > 0.5
-
-    def _forget(self) -> None:
-        forget_towards_prior(self._P, self._prior_variance, self._epsilon)
-        self._equations.forget(self._epsilon, self._theta, self._sensitivity)
+        self._sums.consider(count)
 
     def _weigh_anew(self) -> None:
         """Rows were weighted with the noise known when they came; weight them all with what is known now."""
-        self._levels[kernels.NOISE] = self.noise.variance
-        self._theta, self._P, self._sensitivity = self._equations.solve(self.noise.variance)
+        self.noise_known, self.noise_variance = self.noise.known, self.noise.variance
+        self._levels[variable_update.NOISE] = self.noise.variance
+        self._theta, self._P, self._sensitivity = self._sums.solve(self.noise.variance)
 
     def _learn_colour(self) -> None:
         """Read the long-run variance from the blocks that are full."""
@@ -213,10 +198,7 @@ class VariableForgetting(Estimator):
 
     def _learn_early(self, Y: FloatArray, tau: FloatArray, extra: FloatArray) -> None:
         """The first residuals say nothing while the fit still follows every row: the noise is read from one fit to all first
-        rows.
-
-        They were weighted with the least noise; once it is known they are taken in again with what it is.
-        """
+        rows. They were weighted with the least noise; once it is known they are taken in again with what it is."""
         if self._settling:
             return
         self._early.append((Y, tau, extra))
@@ -227,9 +209,11 @@ class VariableForgetting(Estimator):
         freedom = max(1.0 - self.p / (self.m * count * self._period / self.INDEPENDENT), 0.25)
         for rows, torque, more in self._early:
             residual = (torque - rows @ self._theta) / np.sqrt(freedom)
-            spread = self._levels[kernels.SPREAD]
+            spread = self._levels[variable_update.SPREAD]
             weighted = residual * np.sqrt(spread / (spread + more))
-            kernels.learn_spread(residual, more, self._levels, *self._next_rate())
+            rate = max(1.0 / (self._spread_count + 1), self._period / self.SPREAD_MEMORY)
+            clip = self._spread_count * self._period > self.CLIP_AFTER
+            variable_update.learn_spread(residual, more, self._levels, rate, clip)
             self._spread_count += 1
             if count == fewest:
                 self.noise.add(weighted)
@@ -244,11 +228,11 @@ class VariableForgetting(Estimator):
         if not z > self.THRESHOLD:
             self._search.miss()
             return False
-        change = self._search.hit(Y, innovation, self._levels[kernels.SPREAD] + extra, self._coloured_variance() + extra)
+        change = self._search.hit(Y, innovation, self._levels[variable_update.SPREAD] + extra, self._coloured_variance() + extra)
         if change is None:
             return False
         self.jumps += 1
-        self.last_jump = change
+        self.before_jump, self.last_jump = self._theta[self._jump.block].copy(), change
         self._settling = max(round(self._jump.memory / self._period), 1)
         self._interrupt_noise()
         self._begin_again()
@@ -258,7 +242,9 @@ class VariableForgetting(Estimator):
         """Long-run variance of the rows; while it is not known, as if what is left kept its value for a block, shape (m,)."""
         if self.noise.known:
             return self.noise.variance
-        variance: FloatArray = np.maximum(self.noise.variance, self._levels[kernels.SPREAD] * self.noise.BLOCKS[0] / self._period)
+        variance: FloatArray = np.maximum(
+            self.noise.variance, self._levels[variable_update.SPREAD] * self.noise.BLOCKS[0] / self._period
+        )
         return variance
 
     def forget(self) -> None:
@@ -290,7 +276,7 @@ class VariableForgetting(Estimator):
             self._sensitivity[:] = 0.0
             self._early = []
             self._early_jump = True
-        self._equations.start(self._P, self._theta, self._sensitivity)
+        self._sums.start(self._P, self._theta, self._sensitivity)
 
     def _interrupt_noise(self) -> None:
         """Residuals to come do not follow the ones before."""

@@ -6,11 +6,8 @@ import numpy as np
 
 from sysid_ros.excitation.feasibility import Feasibility, Use
 from sysid_ros.excitation.fourier_trajectory import FourierBasis
-from sysid_ros.excitation.motion_limits import FRICTION_WIDTH
+from sysid_ros.excitation.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
-
-_DEPTH = 0.1
-"""Room between two links that counts as much as a whole limit [m]."""
 
 _NEGLIGIBLE = 1e-4
 
@@ -63,16 +60,13 @@ class MotionConstraints:
     @staticmethod
     def exact(use: Use) -> FloatArray:
         """g without smoothing, from what a motion uses, shape (m,)."""
-        return np.concatenate([use.limits.ravel(), 1.0 - use.room / _DEPTH])
+        return np.concatenate([use.limits.ravel(), 1.0 - use.room / TOLERANCES.depth])
 
     def _torque_gradient(self, q: FloatArray, v: FloatArray, a: FloatArray, weight: FloatArray) -> FloatArray:
         """Of the weighted torques, shape (n, K, n)."""
-        robot, n = self._limits.robot, self._limits.robot.n
-        by_q, by_v, by_a = robot.rnea_derivatives_along(q, v, a)
-        slope = robot.damping + robot.friction / FRICTION_WIDTH / np.cosh(np.minimum(np.abs(v) / FRICTION_WIDTH, 100.0)) ** 2
-        by_v[:, np.arange(n), np.arange(n)] += slope
+        n = self._limits.robot.n
         total = np.zeros((n, self.functions[0].shape[1], n))
-        for function, derivative in zip(self.functions, (by_q, by_v, by_a), strict=True):
+        for function, derivative in zip(self.functions, self._limits.torque_derivatives(q, v, a), strict=True):
             total += np.einsum("ti,tij,tk->ikj", weight, derivative, function, optimize=True)
         return total
 
@@ -80,14 +74,14 @@ class MotionConstraints:
         """Smooth maximum of ``1 - room / depth`` for each pair, shape (P,), and its derivative, shape (P, K, n)."""
         assert self._collision is not None
         room = np.array([self._collision.room(x) for x in q])
-        value, weight = _smooth_max((1.0 - room / _DEPTH)[None], sharpness)
+        value, weight = _smooth_max((1.0 - room / TOLERANCES.depth)[None], sharpness)
         value, weight = value[0], weight[0]
         gradient = np.zeros((room.shape[1], self.functions[0].shape[1], q.shape[1]))
         matters = (weight > _NEGLIGIBLE) & (value > 0.0)
         for k in np.flatnonzero(matters.any(axis=1)):
             self._collision.room(q[k])
             pairs = np.flatnonzero(matters[k])
-            by_posture = -weight[k, pairs, None] / _DEPTH * self._collision.room_gradient(q[k], pairs.tolist())
+            by_posture = -weight[k, pairs, None] / TOLERANCES.depth * self._collision.room_gradient(q[k], pairs.tolist())
             gradient[pairs] += self.functions[0][k][None, :, None] * by_posture[:, None, :]
         return value, gradient
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.effects import CoulombFriction, Effect, JointEffect
+from sysid_ros.effects import Effect
 from sysid_ros.excitation.motion_limits import MotionLimits
+from sysid_ros.excitation.tolerances import TOLERANCES
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.motion import Motion
@@ -16,9 +17,6 @@ from sysid_ros.torque.torque_model import TorqueModel
 
 _STATES = 500
 _STEP = 1e-6
-_SMOOTH = 0.05
-_VISIBLE = 1e-3
-"""A combination that shows less than this beside the others is there only because a URDF rounds its angles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,20 +62,14 @@ class ExcitationCriteria:
         size = np.where(np.isfinite(limits.effort), limits.effort, 3.0 * typical)
         self.weight: FloatArray = float(np.exp(np.mean(np.log(size)))) / size
         Y = self._rows(q, v, a)
-        self.base = BaseParameters(np.einsum("kia,kib->ab", Y, Y) / _STATES, _VISIBLE)
+        self.base = BaseParameters(np.einsum("kia,kib->ab", Y, Y) / _STATES, TOLERANCES.visible)
         self.columns = np.sort(self.base.independent)
         self.names = tuple(model.parameter_names[i] for i in self.columns)
         weighted = self.weight[:, None] * Y[:, :, self.columns]
         self._scale: FloatArray = 1.0 / np.sqrt(np.einsum("kia,kia->a", weighted, weighted) / _STATES)
         # a search by gradients can't see the step of dry friction between two of its samples
         self._smooth = TorqueModel(
-            self.robot,
-            [
-                CoulombFriction(e.robot, e.joint_names, width=_SMOOTH * float(np.min(limits.velocity[e.joints])))
-                if isinstance(e, CoulombFriction)
-                else e
-                for e in model.free
-            ],
+            self.robot, [e.smoothed(TOLERANCES.smooth * float(np.min(limits.velocity[e.joints]))) for e in model.free]
         )
 
     def _rows(self, q: FloatArray, v: FloatArray, a: FloatArray, model: TorqueModel | None = None) -> FloatArray:
@@ -156,7 +148,7 @@ def _column_gradient(effect: Effect, states: FloatArray, columns: FloatArray, di
     gradient = np.zeros(states.shape)
     # columns are affine in the acceleration, where a long step costs nothing
     steps = (_STEP, _STEP, 1.0)
-    if isinstance(effect, JointEffect):
+    if effect.diagonal is not None and not effect.depends_on:
         # a joint's column depends on that joint alone, so all can be moved together
         for kind, step in enumerate(steps):
             moved = np.array(states)

@@ -13,11 +13,11 @@ from sysid_ros.excitation.feasibility import Feasibility, Use
 from sysid_ros.excitation.fourier_trajectory import FourierBasis, FourierTrajectory
 from sysid_ros.excitation.motion_limits import JointLimit, MotionLimits
 from sysid_ros.excitation.search import STAGES, ExcitationSearch
+from sysid_ros.excitation.tolerances import TOLERANCES
 from sysid_ros.robot.collision_model import CollisionModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.torque_model import TorqueModel
 
-_WELL_CONDITIONED = 100.0
 _POSTURES_EACH = 5
 
 
@@ -84,19 +84,8 @@ def excite(
     feasibility = Feasibility(limits, collision)
     if start is not None:
         feasibility.require_posture(start)
-    generator = np.random.default_rng(settings.seed)
-    tries = (settings.comparison, _POSTURES_EACH)
-    if start is None:
-        postures = feasibility.postures(generator, tries[0] * tries[1]).reshape(*tries, limits.robot.n)
-    else:
-        postures = np.tile(start, (*tries, 1))
     search = ExcitationSearch(ExcitationCriteria(model, limits), feasibility, basis)
-    motions: list[tuple[Criteria, FourierTrajectory]] = []
-    for some in postures:
-        motion = search.random(generator, some)
-        motions.append((search.criteria(motion), motion))
-        progress(1)
-    motions.sort(key=lambda m: -m[0].d)
+    motions = _random_motions(search, feasibility, settings, start, progress)
     best, best_criteria, found = motions[0][1], motions[0][0], []
     for _, begin in motions[: settings.starts]:
         left = sum(stage.iterations for stage in STAGES)
@@ -129,10 +118,32 @@ def excite(
     )
 
 
+def _random_motions(
+    search: ExcitationSearch,
+    feasibility: Feasibility,
+    settings: ExcitationSettings,
+    start: FloatArray | None,
+    progress: Callable[[int], None],
+) -> list[tuple[Criteria, FourierTrajectory]]:
+    """Random feasible motions with their criteria, the best first."""
+    generator = np.random.default_rng(settings.seed)
+    tries = (settings.comparison, _POSTURES_EACH)
+    if start is None:
+        postures = feasibility.postures(generator, tries[0] * tries[1]).reshape(*tries, -1)
+    else:
+        postures = np.tile(start, (*tries, 1))
+    motions: list[tuple[Criteria, FourierTrajectory]] = []
+    for some in postures:
+        motion = search.random(generator, some)
+        motions.append((search.criteria(motion), motion))
+        progress(1)
+    return sorted(motions, key=lambda m: -m[0].d)
+
+
 def _doubts(criteria: Criteria) -> list[str]:
-    if criteria.condition_number <= _WELL_CONDITIONED:
+    if criteria.condition_number <= TOLERANCES.conditioned:
         return []
     return [
-        f"The condition number is {criteria.condition_number:.0f}; under {_WELL_CONDITIONED:.0f} is wanted. Allow a longer "
+        f"The condition number is {criteria.condition_number:.0f}; under {TOLERANCES.conditioned:.0f} is wanted. Allow a longer "
         "period, more harmonics, or more of the joints' limits."
     ]

@@ -9,13 +9,10 @@ import numpy as np
 from sysid_ros.exceptions import DataError
 from sysid_ros.excitation.fourier_trajectory import FourierTrajectory
 from sysid_ros.excitation.motion_limits import KINDS, MotionLimits
+from sysid_ros.excitation.tolerances import TOLERANCES
 from sysid_ros.robot.collision_model import CollisionModel
 from sysid_ros.sample import FloatArray
 
-STEP = 1e-3
-"""Every limit is checked this often [s]."""
-
-_ROUNDING = 1e-4
 _POSTURES = 1000
 
 
@@ -35,7 +32,7 @@ class Use:
     @property
     def feasible(self) -> bool:
         """All limits are kept; a ten thousandth is left for the rounding of what is written."""
-        return bool(np.all(self.limits <= 1.0 - _ROUNDING) and np.all(self.room >= 0.0))
+        return bool(np.all(self.limits <= 1.0 - TOLERANCES.rounding) and np.all(self.room >= 0.0))
 
 
 class Feasibility:
@@ -50,7 +47,7 @@ class Feasibility:
         self.limits = limits
         self.collision = collision if collision is not None and collision.pairs else None
 
-    def use(self, trajectory: FourierTrajectory, step: float = STEP) -> Use:
+    def use(self, trajectory: FourierTrajectory, step: float = TOLERANCES.step) -> Use:
         """What a motion uses, at times ``step`` [s] apart over one period, which the others repeat."""
         q, v, a = trajectory.sample(trajectory.grid(step, one_period=True))
         limits = np.abs(self.limits.use(q, v, a, self.limits.torque(q, v, a))).max(axis=1)
@@ -61,17 +58,17 @@ class Feasibility:
 
         Between times at which no pair of links can have come together, collisions need no look.
         """
-        q, v, a = trajectory.sample(trajectory.grid(STEP, one_period=True))
+        q, v, a = trajectory.sample(trajectory.grid(TOLERANCES.step, one_period=True))
         quick = slice(None, None, 20)
-        if np.abs(self.limits.use(q, v, a, np.zeros_like(q))).max() > 1.0 - _ROUNDING:
+        if np.abs(self.limits.use(q, v, a, np.zeros_like(q))).max() > 1.0 - TOLERANCES.rounding:
             return False
         if not self._torque_kept(q[quick], v[quick], a[quick]):
             return False
-        room = self._least_room(q, np.abs(v).max(axis=0), STEP, stop=True)
+        room = self._least_room(q, np.abs(v).max(axis=0), TOLERANCES.step, stop=True)
         return bool(np.all(room >= 0.0)) and self._torque_kept(q, v, a)
 
     def _torque_kept(self, q: FloatArray, v: FloatArray, a: FloatArray) -> bool:
-        return bool(np.abs(self.limits.torque(q, v, a) / self.limits.effort).max() <= 1.0 - _ROUNDING)
+        return bool(np.abs(self.limits.torque(q, v, a) / self.limits.effort).max() <= 1.0 - TOLERANCES.rounding)
 
     def _least_room(self, q: FloatArray, speed: FloatArray, step: float, stop: bool) -> FloatArray:
         """Least room of each pair, shape (P,) [m], leaving out times at which none can have less than what was seen before.
@@ -129,7 +126,7 @@ class Feasibility:
         """
         robot, use = self.limits.robot, self.at_rest(q)
         for i, name in enumerate(robot.joint_names):
-            if use.limits[0, i] > 1.0 - _ROUNDING:
+            if use.limits[0, i] > 1.0 - TOLERANCES.rounding:
                 raise DataError(
                     f"the start posture has joint {name} at {q[i]:g}; {self.limits.lower[i]:.4g} to {self.limits.upper[i]:.4g} "
                     "is allowed there. Choose another start, or let the motion use more of the joint's range."

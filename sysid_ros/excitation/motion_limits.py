@@ -10,10 +10,10 @@ import numpy as np
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.excitation.excitation_settings import ExcitationSettings
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign_slope
 from sysid_ros.sample import FloatArray
-
-FRICTION_WIDTH = 0.02
-"""Speed at which the URDF's dry friction has turned [rad/s or m/s]."""
+from sysid_ros.signals.motion import Motion
+from sysid_ros.torque.torque_model import TorqueModel
 
 KINDS = ("position", "velocity", "acceleration", "torque")
 """The limits, in the order of :meth:`MotionLimits.use`."""
@@ -37,7 +37,7 @@ class JointLimit:
 class MotionLimits:
     """What a motion may use: the URDF's limits, or those given instead, less the margins of the settings.
 
-    The torque is nominal, ``tau = RNEA(q, v, a) + damping v + friction tanh(v / 0.02)`` of the URDF.
+    The torque is nominal: that of the URDF's links and its ``<dynamics>``.
 
     Args:
         robot: the model.
@@ -60,7 +60,7 @@ class MotionLimits:
             raise SettingsError(
                 f"limits are given for joints {', '.join(unknown)}; the joints that move are {', '.join(robot.joint_names)}."
             )
-        self.robot, self._settings = robot, settings
+        self.robot, self._settings, self._model = robot, settings, TorqueModel(robot, [])
         self.lower, self.upper = self._range(given)
         stated = np.isfinite(robot.velocity_limit)
         own = _replaced(np.where(stated, robot.velocity_limit, np.nan), given, robot, "velocity")
@@ -111,9 +111,14 @@ class MotionLimits:
 
     def torque(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Nominal torques at N states, shape (N, n) [N m]."""
-        robot = self.robot
-        tau: FloatArray = robot.rnea_along(q, v, a) + robot.damping * v + robot.friction * np.tanh(v / FRICTION_WIDTH)
-        return tau
+        return self._model.torque_along(Motion(self.robot, np.arange(len(q), dtype=np.float64), q, v, a, np.zeros_like(q)))
+
+    def torque_derivatives(self, q: FloatArray, v: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Derivatives of :meth:`torque` by q, v and a, shape (N, n, n) each."""
+        robot, each = self.robot, np.arange(self.robot.n)
+        by_q, by_v, by_a = robot.rnea_derivatives_along(q, v, a)
+        by_v[:, each, each] += self._model.damping() + self._model.dry_friction() * smoothed_sign_slope(v)
+        return by_q, by_v, by_a
 
     def use(self, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
         """Part of each limit that N states use, signed, shape (4, N, n): 1 and -1 are the limits, in the order of ``KINDS``."""

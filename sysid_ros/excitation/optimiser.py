@@ -12,6 +12,7 @@ from sysid_ros.excitation.constraints import MotionConstraints
 from sysid_ros.excitation.criteria import ExcitationCriteria
 from sysid_ros.excitation.feasibility import Feasibility
 from sysid_ros.excitation.fourier_trajectory import FourierBasis, FourierTrajectory
+from sysid_ros.excitation.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 
 _SAMPLES_PER_HARMONIC = 20
@@ -20,11 +21,7 @@ _EXACT_STEP = 0.004
 _CAUTION = 0.1
 """Factor on D for each parameter: the first steps go by the gradient itself, and shall not be wider than a joint's range."""
 _TOLERANCE = 3e-5 * _CAUTION
-_LIMIT = 0.999
-"""Part of a limit that may be used, of which a thousandth is left for what lies between the samples."""
 
-_SHRINKING = 4.0
-"""What shrinking a motion by a part costs at most in D for each parameter: torques of inertia fall by it and by speed squared."""
 
 _WIDEST = 3.0
 
@@ -86,14 +83,14 @@ class MotionOptimiser:
         def inequality(key: bytes) -> tuple[FloatArray, FloatArray]:
             value, gradient = self._constraints.evaluate(self._coefficients(begin, np.frombuffer(key)), stage.sharpness)
             by_variable = (gradient * self._unit)[:, self._fixed :].reshape(len(value), -1)
-            return _LIMIT - (value - correction), -by_variable
+            return TOLERANCES.limit - (value - correction), -by_variable
 
         best, best_merit = start, np.inf
 
         def look(x: FloatArray) -> None:
             nonlocal best, best_merit
             excess = max(0.0, -float(inequality(x.tobytes())[0].min()))
-            merit = objective(x.tobytes())[0] + _CAUTION * _SHRINKING * excess
+            merit = objective(x.tobytes())[0] + _CAUTION * TOLERANCES.shrinking * excess
             if merit < best_merit:
                 best, best_merit = np.array(x), merit
 

@@ -10,18 +10,12 @@ from sysid_ros.excitation.criteria import Criteria, ExcitationCriteria
 from sysid_ros.excitation.feasibility import Feasibility
 from sysid_ros.excitation.fourier_trajectory import FourierBasis, FourierTrajectory
 from sysid_ros.excitation.optimiser import MotionOptimiser, Stage
+from sysid_ros.excitation.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 
 _CRITERIA_STEP = 0.01
 _SHRINK = (1.0, 0.999, 0.998, 0.995, 0.99, 0.98, 0.96, 0.93, 0.9)
 _HALVINGS = 6
-_LITTLE = 1.0 / 3.0
-_NEARLY_USE, _NEARLY_ROOM = 1.05, -0.02
-"""Largest use of a limit, and least room between links [m], from which another stage finds back."""
-_CLOSE = 0.998
-"""A motion that has to be shrunk no more than this is as large as it can be."""
-_UNDER = 0.995
-"""Left of a limit that is looked at every 10 ms."""
 
 STAGES = (Stage(60.0, 120, False), Stage(300.0, 60, True), Stage(300.0, 30, True), Stage(300.0, 30, True))
 """Far at first, with maxima that are smooth; then up to the limits."""
@@ -63,7 +57,7 @@ class ExcitationSearch:
             part, motion = self._largest(full.scaled)
             if part > largest:
                 largest, best = part, motion
-            if part > _LITTLE:
+            if part > TOLERANCES.little:
                 break
         assert best is not None
         return best
@@ -86,7 +80,7 @@ class ExcitationSearch:
             ],
             axis=0,
         )
-        coefficients[1:] *= _UNDER / size
+        coefficients[1:] *= TOLERANCES.under / size
         return FourierTrajectory(self._basis, coefficients)
 
     def _largest(self, motion: Callable[[float], FourierTrajectory]) -> tuple[float, FourierTrajectory]:
@@ -114,7 +108,7 @@ class ExcitationSearch:
             better = (d := self.criteria(repaired).d) > best_d
             if better:
                 best, best_d = repaired, d
-            if stage.exact and better and factor >= _CLOSE:
+            if stage.exact and better and factor >= TOLERANCES.close:
                 break
         return best
 
@@ -126,7 +120,7 @@ class ExcitationSearch:
 
     def _nearly_feasible(self, trajectory: FourierTrajectory) -> bool:
         use = self._feasibility.use(trajectory, _CRITERIA_STEP)
-        return bool(np.all(use.limits < _NEARLY_USE) and np.all(use.room > _NEARLY_ROOM))
+        return bool(np.all(use.limits < TOLERANCES.nearly_use) and np.all(use.room > TOLERANCES.nearly_room))
 
     def _towards(self, trajectory: FourierTrajectory, feasible: FourierTrajectory) -> FourierTrajectory:
         target, origin = trajectory.coefficients, feasible.coefficients

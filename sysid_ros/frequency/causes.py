@@ -1,6 +1,6 @@
 """Which cause explains a frequency response, with its parameters and how certain they are.
 
-Every form of :mod:`.forms` is fitted to the lines themselves, so that a resonance may be narrower than a window::
+Every form of :mod:`.transfer_functions` is fitted to the lines themselves, so that a resonance may be narrower than a window::
 
     min over x   sum_w sum_k |P_w (Y_k - H(f_k; x) U_k)|^2 / (s_w^2 + |H(f_k; x)|^2 n_k)
 
@@ -16,24 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.frequency.forms import FORMS, UNITS, Form
-from sysid_ros.frequency.line_fit import BEYOND, FOLDS, LineFit, bounds
 from sysid_ros.frequency.lines import ComplexArray, Record
 from sysid_ros.frequency.local_fit import Window
-from sysid_ros.frequency.verdict import MOSTLY_SMOOTH
+from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency.transfer_functions import FOLDS, FORMS, UNITS, Form, LineFit, bounds
 from sysid_ros.sample import FloatArray
 
-_STEP_UP = 10.0
-"""Gain of the tempered BIC that one more complicated cause must bring."""
-_AS_GOOD = 6.0
-"""Difference below which one cause can't be told from another."""
-NEGLIGIBLE = 0.05
-"""Largest |H - 1| in the band up to which a cause is not worth a word."""
 _GRID = 60
-_HELD, _MOST = 0.1, 0.5
-"""Part of the misfit on held-out lines that a cause must explain, and one that leaves much of it."""
-_MUCH_LEFT = 4.0
-_OBVIOUS = 200.0
 _DAMPINGS = (0.01, 0.03, 0.1, 0.2)
 _RATIOS = (0.3, 1.5)
 _INTERVAL = 1.96
@@ -82,15 +71,18 @@ class Cause:
     @property
     def named(self) -> bool:
         """Whether it is worth a word, and can be told beside dry friction."""
-        return self.name != "nothing" and self.effect >= NEGLIGIBLE and self.share >= MOSTLY_SMOOTH and self.explains
+        return (
+            self.name != "nothing"
+            and self.effect >= TOLERANCES.negligible
+            and self.share >= TOLERANCES.mostly_smooth
+            and self.explains
+        )
 
     @property
     def explains(self) -> bool:
         """Whether it explains enough of the misfit to be believed: on data not fitted, unless a resonance stands out."""
-        held = self.held_out_gain >= _HELD
-        if self.name.endswith("resonance"):
-            return held or self.delta_bic > _OBVIOUS
-        return held and (self.held_out_gain >= _MOST or self.misfit < _MUCH_LEFT)
+        stands_out = self.name.endswith("resonance") and self.delta_bic > TOLERANCES.obvious
+        return stands_out or self.held_out_gain >= TOLERANCES.held_out
 
     def H(self, f: FloatArray) -> ComplexArray:
         """Response at f (K,) [Hz]."""
@@ -119,7 +111,7 @@ def starts_of(form: Form, fit: LineFit, known: dict[str, float]) -> list[FloatAr
     usual = {"gain": 1.0, "delay": 0.0, "cutoff": float(fit.f.max()), **known}
     if "damping" not in form.parameters:
         return [form.searched(np.array([usual[name] for name in form.parameters]))]
-    low, high = 1.5 * float(fit.f.min()), float(fit.f.max()) / BEYOND
+    low, high = 1.5 * float(fit.f.min()), float(fit.f.max()) / TOLERANCES.beyond
     if high <= 1.4 * low:
         return []
     grid = []
@@ -148,6 +140,38 @@ def find_cause(records: Sequence[Record], windows: Sequence[Window], forms: Sequ
     fit = LineFit(records, windows)
     if fit.count < 8 or fit.freedom < 12.0:
         return None
+    found = _fitted(forms, fit)
+    worst = max(min((cost / max(2.0 * fit.freedom - form.p, 1.0) * 2.0) for form, _, cost in found), 1.0)
+    size = np.log(2.0 * fit.freedom)
+    # the sum of |r|^2 is half of chi squared
+    score = [2.0 * cost / worst + form.p * size for form, _, cost in found]
+    order = sorted(range(len(found)), key=lambda i: (found[i][0].p, score[i]))
+    best = order[0]
+    for i in order[1:]:
+        if score[i] < score[best] - TOLERANCES.step_up and _holds(found[i], found[best], fit):
+            best = i
+    form, x, cost = found[best]
+    alike = (found[i][0] for i in order if score[i] < score[best] + TOLERANCES.as_good)
+    rivals = dict.fromkeys(
+        other.name for other in alike if not set(form.name.split("+")) <= set(other.name.split("+")) and other.p <= form.p + 1
+    )
+    misfit = cost / max(fit.freedom - 0.5 * form.p, 1.0)
+    return Cause(
+        form.name,
+        _parameters(form, x, fit, max(misfit, 1.0)),
+        float(score[order[0]] - score[best]),
+        _held_out_gain(found[best], fit) if form.p else 0.0,
+        tuple(r for r in rivals if r != "nothing") if form.p else (),
+        misfit,
+        form,
+        x,
+        (float(fit.f.min()), float(fit.f.max())),
+        fit.share,
+    )
+
+
+def _fitted(forms: Sequence[Form], fit: LineFit) -> list[tuple[Form, FloatArray, float]]:
+    """The forms with their best parameters (as searched) and costs, without those whose oscillation lies outside of the band."""
     found: list[tuple[Form, FloatArray, float]] = []
     known: dict[str, float] = {}
     for form in forms:
@@ -160,39 +184,7 @@ def find_cause(records: Sequence[Record], windows: Sequence[Window], forms: Sequ
         if form.name in ("gain", "delay"):
             known |= dict(zip(form.parameters, form.values(x), strict=True))
         found.append((form, x, cost))
-    worst = max(min((cost / max(2.0 * fit.freedom - form.p, 1.0) * 2.0) for form, _, cost in found), 1.0)
-    size = np.log(2.0 * fit.freedom)
-    # the sum of |r|^2 is half of chi squared
-    score = [2.0 * cost / worst + form.p * size for form, _, cost in found]
-    order = sorted(range(len(found)), key=lambda i: (found[i][0].p, score[i]))
-    best = order[0]
-    for i in order[1:]:
-        if score[i] < score[best] - _STEP_UP and _holds(found[i], found[best], fit):
-            best = i
-    form, x, cost = found[best]
-    rivals = tuple(
-        dict.fromkeys(
-            found[i][0].name
-            for i in order
-            if not set(form.name.split("+")) <= set(found[i][0].name.split("+"))
-            and found[i][0].p <= form.p + 1
-            and score[i] < score[best] + _AS_GOOD
-        )
-    )
-    misfit = cost / max(fit.freedom - 0.5 * form.p, 1.0)
-    gain = _held_out_gain(found[best], fit) if form.p else 0.0
-    return Cause(
-        form.name,
-        _parameters(form, x, fit, max(misfit, 1.0)),
-        float(score[order[0]] - score[best]),
-        gain,
-        tuple(r for r in rivals if r != "nothing") if form.p else (),
-        misfit,
-        form,
-        x,
-        (float(fit.f.min()), float(fit.f.max())),
-        fit.share,
-    )
+    return found
 
 
 def _held_out(item: tuple[Form, FloatArray, float], fit: LineFit) -> FloatArray:

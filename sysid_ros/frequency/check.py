@@ -9,22 +9,23 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.exceptions import DataError
+from sysid_ros.frequency.beyond_linear import distortion, missing_friction
 from sysid_ros.frequency.causes import find_cause
-from sysid_ros.frequency.distortion import distortion
-from sysid_ros.frequency.forms import FORMS, Form
 from sysid_ros.frequency.linearised import linearised
 from sysid_ros.frequency.lines import Channel, Record, joint_records, rests
 from sysid_ros.frequency.local_fit import local_fit
-from sysid_ros.frequency.missing_friction import missing_friction
 from sysid_ros.frequency.modes import Modes, find_modes
 from sysid_ros.frequency.result import FrequencyCheck, JointCheck, Response
 from sysid_ros.frequency.sentences import together, with_sentences
-from sysid_ros.frequency.stretches import SHORTEST, Stretch, stretches_of, top_frequency
-from sysid_ros.frequency.verdict import MOSTLY_SMOOTH, verdict
+from sysid_ros.frequency.stretches import Stretch, stretches_of, top_frequency
+from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency.transfer_functions import FORMS, Form
+from sysid_ros.frequency.verdict import verdict
 from sysid_ros.identification.channel_checks import check_channels
-from sysid_ros.identification.recording import Recording
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import SLIDE, smoothed_sign
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 from sysid_ros.torque.known_effect import KnownEffect
 
 ASSUMPTIONS = (
@@ -38,14 +39,6 @@ ASSUMPTIONS = (
     "Where a joint rests, its torque is taken from the model if dry friction hides it.",
 )
 _CHANNEL_FORMS = ("nothing", "gain", "delay", "low_pass")
-_TURNS = (0.003, 0.08)
-"""Speeds at which dry friction may turn beside that of the model [rad/s], a tenth of it for slides."""
-_CLEAR = 0.7
-"""Coherence from which on a frequency carries a state-space model."""
-_MOSTLY = 0.6
-_LEAST_TOP = 3.0
-_LEAST_LOW = 1.0
-"""The state-space check needs a band from 1 to 3 Hz or more [Hz]."""
 
 
 def check_frequency(
@@ -76,7 +69,7 @@ def check_frequency(
         raise DataError(_too_short(recordings, max_gap))
     for recording, part in zip(recordings, parts, strict=True):
         if not part:
-            warnings.append(f"{recording.name}: no stretch of {SHORTEST:g} s without a gap; it is left out.")
+            warnings.append(f"{recording.name}: no stretch of {TOLERANCES.shortest:g} s without a gap; it is left out.")
     _require_motion(robot, stretches)
     out = []
     for j in range(robot.n):
@@ -90,7 +83,8 @@ def _too_short(recordings: Sequence[Recording], max_gap: float) -> str:
     spans = [float(r.t[part][-1] - r.t[part][0]) for r in recordings for part in r.stretches(max_gap) if part.stop > part.start]
     return (
         f"{recordings[0].name}: the longest stretch without a gap of {max_gap:g} s lasts {max(spans, default=0.0):.1f} s; "
-        f"{SHORTEST:g} s and the length of the filters are the least that can be used. Record 20 s or more without loss."
+        f"{TOLERANCES.shortest:g} s and the length of the filters are the least that can be used. Record 20 s or more without "
+        "loss."
     )
 
 
@@ -130,8 +124,9 @@ def _joint(robot: RobotModel, stretches: Sequence[Stretch], known: Sequence[Know
     records = joint_records(stretches, j, torque_channels, top)
     if not records:
         why = (
-            f"it moves {100.0 * _moved(stretches, j):.0f} % of the time of any stretch at most; {SHORTEST:g} s and 30 % are the "
-            "least that can be used. Record a motion of this joint."
+            f"it moves {100.0 * _moved(stretches, j):.0f} % of the time of any stretch at most; "
+            f"{TOLERANCES.shortest:g} s and {100.0 * TOLERANCES.moving:g} % are the least that can be used. Record a "
+            "motion of this joint."
         )
         return JointCheck(robot.joint_names[j], None, None, None, why, why, (float(mean), float(spread)), gravity, False)
     torque = _response(records, top, FORMS, _position_power(stretches, j, records, top))
@@ -170,8 +165,8 @@ def _dry(stretch: Stretch, joint: int) -> FloatArray | None:
     own = stretch.model[:, joint] - stretch.smooth[:, joint]
     if not own.any():
         return None
-    unit = 0.1 if stretch.motion.robot.is_prismatic[joint] else 1.0
-    return np.column_stack([own, *(np.tanh(stretch.motion.v[:, joint] / (w * unit)) for w in _TURNS)])
+    unit = SLIDE if stretch.motion.robot.is_prismatic[joint] else 1.0
+    return np.column_stack([own, *(smoothed_sign(stretch.motion.v[:, joint], w * unit) for w in TOLERANCES.turns)])
 
 
 def _gravity_stiffness(stretch: Stretch, joint: int) -> float:
@@ -213,21 +208,21 @@ def _position_power(stretches: Sequence[Stretch], joint: int, records: Sequence[
 
 
 def _modes(stretches: Sequence[Stretch], known: Sequence[KnownEffect], joint: int, torque: Response) -> tuple[Modes | None, str]:
-    carried = np.array([w.clear and w.coherence > _CLEAR for w in torque.windows], dtype=float)
+    carried = np.array([w.clear and w.coherence > TOLERANCES.coherent for w in torque.windows], dtype=float)
     share = np.cumsum(carried) / np.arange(1, len(carried) + 1)
-    enough = np.flatnonzero((share >= _MOSTLY) & (carried > 0.0))
+    enough = np.flatnonzero((share >= TOLERANCES.mostly) & (carried > 0.0))
     top = torque.windows[enough[-1]].high if enough.size else 0.0
-    if top < _LEAST_TOP:
+    if top < TOLERANCES.least_top:
         return None, (
-            f"measured and modelled torque go together up to {top:.2g} Hz only; {_LEAST_TOP:g} Hz are needed. Record a chirp or "
-            "a multisine of this joint."
+            f"measured and modelled torque go together up to {top:.2g} Hz only; {TOLERANCES.least_top:g} Hz are needed. Record a "
+            "chirp or a multisine of this joint."
         )
     smooth = float(np.sqrt(np.mean([w.share**2 for w in torque.windows if w.high <= top])))
-    if smooth < MOSTLY_SMOOTH:
+    if smooth < TOLERANCES.mostly_smooth:
         return None, (
             f"dry friction makes {100.0 * np.sqrt(1.0 - smooth**2):.0f} % of its torque up to {top:.2g} Hz and moves the joint "
             "itself where the velocity changes its sign. Record a faster motion of this joint."
         )
     signals = linearised(stretches, joint, known, top)
-    modes = None if signals is None else find_modes(signals, _LEAST_LOW, top)
+    modes = None if signals is None else find_modes(signals, TOLERANCES.least_low, top)
     return modes, "" if modes else "the recording is too short to hold parts of it out. Record 20 s or more."

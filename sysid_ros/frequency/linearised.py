@@ -15,13 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid_ros.frequency.lines import ComplexArray, cleaned_torque, rests
-from sysid_ros.frequency.stretches import Stretch, links_mass
+from sysid_ros.frequency.stretches import Stretch
+from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel
 
-_SMALL = 0.3
-"""Part of the linear torque that the rest of the model may have about a posture, for the motion to be called small."""
 _WHITENED = 0.98
 _SLOWEST = 30.0
 """Rate of the signals at least [Hz]."""
@@ -67,20 +66,17 @@ def linearised(stretches: Sequence[Stretch], joint: int, known: Sequence[KnownEf
     weights = np.array([len(s.motion.t) for s in stretches], dtype=float)
     posture = np.average([s.motion.q.mean(axis=0) for s in stretches], axis=0, weights=weights)
     nothing = np.zeros_like(posture)
-    rotor = TorqueModel(robot, [], known).known_theta("rotor_inertia")
-    M = float(links_mass(robot, known, posture[None])[0, joint, joint] + rotor[joint])
+    model = TorqueModel(robot, [], known)
+    M = float(model.mass_along(posture[None])[0, joint, joint] + model.armature()[joint])
+    D = float(model.damping()[joint])
     by_q, _, _ = robot.rnea_derivatives_along(posture[None], nothing[None], nothing[None])
     K = float(by_q[0, joint, joint])
-    viscous = [k for k in known if k.effect.id == "viscous_friction"]
-    D = float(TorqueModel(robot, [], known).known_theta("viscous_friction")[joint]) if viscous else 0.0
-    if not any(k.effect.id == "link_inertia" for k in known):
-        D += float(robot.damping[joint])
     inputs, outputs, linear_power, rest_power = [], [], 0.0, 0.0
     every = max(1, int(1.0 / (stretches[0].period * max(_PER_CYCLE * top_hz, _SLOWEST))))
     for stretch in stretches:
         motion = stretch.motion
         whole, _, part = rests(motion.v[:, joint], stretch.period, bool(robot.is_prismatic[joint]))
-        if part < 0.3 or (whole.stop - whole.start) * stretch.period < 4.0:
+        if part < TOLERANCES.moving or (whole.stop - whole.start) * stretch.period < TOLERANCES.shortest:
             continue
         linear = M * motion.a[:, joint] + D * motion.v[:, joint] + K * (motion.q[:, joint] - posture[joint])
         u = stretch.smooth[:, joint]
@@ -105,5 +101,5 @@ def linearised(stretches: Sequence[Stretch], joint: int, known: Sequence[KnownEf
         D,
         K,
         posture,
-        rest_power < _SMALL**2 * linear_power,
+        rest_power < TOLERANCES.small**2 * linear_power,
     )

@@ -10,21 +10,11 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from sysid_ros.frequency.periods import Periods, bridged, find_periods
-from sysid_ros.frequency.stretches import SHORTEST, Stretch
+from sysid_ros.frequency.stretches import Stretch
+from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 
 ComplexArray = NDArray[np.complex128]
-
-_STANDS, _STANDS_SLIDE = 0.004, 0.001
-"""Speeds below which dry friction leaves the torque undetermined [rad/s], [m/s]."""
-_REST = 0.15
-"""Shorter rests are reversals, and not bridged [s]."""
-_LEAST = 0.3
-"""Part of the time that a joint must move for a record to be used."""
-_MORE = 4.0
-"""Power of the misfit at rest over that in motion, from which on it is dry friction."""
-_EXCITED = 10.0
-"""Power of a line over that of its noise, from which on it is excited."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +63,9 @@ class Channel:
 
 def rests(v: FloatArray, period: float, prismatic: bool) -> tuple[slice, FloatArray, float]:
     """Where a joint with velocity v (N,) moves at all; its rests in there, shape (r, 2); the part of the time that it moves."""
-    limit = _STANDS_SLIDE if prismatic else _STANDS
+    limit = TOLERANCES.stands_slide if prismatic else TOLERANCES.stands
     # a reversal is no rest, however slow it is: the speed is that of a short while
-    width = max(1, round(0.5 * _REST / period))
+    width = max(1, round(0.5 * TOLERANCES.rest / period))
     speed = np.sqrt(np.convolve(v**2, np.ones(width) / width, "same"))
     moving = np.flatnonzero(speed > limit)
     if not moving.size:
@@ -84,7 +74,7 @@ def rests(v: FloatArray, period: float, prismatic: bool) -> tuple[slice, FloatAr
     still = np.concatenate([[False], speed[whole] <= limit, [False]])
     edges = np.flatnonzero(np.diff(still.astype(int)))
     spans = edges.reshape(-1, 2).astype(float)
-    spans = spans[(spans[:, 1] - spans[:, 0]) * period > _REST]
+    spans = spans[(spans[:, 1] - spans[:, 0]) * period > TOLERANCES.rest]
     part = 1.0 - float(np.sum(spans[:, 1] - spans[:, 0])) / (whole.stop - whole.start)
     return whole, spans, part
 
@@ -101,7 +91,7 @@ def joint_records(
     for stretch, channel in zip(stretches, channels, strict=True):
         prismatic = bool(stretch.motion.robot.is_prismatic[joint])
         whole, still, part = rests(stretch.motion.v[:, joint], stretch.period, prismatic)
-        if part < _LEAST or (whole.stop - whole.start) * stretch.period < SHORTEST:
+        if part < TOLERANCES.moving or (whole.stop - whole.start) * stretch.period < TOLERANCES.shortest:
             continue
         dry = np.zeros((len(channel.model), 1)) if channel.dry is None else channel.dry
         both = np.column_stack([channel.model, channel.measured, dry])
@@ -110,10 +100,8 @@ def joint_records(
             both[whole, 1] = _without_stiction(both[whole, :2], still)
         both[:, 0] -= dry[:, 0]
         if periods is not None:
-            record = _periodic(both, periods, stretch, channel, top_hz)
-            if np.sum(np.abs(record.U) ** 2 > _EXCITED * record.input_noise) > 8:
-                out.append(record)
-                continue
+            out.append(_periodic(both, periods, stretch, channel, top_hz))
+            continue
         count = whole.stop - whole.start
         spectrum = fft.rfft(both[whole.start : whole.start + count] - both[whole].mean(axis=0), axis=0, norm="ortho")
         f = fft.rfftfreq(count, stretch.period)
@@ -156,7 +144,7 @@ def _without_stiction(both: FloatArray, still: FloatArray) -> FloatArray:
     if not at_rest.any():
         return np.asarray(both[:, 1])
     moving = rest[~at_rest]
-    hidden = np.mean((rest[at_rest] - moving.mean()) ** 2) > _MORE * np.var(moving)
+    hidden = np.mean((rest[at_rest] - moving.mean()) ** 2) > TOLERANCES.stiction * np.var(moving)
     return np.asarray(both[:, 0] + (straight if hidden else rest))
 
 

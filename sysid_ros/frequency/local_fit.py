@@ -18,17 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.frequency.lines import ComplexArray, Record
+from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 
-LEVEL = 0.95
-_SPARE = 6
-"""Complex degrees of freedom that a window leaves at least for its noise."""
-_WIDTH = 0.06
-"""Width of a window, as a part of its frequency, where the lines are dense enough."""
-MOST_INPUT_NOISE = 0.1
-"""Part of the input's power that may be noise: the response is divided by one less that part, and beyond it not given."""
 _ORDERS = (2, 1, 0)
 _CONDITION = 1e4
+_AROUND = 2
+"""Windows on each side that the noise of a window is averaged with: a few degrees of freedom make a poor weight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +60,7 @@ class Window:
         return float(np.sqrt(self.variance * circular_quantile(self.freedom)))
 
 
-def circular_quantile(freedom: float, level: float = LEVEL) -> float:
+def circular_quantile(freedom: float, level: float = TOLERANCES.level) -> float:
     """Quantile of F(2, 2 nu): nu ((1 - level)^(-1/nu) - 1)."""
     return float(freedom * ((1.0 - level) ** (-1.0 / freedom) - 1.0))
 
@@ -77,13 +73,13 @@ def local_fit(records: Sequence[Record], top_hz: float) -> list[Window]:
     density = sum(1.0 / s for s in spacing)
     # what a record needs beside the response costs lines
     unknowns = 3 + sum(_beside(r) for r in records)
-    least = (unknowns + _SPARE) / density
+    least = (unknowns + TOLERANCES.spare) / density
     low = min(float(r.f[0]) for r in records) - 0.5 * min(spacing)
     out = []
     while low < top_hz:
-        high = low + max(least, _WIDTH * low)
+        high = low + max(least, TOLERANCES.width * low)
         lines = tuple(np.flatnonzero((r.f >= low) & (r.f < high)) for r in records)
-        if sum(len(i) for i in lines) < unknowns + _SPARE - 1 and high >= top_hz:
+        if sum(len(i) for i in lines) < unknowns + TOLERANCES.spare - 1 and high >= top_hz:
             break
         window = _fit(records, lines, low, high)
         if window is not None:
@@ -160,7 +156,7 @@ def _fit(records: Sequence[Record], lines: tuple[NDArray[np.intp], ...], low: fl
         rest = Y - used @ g
         s2 = float(np.sum(np.abs(rest) ** 2)) / nu
         unexplained = s2 * freedom / max(float(np.sum(np.abs(Y) ** 2)), 1e-300)
-        factor = 1.0 / max(1.0 - part, 1.0 - MOST_INPUT_NOISE)
+        factor = 1.0 / max(1.0 - part, 1.0 - TOLERANCES.input_noise)
         return Window(
             middle,
             low,
@@ -172,7 +168,26 @@ def _fit(records: Sequence[Record], lines: tuple[NDArray[np.intp], ...], low: fl
             float(np.clip(1.0 - unexplained, 0.0, 1.0)),
             part,
             lines,
-            part < MOST_INPUT_NOISE,
+            part < TOLERANCES.input_noise,
             share,
         )
     return None
+
+
+def smoothed_noise(windows: Sequence[Window]) -> FloatArray:
+    """Noise variance of each window, smoothed along its neighbours: a straight line of logarithms over logarithms.
+
+    The mean logarithm of a variance with nu complex degrees of freedom is low by 1 / (2 nu) + 1 / (12 nu^2).
+    """
+    nu = np.array([w.freedom for w in windows])
+    logs = np.log([max(w.noise, 1e-300) for w in windows]) + 0.5 / nu + 1.0 / (12.0 * nu**2)
+    at = np.log([w.f for w in windows])
+    count = len(windows)
+    out = np.empty(count)
+    for i in range(count):
+        first = int(np.clip(i - _AROUND, 0, max(count - 2 * _AROUND - 1, 0)))
+        near = slice(first, first + 2 * _AROUND + 1)
+        x = at[near] - at[i]
+        columns = np.stack([np.ones_like(x), x], axis=1)[:, : 2 if len(x) > 3 else 1]
+        out[i] = np.linalg.lstsq(columns, logs[near], rcond=None)[0][0]
+    return np.exp(out)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sysid_ros.frequency.linearised import Linearised
 from sysid_ros.frequency.lines import ComplexArray
 from sysid_ros.frequency.subspace import Moments, StateSpace
+from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 
 _PAST = 0.5
@@ -22,16 +23,6 @@ _NEAR = 3
 """Blocks on each side that a block may be drawn from: a chirp is not the same everywhere."""
 _FOLDS = 4
 _DRAWS = 100
-_LIGHT = 0.5
-"""Damping above which a pair of poles is no oscillation."""
-_SAME = 0.2
-"""Relative distance within which two frequencies of redrawn data are the same mode."""
-_OFTEN = 0.9
-"""Part of the redrawn data in which a mode must be found again."""
-_CANCELS = 0.03
-"""Relative distance of a pole and a zero that take each other away."""
-_STD = 0.15
-"""Relative standard deviation of a frequency above which it is no finding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,8 +172,8 @@ def _features(model: StateSpace, low_hz: float, top_hz: float) -> list[tuple[str
         others = sets["zero" if kind == "pole" else "pole"]
         for value in values[values.imag > 0.0]:
             f, damping = abs(value) / (2.0 * np.pi), -value.real / abs(value)
-            cancelled = bool(np.any(np.abs(others - value) < _CANCELS * abs(value)))
-            if low_hz <= f <= top_hz and abs(damping) < _LIGHT and not cancelled:
+            cancelled = bool(np.any(np.abs(others - value) < TOLERANCES.cancels * abs(value)))
+            if low_hz <= f <= top_hz and abs(damping) < TOLERANCES.light and not cancelled:
                 out.append((kind, complex(value)))
     return out
 
@@ -194,7 +185,7 @@ def _mode(kind: str, value: complex, again: list[list[tuple[str, complex]]]) -> 
         own = [x for k, x in features if k == kind]
         if own:
             closest = min(own, key=lambda x: abs(x - value))
-            if abs(abs(closest) - abs(value)) < _SAME * abs(value):
+            if abs(abs(closest) - abs(value)) < TOLERANCES.same * abs(value):
                 near.append(closest)
     found = len(near) / len(again)
     frequencies, dampings = np.abs(near) / (2.0 * np.pi), [-x.real / abs(x) for x in near]
@@ -207,5 +198,5 @@ def _mode(kind: str, value: complex, again: list[list[tuple[str, complex]]]) -> 
         float(-value.real / abs(value)),
         d_std,
         found,
-        found >= _OFTEN and f_std < _STD * f,
+        found >= TOLERANCES.often and f_std < TOLERANCES.mode_std * f,
     )

@@ -7,14 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft, interpolate
 
+from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 
-_SHORTEST = 1.0
-"""Shortest period that is looked for [s]."""
-_REPEATS = 2e-3
-"""Mean square of q(t + T) - q(t), over twice the variance, below which a motion repeats itself."""
-_LEAVES = 0.2
-"""The same value that it must exceed for some shorter lag: a joint that hardly moves repeats itself at every lag."""
 _TREND = 4
 
 
@@ -48,7 +43,7 @@ def find_periods(q: FloatArray, grid_period: float, moving: slice) -> Periods | 
     """
     x = q[moving] - q[moving].mean(axis=0)
     count = len(x)
-    if count * grid_period < 2.0 * _SHORTEST:
+    if count * grid_period < 2.0 * TOLERANCES.shortest_period:
         return None
     size = fft.next_fast_len(2 * count, real=True)
     correlation = fft.irfft(np.sum(np.abs(fft.rfft(x, size, axis=0)) ** 2, axis=1), size)[:count]
@@ -56,15 +51,15 @@ def find_periods(q: FloatArray, grid_period: float, moving: slice) -> Periods | 
     lags = np.arange(count // 2 + 2)
     both = (power[count] - power[lags]) + power[count - lags]
     difference = np.maximum(both - 2.0 * correlation[lags], 0.0) / np.maximum(both, 1e-30)
-    left = np.flatnonzero(difference > _LEAVES)
+    left = np.flatnonzero(difference > TOLERANCES.leaves)
     if not left.size:
         return None
-    first = max(int(left[0]), int(_SHORTEST / grid_period))
-    deep = np.flatnonzero(difference[first:] < _REPEATS) + first
+    first = max(int(left[0]), int(TOLERANCES.shortest_period / grid_period))
+    deep = np.flatnonzero(difference[first:] < TOLERANCES.repeats) + first
     if not deep.size:
         return None
     # up to where the valley rises again
-    out_of = np.flatnonzero(difference[deep[0] :] > 2.0 * _REPEATS)
+    out_of = np.flatnonzero(difference[deep[0] :] > 2.0 * TOLERANCES.repeats)
     valley = slice(int(deep[0]), int(deep[0] + out_of[0]) if out_of.size else len(difference))
     best = valley.start + int(np.argmin(difference[valley]))
     lag = float(best)

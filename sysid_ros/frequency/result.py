@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.frequency.beyond_linear import Distortion, MissingFriction
 from sysid_ros.frequency.causes import Cause
-from sysid_ros.frequency.distortion import Distortion
 from sysid_ros.frequency.local_fit import Window
-from sysid_ros.frequency.missing_friction import MissingFriction
 from sysid_ros.frequency.modes import Modes
-from sysid_ros.frequency.verdict import TOLERANCE, Verdict
+from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency.verdict import Verdict
 from sysid_ros.plain_json import plain
 from sysid_ros.sample import FloatArray
 
@@ -182,7 +182,7 @@ class FrequencyCheck:
         document: dict[str, Any] = plain(
             {
                 "format": 1,
-                "tolerance": TOLERANCE,
+                "tolerance": TOLERANCES.misfit,
                 "level": 0.95,
                 "top_hz": self.top_hz,
                 "recordings": [{"name": n, "seconds": s} for n, s in self.recordings],

@@ -7,22 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid_ros.frequency.causes import NEGLIGIBLE, Cause, Parameter
+from sysid_ros.frequency.causes import Cause, Parameter
 from sysid_ros.frequency.modes import Mode
 from sysid_ros.frequency.result import JointCheck, Response
-from sysid_ros.frequency.verdict import MOSTLY_SMOOTH, TOLERANCE
+from sysid_ros.frequency.tolerances import TOLERANCES
 
 _TWO_SIDED = 1.96
-_NEAR = 1.2
-"""Ratio of frequencies within which oscillations of two joints are one."""
-_SAME_GAIN = 0.02
-_VAGUE = 0.7
-_THROUGH = 0.08
-"""Damping above which a resonance may be that of another joint, which shows here through the arm."""
-_AS_A_DELAY = 0.1
-_APART = 3.5
-_LEAVES = 1.5
-"""Misfit over noise from which on a cause does not explain all."""
 
 
 def with_sentences(checks: Sequence[JointCheck]) -> tuple[JointCheck, ...]:
@@ -45,13 +35,13 @@ def together(checks: Sequence[JointCheck]) -> tuple[str, ...]:
         elif cutoff is not None and "delay" in cause.cannot_be_told_from:
             value = 1.0 / (2.0 * np.pi * cutoff.value)
             # a lag is a delay at low frequencies only
-            late.append((value, value * np.hypot(cutoff.std / cutoff.value, _AS_A_DELAY)))
+            late.append((value, value * np.hypot(cutoff.std / cutoff.value, TOLERANCES.as_a_delay)))
     if len(late) < 2:
         return ()
     value, std = np.array(late).T
     weight = std**-2.0
     mean = float(np.sum(weight * value) / weight.sum())
-    if np.any(np.abs(value - mean) > _APART * std):
+    if np.any(np.abs(value - mean) > TOLERANCES.apart * std):
         return ()
     half = _TWO_SIDED / float(np.sqrt(weight.sum()))
     p = Parameter("delay", abs(mean), half / _TWO_SIDED, abs(mean) - half, abs(mean) + half, "s")
@@ -65,7 +55,7 @@ def owner_of(check: JointCheck, checks: Sequence[JointCheck]) -> str:
     if own is None:
         return ""
     near = [(c, _oscillation(c)) for c in checks]
-    group = [(c, o) for c, o in near if o is not None and max(o[0] / own[0], own[0] / o[0]) < _NEAR]
+    group = [(c, o) for c, o in near if o is not None and max(o[0] / own[0], own[0] / o[0]) < TOLERANCES.near]
     return max(group, key=lambda item: item[1][1])[0].joint
 
 
@@ -126,9 +116,9 @@ def _pm(p: Parameter, scale: float = 1.0, unit: str = "") -> str:
 
 
 def _cause(check: JointCheck, cause: Cause, owner: str) -> list[str]:
-    if cause.name == "nothing" or cause.effect < NEGLIGIBLE:
+    if cause.name == "nothing" or cause.effect < TOLERANCES.negligible:
         return []
-    if cause.share < MOSTLY_SMOOTH:
+    if cause.share < TOLERANCES.mostly_smooth:
         return ["what it misses in the rest can't be told beside the dry friction, which makes most of its torque"]
     if not cause.explains:
         return ["no gain, delay, low-pass or spring explains what it misses"]
@@ -145,7 +135,11 @@ def _cause(check: JointCheck, cause: Cause, owner: str) -> list[str]:
     name = cause.name.split("+")[-1]
     if name in ("resonance", "anti_resonance"):
         parts.append(_second_order(check, cause, name, owner))
-    if gain is not None and (cause.name == "gain" or abs(gain.value - 1.0) > _SAME_GAIN) and not gain.low <= 1.0 <= gain.high:
+    if (
+        gain is not None
+        and (cause.name == "gain" or abs(gain.value - 1.0) > TOLERANCES.same_gain)
+        and not gain.low <= 1.0 <= gain.high
+    ):
         parts.append(f"effort is {_pm(gain)} times the model's torque")
     if not parts:
         return []
@@ -154,7 +148,7 @@ def _cause(check: JointCheck, cause: Cause, owner: str) -> list[str]:
         words = {"low_pass": "a first-order low-pass", "delay": "a delay", "gain": "a gain"}
         others = " or ".join(words.get(x, x.replace("_", "-").replace("+", " and a ")) for x in cause.cannot_be_told_from)
         text += f" (this motion does not tell it from {others})"
-    if cause.misfit > _LEAVES:
+    if cause.misfit > TOLERANCES.left:
         text += f"; what is left is {np.sqrt(cause.misfit):.1f} times the noise"
     return [text]
 
@@ -173,9 +167,9 @@ def _second_order(check: JointCheck, cause: Cause, name: str, owner: str) -> str
     if check.inertia[1] > 0.05 * check.inertia[0]:
         inertia += f" (± {check.inertia[1]:.1g} over the motion)"
     about = f"about {_two_digits(size)} {what} (± {100.0 * half / stiffness:.0f} %)"
-    if half > _VAGUE * stiffness:
+    if half > TOLERANCES.vague * stiffness:
         return f"resonance at {where}: an elastic joint, whose link inertia changes too much in this motion to tell the stiffness"
-    through = "; so much damping may also mean that it is another joint's" if damping.value > _THROUGH else ""
+    through = "; so much damping may also mean that it is another joint's" if damping.value > TOLERANCES.through else ""
     return f"resonance at {where}: an elastic joint of {about} given the link {inertia}{through}"
 
 
@@ -212,7 +206,7 @@ def _distortion(response: Response, unit: str) -> list[str]:
 
 def _velocity(response: Response) -> list[str]:
     cause = response.cause
-    if cause is None or cause.name == "nothing" or cause.effect < TOLERANCE:
+    if cause is None or cause.name == "nothing" or cause.effect < TOLERANCES.misfit:
         return []
     delay, cutoff, gain = (cause.parameter(x) for x in ("delay", "cutoff", "gain"))
     if cutoff is not None:

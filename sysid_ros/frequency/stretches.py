@@ -7,24 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.effects import LinkInertia, Motion
+from sysid_ros.effects import Motion
 from sysid_ros.exceptions import DataError
+from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.identification.channel_checks import CheckedRecording
-from sysid_ros.identification.recording import Recording
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.zero_phase import KinematicFilter, on_even_grid
 from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel
 
-HIGHEST = 40.0
-"""Upper end of the band that is looked at where nothing is asked for [Hz]."""
-_OF_RATE = 0.2
-"""The same as a part of the rate: up to there differences of positions are accelerations within 1 %."""
-SHORTEST = 4.0
-"""Shorter stretches are left out [s]."""
-_FLOOR = (0.2, 0.42)
-"""Band in which positions hold nothing but noise, as a part of the rate."""
 _SEGMENT = 1024
 _SAMPLED = 100
 """Postures that the mass matrix is taken at."""
@@ -80,13 +73,13 @@ def top_frequency(recordings: Sequence[Recording], asked: float = 0.0) -> float:
     slowest = min(recordings, key=lambda r: 1.0 / max(r.period, 1e-9) if r.period > 0.0 else 0.0)
     if not slowest.period > 0.0:
         raise DataError(f"{slowest.name}: it holds {len(slowest.t)} samples without a rate. Record at least 10 s.")
-    allowed = _OF_RATE / slowest.period
+    allowed = TOLERANCES.of_rate / slowest.period
     if asked > allowed * (1.0 + 1e-6):
         raise DataError(
             f"{slowest.name}: its rate of {1.0 / slowest.period:.4g} Hz allows a check up to {allowed:.3g} Hz (a fifth of it); "
-            f"{asked:g} Hz is asked for. Ask for less, or record at {asked / _OF_RATE:.0f} Hz or more."
+            f"{asked:g} Hz is asked for. Ask for less, or record at {asked / TOLERANCES.of_rate:.0f} Hz or more."
         )
-    return asked or min(HIGHEST, allowed)
+    return asked or min(TOLERANCES.highest, allowed)
 
 
 def stretches_of(
@@ -98,38 +91,28 @@ def stretches_of(
         robot: the URDF's model. checked: the recording and what is spoiled in it. known: effects of a model.yaml; none for the
             URDF's links and ``<dynamics>``. top_hz: below it the filters leave everything as it is [Hz].
     """
-    recording = checked.recording
+    recording, model, n = checked.recording, TorqueModel(robot, [], known), robot.n
     out = []
-    n = robot.n
     for part in recording.stretches(max_gap):
-        t, q, v, tau = (x[part] for x in (recording.t, recording.q, recording.v, recording.tau))
+        t, q, tau = (x[part] for x in (recording.t, recording.q, recording.tau))
         if len(t) < 8:
             continue
         period = _mean_period(t, recording.period)
         kinematics = KinematicFilter(period, top_hz / 3.0)
-        if len(t) <= 2 * kinematics.half + 8 or t[-1] - t[0] < SHORTEST:
+        if len(t) <= 2 * kinematics.half + 8 or t[-1] - t[0] < TOLERANCES.shortest:
             continue
-        published = bool(np.isfinite(v).all())
-        channels = np.hstack([tau, v]) if published else tau
-        smooth = kinematics.apply(t, q, v, channels, False, checked.spoiled[part])
+        channels = tau if recording.v is None else np.hstack([tau, recording.v[part]])
+        smooth = kinematics.apply(t, q, None, channels, checked.spoiled[part])
         if smooth is None:
             continue
         noise = _position_noise(t, q, period)
         for good in _clean(smooth.spoiled.max(axis=1)):
-            if (good.stop - good.start) * kinematics.grid_period < SHORTEST:
+            if (good.stop - good.start) * kinematics.grid_period < TOLERANCES.shortest:
                 continue
             at = (x[good] for x in (smooth.t - recording.t[0], smooth.q, smooth.v, smooth.a, smooth.tau[:, :n]))
             motion = Motion(robot, *at)
-            out.append(
-                _stretch(
-                    robot,
-                    known,
-                    recording,
-                    motion,
-                    smooth.tau[good, n:] if published else None,
-                    noise,
-                )
-            )
+            velocity = None if recording.v is None else smooth.tau[good, n:]
+            out.append(_stretch(model, recording, motion, velocity, noise))
     return out
 
 
@@ -150,7 +133,7 @@ def _position_noise(t: FloatArray, q: FloatArray, period: float) -> FloatArray:
     white = np.random.default_rng(0).standard_normal((len(t), 1))
     _, even = on_even_grid(t, np.hstack([q - q[0], white]), period)
     f, power = signal.welch(even, nperseg=min(len(even), _SEGMENT), detrend="linear", axis=0)
-    level = np.median(power[(f > _FLOOR[0]) & (f < _FLOOR[1])], axis=0)
+    level = np.median(power[(f > TOLERANCES.floor[0]) & (f < TOLERANCES.floor[1])], axis=0)
     return np.asarray(level[:-1] / level[-1])
 
 
@@ -160,72 +143,21 @@ def _clean(spoiled: FloatArray) -> list[slice]:
 
 
 def _stretch(
-    robot: RobotModel,
-    known: Sequence[KnownEffect],
-    recording: Recording,
-    motion: Motion,
-    published: FloatArray | None,
-    noise: FloatArray,
+    model: TorqueModel, recording: Recording, motion: Motion, published: FloatArray | None, noise: FloatArray
 ) -> Stretch:
-    links, whole, smooth, rotor = model_torque(robot, known, motion)
+    torque = model.torques_along(motion)
     some = np.unique(np.linspace(0, len(motion.t) - 1, _SAMPLED).astype(int))
-    masses = links_mass(robot, known, motion.q[some])
+    masses = model.mass_along(motion.q[some])
     own = np.einsum("kjj->kj", masses)
-    total = masses + np.diag(rotor)
+    total = masses + np.diag(model.armature())
     return Stretch(
         name=recording.name,
-        motion=motion.with_torques(links, whole),
-        model=whole,
-        smooth=smooth,
+        motion=motion.with_torques(torque.link, torque.total),
+        model=torque.total,
+        smooth=torque.total - torque.jumps,
         published=published,
         mass=np.mean(total**2, axis=0),
         inertia=np.stack([own.mean(axis=0), own.std(axis=0)]),
         position_noise=noise,
         raw_period=_mean_period(recording.t, recording.period),
     )
-
-
-DRY = ("coulomb_friction", "asymmetric_coulomb_friction", "stribeck_friction", "load_dependent_friction", "presliding_hysteresis")
-"""Effects whose torque jumps where the velocity changes its sign."""
-
-
-def model_torque(
-    robot: RobotModel, known: Sequence[KnownEffect], motion: Motion
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Torque along a motion: of the links, of the whole model, of all but dry friction, shape (N, n) each; and rotors, (n,).
-
-    Effects that remember (hysteresis, elasticity, a delay) are worked out along the motion.
-    """
-    inertia = [k for k in known if isinstance(k.effect, LinkInertia)]
-    bare = TorqueModel(robot, [], inertia)
-    if inertia:
-        links = np.stack([bare.known_torque(s) for s in motion.samples()])
-        whole, smooth = links.copy(), links.copy()
-    else:
-        links = motion.rigid_torque
-        smooth = links + robot.damping * motion.v
-        whole = smooth + robot.friction * np.tanh(motion.v / 0.02)
-    rotor = TorqueModel(robot, [], known).known_theta("rotor_inertia")
-    late = [k for k in known if k.effect.id == "time_delay"]
-    for k in [k for k in known if k not in inertia and k not in late] + late:
-        torque = k.effect.torque_along(motion.with_torques(links, whole), k.theta)
-        whole = whole + torque
-        if k.effect.id not in DRY:
-            smooth = smooth + torque
-    return links, whole, smooth, rotor
-
-
-def links_mass(robot: RobotModel, known: Sequence[KnownEffect], q: FloatArray) -> FloatArray:
-    """Mass matrix of the (corrected) links without rotors at postures q (N, n), shape (N, n, n) [kg m^2]."""
-    nothing = np.zeros_like(q)
-    mass = robot.rnea_derivatives_along(q, nothing, nothing)[2] - np.diag(np.array(robot.model.armature))
-    for k in known:
-        if isinstance(k.effect, LinkInertia):
-            correction = np.zeros_like(robot.pi).reshape(-1, 10)
-            correction[k.effect.joints] = (k.theta - k.effect.nominal).reshape(-1, 10)
-            rest = robot.regressor_along(q, nothing, nothing) @ correction.ravel()
-            for j in range(robot.n):
-                pushed = np.zeros_like(q)
-                pushed[:, j] = 1.0
-                mass[:, :, j] += robot.regressor_along(q, nothing, pushed) @ correction.ravel() - rest
-    return mass

@@ -7,13 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.frequency.local_fit import LEVEL, Window, circular_quantile
-from sysid_ros.frequency.noise_level import smoothed_noise
+from sysid_ros.frequency.local_fit import Window, circular_quantile, smoothed_noise
+from sysid_ros.frequency.tolerances import TOLERANCES
 
-TOLERANCE = 0.1
-"""Misfit of the response up to which a model is said to hold."""
-MOSTLY_SMOOTH = 0.9
-"""Part of the torque beside dry friction from which on a misfit is put down to the model."""
 _THIRD_OCTAVE = 2.0 ** (1.0 / 3.0)
 
 
@@ -54,7 +50,7 @@ class Verdict:
     fails_below: float | None
 
 
-def verdict(windows: Sequence[Window], tolerance: float = TOLERANCE) -> Verdict:
+def verdict(windows: Sequence[Window], tolerance: float = TOLERANCES.misfit) -> Verdict:
     """Bands of windows in which the input stands above its noise."""
     clear = [w for w in windows if w.clear]
     noise = smoothed_noise(clear)
@@ -95,9 +91,9 @@ def _band(windows: Sequence[Window], noise: Sequence[float], tolerance: float, b
     H = complex(np.sum(weight * np.array([w.H for w in windows])) / weight.sum())
     freedom = float(sum(w.freedom for w in windows))
     radius = float(np.sqrt(circular_quantile(freedom) / weight.sum()))
-    surely = float(np.sqrt(circular_quantile(freedom, 1.0 - (1.0 - LEVEL) / bands) / weight.sum()))
+    surely = float(np.sqrt(circular_quantile(freedom, 1.0 - (1.0 - TOLERANCES.level) / bands) / weight.sum()))
     misfit = abs(H - 1.0)
     share = float(np.sqrt(np.mean([w.share**2 for w in windows])))
-    fails = (misfit - surely) * share > tolerance and share > MOSTLY_SMOOTH
+    fails = (misfit - surely) * share > tolerance and share > TOLERANCES.mostly_smooth
     says = "holds" if (misfit + radius) * share <= tolerance else "fails" if fails else "untold"
     return Band(windows[0].low, windows[-1].high, H, radius, says)

@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 
 from sysid_ros.identification.result import BaseGroup, Repeatability
 from sysid_ros.identification.rows import BagRows
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.robot.robot_model import RobotModel
 
-_WELL_CONDITIONED = 100.0
-_SELDOM = 0.3
-_CHANGED = 3.0
 _NAMED = 4
 
 
@@ -32,18 +30,18 @@ def record_next(
     out = []
     if len(bags) == 1:
         out.append(
-            "Record a second run along another path: with one run it can't be told how well the model holds elsewhere, nor how "
-            "well its parameters repeat."
+            "Record a second run along another path: one run does not show how well the model holds elsewhere, nor how well its "
+            "parameters repeat."
         )
     share = np.sum([b.moving.sum(axis=0) for b in bags], axis=0) / sum(len(b.t) for b in bags)
-    seldom = [f"{name} ({100 * s:.0f} % of the time)" for name, s in zip(robot.joint_names, share, strict=True) if s < _SELDOM]
+    seldom = [f"{name} ({100 * s:.0f} % of the time)" for name, s in zip(robot.joint_names, share, strict=True) if s < TOL.seldom]
     if seldom:
         out.append(f"Move {', '.join(seldom)} for longer: friction is learned only while a joint moves.")
-    one_way = [name for name, way in zip(robot.joint_names, _lesser_way(bags), strict=True) if way < 0.1]
+    one_way = [name for name, way in zip(robot.joint_names, _lesser_way(bags), strict=True) if way < TOL.one_way]
     if one_way:
         out.append(
             f"Move {', '.join(one_way)} in both directions for about as long: from one direction alone, Coulomb friction and "
-            "offset can't be told apart."
+            "offset can't be separated."
         )
     left = [g.name for g in groups if g.determined_by == "prior"]
     if left:
@@ -52,17 +50,17 @@ def record_next(
             f"{len(left)} of {len(groups)} base parameters are left to the prior ({named}): move the joints before these links "
             "with more acceleration and through more of their range; 'sysid excite' designs such a motion."
         )
-    if condition_number > _WELL_CONDITIONED:
+    if condition_number > TOL.well_conditioned:
         out.append(
-            f"The condition number of these bags is {condition_number:.0f}; under {_WELL_CONDITIONED:.0f} is wanted. "
+            f"The condition number of these bags is {condition_number:.0f}; under {TOL.well_conditioned:.0f} is wanted. "
             "'sysid excite' designs a motion that has it."
         )
-    changed = [r.name for r in repeated if r.between > _CHANGED * r.within and _is_friction(r.name)]
+    changed = [r.name for r in repeated if r.between > TOL.changed * r.within and r.friction]
     if changed:
         named = ", ".join(changed[:_NAMED]) + (f" and {len(changed) - _NAMED} more" if len(changed) > _NAMED else "")
         out.append(
-            f"{named} changed between the bags by more than {_CHANGED:g} times their intervals: let the drives warm up first, or "
-            "record cold and warm runs so that the spread is known."
+            f"{named} changed between the bags by more than {TOL.changed:g} times their intervals: let the drives warm up "
+            "first, or record cold and warm runs so that the spread is known."
         )
     return tuple(out)
 
@@ -73,7 +71,3 @@ def _lesser_way(bags: Sequence[BagRows]) -> NDArray[np.float64]:
     moving = np.maximum(np.sum([b.moving.sum(axis=0) for b in bags], axis=0), 1)
     part = forward / moving
     return np.asarray(np.minimum(part, 1.0 - part))
-
-
-def _is_friction(name: str) -> bool:
-    return name.startswith(("b[", "Fc[", "Fs[", "mu["))

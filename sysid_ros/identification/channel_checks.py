@@ -8,25 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.exceptions import DataError
-from sysid_ros.identification.recording import Recording
 from sysid_ros.identification.result import Problem
 from sysid_ros.identification.rows import BoolArray
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-
-_FROZEN = 0.5
-"""Time for which a value must repeat exactly while the joint moves, to count as frozen [s]."""
-
-_USUAL_RUNS = 10.0
-"""A value must also repeat so many times longer than the channel's values usually do: a coarse resolution repeats them too."""
-
-_MOVED = 0.01
-"""Way of a joint above which it moved [rad or m]."""
-
-_SATURATED = 0.03
-"""Time for which the largest value must repeat exactly to count as saturated [s]."""
-
-_OUTSIDE = 0.05
+from sysid_ros.signals.recording import Recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +52,7 @@ def _gaps(recording: Recording, max_gap: float) -> list[Problem]:
                 recording.name,
                 "",
                 "gaps",
-                f"{len(gaps)} gaps longer than {max_gap:g} s, {gaps.sum():.1f} s together, the longest {gaps.max():.1f} s. "
+                f"{len(gaps)} gaps longer than {max_gap:g} s, {gaps.sum():.1f} s in all, the longest {gaps.max():.1f} s. "
                 "Nothing is fitted across them; record without loss if they matter.",
             )
         )
@@ -86,11 +73,11 @@ def _frozen_effort(recording: Recording, j: int, joint: str, spoiled: BoolArray)
     period, tau, q = recording.period, recording.tau[:, j], recording.q[:, j]
     starts, lengths = _runs(tau)
     usual = float(np.median(np.repeat(lengths, lengths))) if len(lengths) > 4 else 1.0
-    frozen = np.flatnonzero((lengths * period >= _FROZEN) & (lengths >= _USUAL_RUNS * min(usual, _FROZEN / period)))
+    frozen = np.flatnonzero((lengths * period >= TOL.frozen) & (lengths >= TOL.frozen_runs * min(usual, TOL.frozen / period)))
     total, moving, longest = 0, _moving_samples(q, recording.t), (0, 0)
     for r in frozen:
         where = slice(int(starts[r]), int(starts[r] + lengths[r]))
-        if np.ptp(q[where]) <= _MOVED or spoiled[where, j].all():
+        if np.ptp(q[where]) <= TOL.moved or spoiled[where, j].all():
             continue
         spoiled[where, j] = True
         total += int(lengths[r])
@@ -98,7 +85,7 @@ def _frozen_effort(recording: Recording, j: int, joint: str, spoiled: BoolArray)
     if not total:
         return []
     value, since = tau[longest[1]], recording.t[longest[1]] - recording.t[0]
-    if total > 0.5 * moving:
+    if total > TOL.nothing_measured * moving:
         raise DataError(
             f"{recording.name}: the effort of {joint} is constant ({value:g}) for {100 * min(total / moving, 1.0):.0f} % of the "
             "time that the joint moves; it measures nothing. Switch on the effort of this joint in its driver and record again, "
@@ -120,20 +107,19 @@ def _moving_samples(q: FloatArray, t: FloatArray) -> int:
     second = np.floor(t - t[0]).astype(int)
     ends = np.flatnonzero(np.diff(second)) + 1
     parts = np.split(q, ends)
-    return max(sum(len(p) for p in parts if np.ptp(p) > _MOVED), 1)
+    return max(sum(len(p) for p in parts if np.ptp(p) > TOL.moved), 1)
 
 
 def _frozen_position(recording: Recording, j: int, joint: str, spoiled: BoolArray) -> list[Problem]:
     """The position repeats while the message's velocity says that the joint moves."""
-    v, q, period = recording.v[:, j], recording.q[:, j], recording.period
-    if np.isnan(v).all():
+    if recording.v is None:
         return []
+    v, q, period = recording.v[:, j], recording.q[:, j], recording.period
     starts, lengths = _runs(q)
     total, since = 0, 0.0
-    for r in np.flatnonzero(lengths * period >= 0.2):
+    for r in np.flatnonzero(lengths * period >= TOL.frozen_position):
         where = slice(int(starts[r]), int(starts[r] + lengths[r]))
-        travel = float(np.nansum(np.abs(v[where]))) * period
-        if travel > 5.0 * _MOVED and float(np.nanmedian(np.abs(v[where]))) > 0.05:
+        if float(np.median(np.abs(v[where]))) > TOL.frozen_speed:
             since = since if total else float(recording.t[where.start] - recording.t[0])
             spoiled[where] = True
             total += int(lengths[r])
@@ -157,10 +143,12 @@ def _saturated(recording: Recording, j: int, joint: str, spoiled: BoolArray) -> 
     ordinary = float(np.percentile(lengths, 99)) if len(lengths) > 20 else 1.0
     found, bound, times = 0, 0.0, 0
     for extreme in (float(tau.max()), float(tau.min())):
-        at = np.flatnonzero((tau[starts] == extreme) & (lengths >= max(5, 5.0 * ordinary)) & (lengths * period >= _SATURATED))
-        if not len(at) or extreme == 0.0 or (len(at) < 2 and lengths[at].sum() * period < 2.0 * _SATURATED):
+        at = np.flatnonzero(
+            (tau[starts] == extreme) & (lengths >= TOL.saturated_runs * max(1.0, ordinary)) & (lengths * period >= TOL.saturated)
+        )
+        if not len(at) or extreme == 0.0 or (len(at) < 2 and lengths[at].sum() * period < 2.0 * TOL.saturated):
             continue
-        if np.ptp(recording.q[:, j]) <= _MOVED or np.ptp(tau) == 0.0:
+        if np.ptp(recording.q[:, j]) <= TOL.moved or np.ptp(tau) == 0.0:
             continue
         for r in at:
             spoiled[int(starts[r]) : int(starts[r] + lengths[r]), j] = True
@@ -180,8 +168,8 @@ def _saturated(recording: Recording, j: int, joint: str, spoiled: BoolArray) -> 
 
 def _outside(robot: RobotModel, recording: Recording, j: int, joint: str) -> list[Problem]:
     q, low, high = recording.q[:, j], float(robot.position_lower[j]), float(robot.position_upper[j])
-    part = float(np.mean((q < low - _OUTSIDE) | (q > high + _OUTSIDE)))
-    if part < 0.01:
+    part = float(np.mean((q < low - TOL.outside) | (q > high + TOL.outside)))
+    if part < TOL.outside_time:
         return []
     return [
         Problem(

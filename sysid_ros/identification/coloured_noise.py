@@ -1,4 +1,4 @@
-"""Residuals that are not white: what they leave of the data's worth, and a test of whether they are."""
+"""Residuals that are not white: how many independent rows they leave of the data, and a test of whether they are."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import fft, special
 
 from sysid_ros.identification.rows import BagRows
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
 
 _LONGEST_GAP = 256
@@ -40,7 +41,7 @@ def coloured_information(
     for j in range(n):
         w = weight[:, j]
         used = w > 0.0
-        if used.sum() < 8:
+        if used.sum() < TOL.fewest_rows:
             continue
         # The noise is that of sqrt(w) e: with the weights of a robust loss it is what is left of the outliers.
         scaled = np.sqrt(w)
@@ -91,7 +92,7 @@ def _smooth(power: FloatArray, left: FloatArray, size: int, count: float) -> Flo
     lags[size - len(window) + 1 :] = window[:0:-1]
     smoothed = fft.rfft(covariance * lags).real
     freedom = fft.rfft(fft.irfft(left, size) * lags).real
-    spectrum: FloatArray = np.maximum(smoothed, 0.0) / np.maximum(freedom, 0.05 * count)
+    spectrum: FloatArray = np.maximum(smoothed, 0.0) / np.maximum(freedom, TOL.least_freedom * count)
     return spectrum
 
 

@@ -1,4 +1,4 @@
-"""The torque error that parameters are expected to leave on other motions than those that were recorded."""
+"""The torque error to be expected on other motions than those that were recorded, and the directions that it comes from."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from sysid_ros.identification.held_out import Solvers
 from sysid_ros.identification.least_squares import Fit
 from sysid_ros.identification.link_posterior import LinkPosterior
 from sysid_ros.identification.rows import BagRows
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.torque.torque_model import TorqueModel
 
 _POSTURES = 400
-_SURE = 2.0
-"""Standard deviations by which the error may turn out larger than is expected."""
+_POSTURES_OF_DIRECTIONS = 300
 
 
 class ExpectedError:
@@ -35,7 +35,7 @@ class ExpectedError:
         self._rows = _gram(solvers.model, bags)
         covariance = posterior.covariance
         self._risk = np.einsum("jab,bc,jcd->jad", self._rows, covariance, self._rows, optimize=True)
-        count = np.maximum(found.equations.count, 1e-12)
+        count = np.maximum(found.sums.count, 1e-12)
         noise = np.sum(found.squares * count, axis=0) / count.sum(axis=0)
         self._least = noise + np.einsum("jab,ab->j", self._rows, covariance)
         self._urdf = solvers.approximate(found.information, found.score, np.inf)
@@ -55,7 +55,7 @@ class ExpectedError:
         theta = self._solvers.approximate(self._found.information, self._found.score, weights)
         error, change = self._at(theta), theta - self._urdf
         std = 2.0 * np.sqrt(np.maximum(np.einsum("jab,a,b->j", self._risk, change, change), 0.0))
-        return error / self._of_urdf, (error + _SURE * std) / self._of_urdf
+        return error / self._of_urdf, (error + TOL.risk_sure * std) / self._of_urdf
 
 
 def _gram(model: TorqueModel, bags: Sequence[BagRows]) -> FloatArray:
@@ -71,3 +71,29 @@ def _gram(model: TorqueModel, bags: Sequence[BagRows]) -> FloatArray:
         rows[k], _ = model.split(Sample(0.0, q, v, a, np.zeros(robot.n)))
     gram: FloatArray = np.einsum("kja,kjb->jab", rows, rows, optimize=True) / _POSTURES
     return gram
+
+
+def error_directions(model: TorqueModel, covariance: FloatArray) -> FloatArray:
+    """L, shape (p, c), with ``Y L L' Y' = Y covariance Y'`` but for a small part, for motions in the robot's range.
+
+    Most of the covariance of standard parameters lies in combinations that no motion shows; they make no torque and are left out.
+
+    Args:
+        model: whose free effects the covariance belongs to. covariance: shape (p, p).
+    """
+    robot = model.robot
+    random = np.random.default_rng(0)
+    low, high = np.maximum(robot.position_lower, -np.pi), np.minimum(robot.position_upper, np.pi)
+    information = np.zeros((model.p, model.p))
+    for _ in range(_POSTURES_OF_DIRECTIONS):
+        q, v, a = random.uniform(low, high), random.normal(0.0, 0.5, robot.n), random.normal(0.0, 1.0, robot.n)
+        Y, _ = model.split(Sample(0.0, q, v, a, np.zeros(robot.n)))
+        # each joint counts by its own noise, or the weak joints of the wrist would not be seen beside the shoulder
+        scale = np.sqrt(np.maximum(np.einsum("ia,ab,ib->i", Y, covariance, Y), 1e-30))
+        Y = Y / scale[:, None]
+        information += Y.T @ Y / _POSTURES_OF_DIRECTIONS
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    power, mix = np.linalg.eigh(root.T @ information @ root)
+    directions: FloatArray = root @ mix[:, power > TOL.uncertainty_left_out * power.sum()]
+    return directions

@@ -7,18 +7,18 @@ from typing import Any
 
 from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.identification.channel_checks import CheckedRecording, check_channels
-from sysid_ros.identification.friction_search import FRICTIONS, search_friction
+from sysid_ros.identification.effect_search import choose_effects
+from sysid_ros.identification.free_effects import free_model, wishes
 from sysid_ros.identification.held_out import Prior
-from sysid_ros.identification.identify import Choices, free_model, identify, require_motion
+from sysid_ros.identification.identify import Choices, identify, require_motion
 from sysid_ros.identification.least_squares import METHODS
 from sysid_ros.identification.plausibility import check_plausible
-from sysid_ros.identification.recording import Recording
 from sysid_ros.identification.result import CutOff, Identification, Problem
-from sysid_ros.identification.rows import FORMS, BagRows, collect_rows
+from sysid_ros.identification.rows import FORMS, BagRows, SmoothRecording, collect_rows
 from sysid_ros.identification.spectrum import choose_cutoff
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque.torque_model import TorqueModel
+from sysid_ros.signals.recording import Recording
 
 
 def identify_recordings(
@@ -42,44 +42,46 @@ def identify_recordings(
         max_gap: a longer gap between samples is not bridged [s]. measured_velocity: take the messages' velocity where there is
             one.
         problems: found before. loaded: runs in which the arm carries a payload, which is found as the difference.
-        progress: told what is being done.
+        progress: called with what is being done, in words.
 
     Raises:
-        SettingsError: a choice is unknown. DataError: the recordings can't tell the robot's parameters, and why.
+        SettingsError: a choice is unknown. DataError: the recordings do not determine the robot's parameters, and why.
     """
     choices = choices or Choices()
     _require(choices)
     checked = [check_channels(robot, r, max_gap) for r in (*recordings, *validation, *loaded)]
     found = [*problems, *(p for c in checked for p in c.problems)]
     cutoff = CutOff(cutoff_hz, "as given") if cutoff_hz else choose_cutoff(recordings, robot.joint_names, max_gap)
-
-    def rows(model: TorqueModel, which: Sequence[CheckedRecording]) -> list[BagRows]:
-        out = []
-        for c in which:
-            progress(f"filtering {c.recording.name}")
-            name = c.recording.name
-            out.append(collect_rows(model, c.recording, name, cutoff.hz, max_gap, choices.form, measured_velocity, c.spoiled))
-        return out
-
-    first = len(recordings)
-    second = first + len(validation)
-    fitted, judged, carrying = checked[:first], checked[first:second], checked[second:]
-    model = free_model(robot)
-    bags = rows(model, fitted)
-    require_motion(robot, bags)
-    try:
-        found += check_plausible(robot, bags, Prior.of(model).mean)
-    except DataError as error:
-        if not choices.accept_doubts:
-            raise DataError(f"{error} --accept-doubts goes on regardless.") from None
-        found.append(Problem("", "", "implausible_effort", f"{str(error)[0].upper()}{str(error)[1:]}"))
-    friction, knobs = search_friction(robot, choices, lambda m: rows(m, fitted), progress)
-    if friction:
-        model = free_model(robot, friction)
-        bags = rows(model, fitted)
-    checks, with_load = rows(model, judged), rows(model, carrying)
+    smooth = []
+    for c in checked:
+        progress(f"filtering {c.recording.name}")
+        filtered = (c.recording.name, cutoff.hz, max_gap, choices.form, measured_velocity, c.spoiled)
+        smooth.append(SmoothRecording.of(robot, c.recording, *filtered))
+    first, second = len(recordings), len(recordings) + len(validation)
+    fitted, judged, carrying = smooth[:first], smooth[first:second], smooth[second:]
+    found += _check_motion(robot, fitted, choices.accept_doubts)
+    chosen, knobs = choose_effects(robot, choices.friction, choices.effects, choices.method, fitted, progress)
+    model = free_model(robot, chosen)
+    bags, checks, with_load = ([x.rows(model) for x in part] for part in (fitted, judged, carrying))
     progress("solving")
     return identify(model, bags, checks, provenance, choices, cutoff, found, knobs, with_load)
+
+
+def _check_motion(robot: RobotModel, recordings: Sequence[SmoothRecording], accept_doubts: bool) -> list[Problem]:
+    """What is doubtful about the motion and the effort.
+
+    Raises:
+        DataError: a joint hardly moves, or the effort can't be this robot's and that is not accepted.
+    """
+    model = free_model(robot)
+    bags = [recording.rows(model) for recording in recordings]
+    require_motion(robot, bags)
+    try:
+        return check_plausible(robot, bags, Prior.of(model).mean)
+    except DataError as error:
+        if not accept_doubts:
+            raise DataError(f"{error} --accept-doubts goes on regardless.") from None
+        return [Problem("", "", "implausible_effort", f"{str(error)[0].upper()}{str(error)[1:]}")]
 
 
 def prepared_rows(robot: RobotModel, checked: Sequence[CheckedRecording], cutoff_hz: float) -> tuple[list[BagRows], FloatArray]:
@@ -90,11 +92,8 @@ def prepared_rows(robot: RobotModel, checked: Sequence[CheckedRecording], cutoff
 
 
 def _require(choices: Choices) -> None:
-    for name, value, allowed in (
-        ("method", choices.method, METHODS),
-        ("form", choices.form, FORMS),
-        ("friction", choices.friction, FRICTIONS),
-    ):
+    wishes(choices.friction, choices.effects)
+    for name, value, allowed in (("method", choices.method, METHODS), ("form", choices.form, FORMS)):
         if value not in allowed:
             raise SettingsError(f"{name} is '{value}'; it must be one of {', '.join(allowed)}.")
     if choices.prior_weight is not None and not choices.prior_weight > 0.0:

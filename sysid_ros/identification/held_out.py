@@ -9,16 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.effects import LinkInertia
+from sysid_ros.identification.bag_sums import BagSums
+from sysid_ros.identification.free_effects import place_of
 from sysid_ros.identification.least_squares import Fit
-from sysid_ros.identification.normal_equations import NormalEquations
 from sysid_ros.identification.physical_consistency import PhysicalFit, PhysicalProblem
 from sysid_ros.identification.rows import BagRows
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.torque_model import TorqueModel
-
-_LOAD_SHARE = 0.3
-"""Standard deviation of the friction coefficient by load before any data [1]."""
 
 _HELD = 1e8
 """Weight beside which the data of a link count for nothing: it stands for infinity where others are finite."""
@@ -37,26 +35,30 @@ class Prior:
         """The URDF's links to half their mass; friction, rotors and offsets of the size of the effort limits."""
         robot = model.robot
         mean, std, is_link = np.zeros(model.p), np.zeros(model.p), np.zeros(model.p, dtype=bool)
-        limit = np.where(np.isfinite(robot.effort_limit), robot.effort_limit, 100.0)
-        by_unit = {"kg m^2": 0.05, "kg": 0.05, "1": 0.0}
+        limit = np.where(np.isfinite(robot.effort_limit), robot.effort_limit, TOL.usual_effort)
+        by_joint = dict(zip(robot.joint_names, limit.tolist(), strict=True))
         for effect, where in zip(model.free, model.slices, strict=True):
-            if isinstance(effect, LinkInertia):
-                mean[where] = effect.nominal
+            mean[where] = effect.nominal
+            if effect.replaces_links:
                 is_link[where] = True
-                mass = np.maximum(effect.nominal[::10], 0.5)
-                std[where] = np.concatenate([np.array([0.5] + [0.1] * 3 + [0.03] * 6) * m for m in mass])
+                mass = np.maximum(effect.nominal[::10], TOL.least_link_mass)
+                std[where] = np.concatenate([np.array(TOL.link_std) * m for m in mass])
                 continue
-            per_joint = effect.p // max(len(effect.joints), 1)
-            size = np.repeat(limit[effect.joints], per_joint)
-            std[where] = [
-                _LOAD_SHARE if unit == "1" else by_unit.get(unit, 0.2) * s for unit, s in zip(effect.units, size, strict=True)
-            ]
+            sizes = [by_joint.get(place_of(name), float(limit.max())) for name in effect.parameter_names]
+            std[where] = [_prior_std(unit, size) for unit, size in zip(effect.units, sizes, strict=True)]
         return cls(mean, std, is_link)
 
     def precision(self, weight: float = 1.0) -> FloatArray:
         """Inverse variances, shape (p,), those of the links times ``weight``."""
         precision: FloatArray = np.where(self.is_link, min(weight, 1e12), 1.0) / self.std**2
         return precision
+
+
+def _prior_std(unit: str, effort: float) -> float:
+    """Of a parameter that is no link's, by its unit, for a joint of some greatest effort."""
+    if unit == "1":
+        return TOL.part_std
+    return effort * (TOL.inertia_std if unit in ("kg m^2", "kg") else TOL.torque_std)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +95,7 @@ class Solvers:
     @property
     def link_joints(self) -> list[int]:
         """Joints whose links have parameters."""
-        return [int(j) for effect in self.model.free if isinstance(effect, LinkInertia) for j in effect.joints]
+        return [int(j) for effect in self.model.free if effect.replaces_links for j in effect.joints]
 
     def _each(self, weights: FloatArray | float) -> FloatArray:
         """The weight of the prior of each parameter, shape (p,), 0 of those that are no link's."""
@@ -123,7 +125,7 @@ class Solvers:
         """theta, shape (p,), and how it was found where it must be physical."""
         if not self.physical:
             return self.approximate(information, score, weights), None
-        # what is no link keeps its own prior, or a friction that these data hardly tell takes any value that is allowed
+        # what is no link keeps its own prior, or a friction that these data hardly determine takes any value that is allowed
         precision = np.where(self.prior.is_link, 0.0, self.prior.precision())
         least = float(np.min(weights, initial=math.inf))
         A, b = information + np.diag(precision), score + precision * self.prior.mean
@@ -141,12 +143,12 @@ class Folds:
     """Sums of parts of the recordings, each predicted by a fit to others.
 
     Attributes:
-        equations: a part each. weight: of a row of each part, shape (parts, n). fitted: for each part, the parts that are fitted
+        sums: a part each. weight: of a row of each part, shape (parts, n). fitted: for each part, the parts that are fitted
             where it is held out. split: for each part, which way of splitting the data it belongs to.
         of_one_bag: the first two parts are then its halves in time.
     """
 
-    equations: NormalEquations
+    sums: BagSums
     weight: FloatArray
     fitted: tuple[tuple[int, ...], ...]
     split: tuple[int, ...]
@@ -162,18 +164,18 @@ class Folds:
         if len(bags) > 1:
             every = range(len(bags))
             others = tuple(tuple(c for c in every if c != b) for b in every)
-            return cls(found.equations, found.weight, others, tuple(every), False)
+            return cls(found.sums, found.weight, others, tuple(every), False)
         (bag,) = bags
         sides = [np.arange(len(bag.t)) >= len(bag.t) // 2, *map(_upper, (*_postures(bag), _size(bag.v), _size(bag.a)))]
         rows = [found.rows[0] * (side == upper)[:, None] for side in sides for upper in (False, True)]
         parts = range(len(rows))
-        equations = NormalEquations.of([bag] * len(rows), rows)
+        sums = BagSums.of([bag] * len(rows), rows)
         weight = np.repeat(found.weight, len(rows), axis=0)
-        return cls(equations, weight, tuple((c ^ 1,) for c in parts), tuple(c // 2 for c in parts), True)
+        return cls(sums, weight, tuple((c ^ 1,) for c in parts), tuple(c // 2 for c in parts), True)
 
     def without(self, part: int) -> tuple[FloatArray, FloatArray]:
         """Information and score of what is fitted where a part is held out, shape (p, p) and (p,)."""
-        rest = self.equations.only(self.fitted[part])
+        rest = self.sums.only(self.fitted[part])
         weight = self.weight[list(self.fitted[part])]
         return rest.information(weight), rest.right_side(weight)
 
@@ -186,7 +188,7 @@ class Folds:
         shape = (max(self.split) + 1, self.weight.shape[1])
         squares, count = np.zeros(shape), np.zeros(shape)
         for part, (split, theta) in enumerate(zip(self.split, predictions, strict=True)):
-            here = self.equations.only([part])
+            here = self.sums.only([part])
             squares[split] += here.squares(theta)[0]
             count[split] += here.count[0]
         errors: FloatArray = squares / np.maximum(count, 1e-12)

@@ -5,32 +5,51 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
-from sysid_ros.effects import CoulombFriction, Effect, LinkInertia, RotorInertia, TorqueOffset, ViscousFriction
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification.advice import record_next
-from sysid_ros.identification.base_groups import base_groups, base_of_range, group_matrix
+from sysid_ros.identification.base_groups import (
+    base_groups,
+    base_of_range,
+    condition_number,
+    group_matrix,
+    parameter_table,
+    per_bag,
+    repeatability,
+    spread,
+)
 from sysid_ros.identification.contradictions import check_contradictions
-from sysid_ros.identification.error_directions import error_directions
+from sysid_ros.identification.expected_error import error_directions
 from sysid_ros.identification.held_out import Folds, Prior, Solvers
 from sysid_ros.identification.least_squares import Fit, fit, noise_density
 from sysid_ros.identification.payload_difference import PayloadDifference, payload_difference
+from sysid_ros.identification.physical_consistency import PhysicalFit
 from sysid_ros.identification.prior_weight import choose_prior
-from sysid_ros.identification.repeatability import per_bag, repeatability, spread
-from sysid_ros.identification.result import CutOff, Identification, Knob, Parameter, Problem, TorqueError
+from sysid_ros.identification.result import (
+    BaseGroup,
+    CutOff,
+    Identification,
+    JointNoise,
+    Knob,
+    Parameter,
+    PriorChoice,
+    Problem,
+    Repeatability,
+    ResidualSeries,
+    TorqueError,
+    WhitenessTest,
+)
 from sysid_ros.identification.rows import BagRows
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.identification.torque_error import joint_noise, residual_series, torque_error, whiteness_tests
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.base_parameters import BaseParameters
 from sysid_ros.torque.model_file import EffectBlock, ModelFile, urdf_digest
 from sysid_ros.torque.torque_model import TorqueModel
-
-_ONE_RECORDING = 1.4
-"""Factor on the error that is expected elsewhere, where only the halves of one recording could be held out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +58,9 @@ class Choices:
 
     Attributes:
         method: one of :data:`sysid_ros.identification.least_squares.METHODS`. form: one of ``rows.FORMS``, for the record.
-        friction: "auto", "coulomb", "stribeck" or "load_dependent", see
-            :func:`~sysid_ros.identification.friction_search.search_friction`.
+        friction: "auto" or a form of dry friction, see :func:`~sysid_ros.identification.free_effects.wishes`.
+        effects: ids of effects that become free where they predict better, see
+            :func:`~sysid_ros.identification.effect_search.choose_effects`.
         physical: links that can exist, friction and rotors of 0 or more. prior_weight: None to choose it by held-out error.
         payload_frame: link that carries the payload of loaded runs; the robot's last by default.
         accept_doubts: go on where effort and URDF, or the bags among each other, don't fit, and only say so.
@@ -53,16 +73,28 @@ class Choices:
     prior_weight: float | None = None
     accept_doubts: bool = False
     payload_frame: str = ""
+    effects: tuple[str, ...] = ()
 
 
-def free_model(robot: RobotModel, friction: Sequence[Effect] = ()) -> TorqueModel:
-    """Links, friction, rotors and offsets of the arm, all free.
+@dataclass(frozen=True, slots=True)
+class _Solution:
+    """The parameters, shape (p,) each: with the weights chosen for the links, and with the URDF's links."""
 
-    Args:
-        friction: dry friction; Coulomb's on every joint by default.
-    """
-    dry = list(friction) or [CoulombFriction(robot)]
-    return TorqueModel(robot, [LinkInertia(robot), ViscousFriction(robot), *dry, RotorInertia(robot), TorqueOffset(robot)])
+    folds: Folds
+    solvers: Solvers
+    prior: PriorChoice
+    theta: FloatArray
+    physical: PhysicalFit | None
+    with_urdf: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class _HeldOut:
+    """Parts of the bags, the parameters found without each of them, and the torque error there."""
+
+    parts: list[BagRows]
+    thetas: list[FloatArray]
+    errors: tuple[TorqueError, ...]
 
 
 def identify(
@@ -79,7 +111,7 @@ def identify(
     """Weighted least squares on all recordings; its error from recordings held out in turn (halves, where there is one).
 
     First the unconstrained fit: it gives the noise of each joint in each bag, the covariance, and the base parameters as the
-    data tell them. Then, with these weights, the links that can exist and predict best what was not fitted.
+    data have them. Then, with these weights, the links that can exist and predict best what was not fitted.
 
     Args:
         model: from :func:`free_model`. bags: rows of recordings without a payload. validation: rows that are never fitted.
@@ -93,64 +125,94 @@ def identify(
     require_motion(model.robot, bags)
     prior = Prior.of(model)
     found = fit(bags, prior.mean, prior.std, choices.method)
-    problems = [
-        *problems,
-        *check_contradictions(bags, found, prior, model.robot.joint_names, choices.accept_doubts),
-    ]
-    folds, solvers = Folds.of(bags, found), Solvers.of(model, prior, found, choices.physical)
-    chosen = choose_prior(bags, folds, solvers, found, choices.prior_weight)
-    weights = np.array(chosen.link_weights)
-    theta, physical = solvers.solve(found.information, found.score, weights)
-    parts = list(bags) if len(bags) > 1 else _halves(bags[0])
-    without = [folds.without(fold) for fold in range(len(parts))]
-    thetas = [solvers.solve(*data, weights)[0] for data in without]
-    with_urdf = [solvers.solve(*data, math.inf)[0] for data in without]
-    errors = tuple(torque_error(x, at, prior.mean, urdf) for x, at, urdf in zip(parts, thetas, with_urdf, strict=True))
-    torque_std, correlation_time = _error_elsewhere(parts, thetas, errors, len(bags))
-    base = base_of_range(model)
-    T = group_matrix(base)
-    values, stds = per_bag(found, prior, T)
-    between = spread(values)
-    groups = base_groups(model, base, found, prior, between)
-    repeated = repeatability(model, base, T, values, stds)
-    parameters = _parameters(
-        model, theta, found, prior, {int(i): float(x) for i, x in zip(base.independent, between, strict=True)}
-    )
-    series = [residual_series(bag, "validation", theta, prior.mean) for bag in validation] or [
-        residual_series(part, "held out", at, prior.mean) for part, at in zip(parts, thetas, strict=True)
-    ]
-    friction_only, _ = solvers.solve(found.information, found.score, math.inf)
-    condition = _condition_number(found.information, base)
+    doubts = check_contradictions(bags, found, prior, model.robot.joint_names, choices.accept_doubts)
+    solution = _solve(model, bags, prior, found, choices)
+    held_out = _hold_out(bags, prior, solution)
+    described = _describe(model, bags, prior, found, solution.theta)
     return Identification(
         joint_names=model.robot.joint_names,
         bags=tuple(bag.name for bag in bags),
         validation_bags=tuple(bag.name for bag in validation),
-        theta=theta,
+        theta=solution.theta,
         covariance=found.covariance,
         names=model.parameter_names,
         units=model.units,
-        parameters=parameters,
-        groups=groups,
-        base=base,
-        bags_condition_number=condition,
         method=choices.method,
         form=choices.form,
         friction=choices.friction,
         knobs=tuple(knobs),
         cutoff=cutoff or CutOff(bags[0].cutoff_hz, "as given"),
-        prior=chosen,
-        errors=errors,
-        validation=tuple(torque_error(bag, theta, prior.mean, friction_only) for bag in validation),
-        series=tuple(series),
-        noise=tuple(x for b, bag in enumerate(bags) for x in joint_noise(bag, b, found, model.robot.joint_names)),
-        whiteness=tuple(x for bag in bags for x in whiteness_tests(bag, found.theta, model.robot.joint_names)),
-        repeatability=repeated,
-        problems=tuple(problems),
-        record_next=record_next(model.robot, bags, groups, repeated, condition),
-        physical=physical,
-        model=_model_file(model, theta, found, torque_std, correlation_time, provenance),
+        prior=solution.prior,
+        errors=held_out.errors,
+        validation=tuple(torque_error(bag, solution.theta, prior.mean, solution.with_urdf) for bag in validation),
+        series=_series(validation, held_out, solution.theta, prior.mean),
+        problems=(*problems, *doubts),
+        physical=solution.physical,
+        model=_model_file(model, solution.theta, found, _error_elsewhere(held_out, len(bags)), provenance),
         payload=_payload(model, found, loaded, prior, choices) if loaded else None,
+        **described,
     )
+
+
+class _Described(TypedDict):
+    parameters: tuple[Parameter, ...]
+    groups: tuple[BaseGroup, ...]
+    base: BaseParameters
+    bags_condition_number: float
+    noise: tuple[JointNoise, ...]
+    whiteness: tuple[WhitenessTest, ...]
+    repeatability: tuple[Repeatability, ...]
+    record_next: tuple[str, ...]
+
+
+def _describe(model: TorqueModel, bags: Sequence[BagRows], prior: Prior, found: Fit, theta: FloatArray) -> _Described:
+    """How well each parameter is known, in the bags and in each of them, and what to record next."""
+    base = base_of_range(model)
+    values, stds = per_bag(found, prior, group_matrix(base))
+    between = spread(values)
+    groups = base_groups(model, base, found, prior, between)
+    repeated = repeatability(model, base, group_matrix(base), values, stds)
+    condition = condition_number(found.information, base)
+    joints = model.robot.joint_names
+    return _Described(
+        parameters=parameter_table(model, theta, found, prior, dict(zip(base.independent, between, strict=True))),
+        groups=groups,
+        base=base,
+        bags_condition_number=condition,
+        noise=tuple(x for b, bag in enumerate(bags) for x in joint_noise(bag, b, found, joints)),
+        whiteness=tuple(x for bag in bags for x in whiteness_tests(bag, found.theta, joints)),
+        repeatability=repeated,
+        record_next=record_next(model.robot, bags, groups, repeated, condition),
+    )
+
+
+def _solve(model: TorqueModel, bags: Sequence[BagRows], prior: Prior, found: Fit, choices: Choices) -> _Solution:
+    """The links that can exist and predict best what was not fitted, and all else with them."""
+    folds, solvers = Folds.of(bags, found), Solvers.of(model, prior, found, choices.physical)
+    chosen = choose_prior(bags, folds, solvers, found, choices.prior_weight)
+    theta, physical = solvers.solve(found.information, found.score, np.array(chosen.link_weights))
+    with_urdf, _ = solvers.solve(found.information, found.score, math.inf)
+    return _Solution(folds, solvers, chosen, theta, physical, with_urdf)
+
+
+def _hold_out(bags: Sequence[BagRows], prior: Prior, solution: _Solution) -> _HeldOut:
+    """Each bag, or each half where there is one, predicted by what follows from the others."""
+    parts = list(bags) if len(bags) > 1 else _halves(bags[0])
+    without = [solution.folds.without(fold) for fold in range(len(parts))]
+    weights, solvers = np.array(solution.prior.link_weights), solution.solvers
+    thetas = [solvers.solve(*data, weights)[0] for data in without]
+    with_urdf = [solvers.solve(*data, math.inf)[0] for data in without]
+    errors = (torque_error(x, at, prior.mean, urdf) for x, at, urdf in zip(parts, thetas, with_urdf, strict=True))
+    return _HeldOut(parts, thetas, tuple(errors))
+
+
+def _series(
+    validation: Sequence[BagRows], held_out: _HeldOut, theta: FloatArray, nominal: FloatArray
+) -> tuple[ResidualSeries, ...]:
+    if validation:
+        return tuple(residual_series(bag, "validation", theta, nominal) for bag in validation)
+    parts = zip(held_out.parts, held_out.thetas, strict=True)
+    return tuple(residual_series(part, "held out", at, nominal) for part, at in parts)
 
 
 def _payload(model: TorqueModel, empty: Fit, loaded: Sequence[BagRows], prior: Prior, choices: Choices) -> PayloadDifference:
@@ -166,13 +228,15 @@ def require_motion(robot: RobotModel, bags: Sequence[BagRows]) -> None:
     """
     share = np.sum([b.moving.sum(axis=0) for b in bags], axis=0) / sum(len(b.t) for b in bags)
     still = [
-        f"{name} ({100 * part:.0f} % of the time)" for name, part in zip(robot.joint_names, share, strict=True) if part < 0.05
+        f"{name} ({100 * part:.0f} % of the time)"
+        for name, part in zip(robot.joint_names, share, strict=True)
+        if part < TOL.moves
     ]
     if still:
         raise DataError(
             f"joints that hardly move in these recordings: {', '.join(still)}. "
-            "Each joint must move for at least 5 % of the time; record a motion that moves all of them, or leave the joint out "
-            "of joint_names (--config) and of the URDF."
+            f"Each joint must move for at least {100 * TOL.moves:g} % of the time; record a motion that moves all of "
+            "them, or leave the joint out of joint_names (--config) and of the URDF."
         )
 
 
@@ -183,65 +247,26 @@ def _halves(bag: BagRows) -> list[BagRows]:
     ]
 
 
-def _error_elsewhere(
-    parts: Sequence[BagRows], thetas: Sequence[FloatArray], errors: Sequence[TorqueError], bags: int
-) -> tuple[FloatArray, FloatArray]:
+def _error_elsewhere(held_out: _HeldOut, bags: int) -> tuple[FloatArray, FloatArray]:
     """What the model will leave unexplained on other motions, shape (n,) [N m], and for how long it keeps its sign [s]."""
-    seconds = np.array([part.period * part.moving.sum(axis=0) for part in parts])
+    seconds = np.array([part.period * part.moving.sum(axis=0) for part in held_out.parts])
     total = np.maximum(seconds.sum(axis=0), 1e-9)
-    torque_std = np.sqrt(np.sum([e.residual_moving**2 for e in errors] * seconds, axis=0) / total)
+    torque_std = np.sqrt(np.sum([e.residual_moving**2 for e in held_out.errors] * seconds, axis=0) / total)
     if bags == 1:
         # its halves repeat the motion, and a model is always better where it was fitted
-        torque_std = torque_std * _ONE_RECORDING
-    density = np.array([noise_density([part], theta) for part, theta in zip(parts, thetas, strict=True)])
+        torque_std = torque_std * TOL.one_recording
+    density = np.array([noise_density([part], theta) for part, theta in zip(held_out.parts, held_out.thetas, strict=True)])
     return torque_std, np.sum(density * seconds, axis=0) / total / np.maximum(2.0 * torque_std**2, 1e-18)
-
-
-def _parameters(
-    model: TorqueModel, theta: FloatArray, found: Fit, prior: Prior, between: dict[int, float]
-) -> tuple[Parameter, ...]:
-    std, bound = np.sqrt(np.diag(found.covariance)), np.sqrt(np.diag(found.bound))
-    posterior = np.diag(np.linalg.inv(found.information + np.diag(prior.precision())))
-    out = []
-    for effect, where in zip(model.free, model.slices, strict=True):
-        for i in range(where.start, where.stop):
-            name = model.parameter_names[i]
-            out.append(
-                Parameter(
-                    name=name,
-                    effect=effect.id,
-                    joint=name[name.index("[") + 1 : -1],
-                    value=float(theta[i]),
-                    unit=model.units[i],
-                    std=float(std[i]),
-                    crb=float(bound[i]),
-                    ci95=(float(theta[i] - 1.96 * std[i]), float(theta[i] + 1.96 * std[i])),
-                    prior_std=float(prior.std[i]),
-                    from_data=float(np.clip(1.0 - posterior[i] / prior.std[i] ** 2, 0.0, 1.0)),
-                    between_bags=between.get(i, math.nan),
-                )
-            )
-    return tuple(out)
-
-
-def _condition_number(information: FloatArray, base: BaseParameters) -> float:
-    """Of the base columns of these bags, each scaled to unit length; infinite where a column is zero."""
-    part = information[np.ix_(base.independent, base.independent)]
-    size = np.sqrt(np.diag(part))
-    if np.any(size <= 0.0):
-        return math.inf
-    values = np.linalg.eigvalsh(part / np.outer(size, size))
-    return float(np.sqrt(values[-1] / values[0])) if values[0] > 0.0 else math.inf
 
 
 def _model_file(
     model: TorqueModel,
     theta: FloatArray,
     found: Fit,
-    torque_std: FloatArray,
-    correlation_time: FloatArray,
+    error: tuple[FloatArray, FloatArray],
     provenance: dict[str, Any],
 ) -> ModelFile:
+    """What is written; ``error``: as of :func:`_error_elsewhere`."""
     robot = model.robot
     blocks = tuple(
         EffectBlock(e.id, e.joint_names, e.settings, theta[s], e.parameter_names, e.units, found.covariance[s, s])
@@ -252,8 +277,8 @@ def _model_file(
         joints=robot.joint_names,
         urdf_sha256=urdf_digest(robot.urdf),
         effects=blocks,
-        torque_std=torque_std,
-        correlation_time=correlation_time,
+        torque_std=error[0],
+        correlation_time=error[1],
         uncertainty=error_directions(model, found.covariance),
         provenance=provenance,
     )

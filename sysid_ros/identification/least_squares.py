@@ -8,17 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid_ros.estimators import LongRunVariance
+from sysid_ros.identification.bag_sums import BagSums
 from sysid_ros.identification.coloured_noise import coloured_information
-from sysid_ros.identification.normal_equations import NormalEquations
 from sysid_ros.identification.rows import BagRows, BoolArray
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
 
 METHODS = ("ols", "wls", "irls", "robust")
 
 _ITERATIONS = 10
-_SETTLED = 1e-3
-_HUBER = 1.345
-"""Residuals beyond so many standard deviations count by their size and not its square: 95 % efficient for Gaussian noise."""
 
 _GAUSSIAN_BAND = 0.47
 """Of the Gaussian low-pass: white noise of density D has the variance D cutoff / 0.47 after it."""
@@ -32,7 +30,7 @@ class Fit:
         theta: shape (p,).
         covariance: honest for coloured residuals, shape (p, p). bound: the same, were they white with the same power.
         information, score: of the data alone, ``sum w Y' Y`` and ``sum w Y' y``, shape (p, p) and (p,).
-        equations: sums over the rows of each bag.
+        sums: sums over the rows of each bag.
         weight: w of a row, a bag and a joint, shape (B, n) [1/(N m)^2]. rows: factor of each row from the robust loss, a bag
             each, shape (N, n), 0 where it is not used.
         bag_information, bag_score, bag_score_covariance: of each bag, shape (B, p, p), (B, p) and (B, p, p).
@@ -46,7 +44,7 @@ class Fit:
     bound: FloatArray
     information: FloatArray
     score: FloatArray
-    equations: NormalEquations
+    sums: BagSums
     weight: FloatArray
     rows: tuple[FloatArray, ...]
     bag_information: FloatArray
@@ -62,7 +60,7 @@ def fit(bags: Sequence[BagRows], prior_mean: FloatArray, prior_std: FloatArray, 
 
     The weight w_bj of a bag and a joint is one over the long-run variance of its residual, so rows that follow one another
     closely do not count as independent; the prior decides the directions that the data leave open. With "ols" all joints and
-    bags weigh alike, "wls" takes the noise from the residual of that, "irls" repeats it until it settles, "robust" also bounds
+    bags weigh alike, "wls" takes the noise from the residual of that, "irls" repeats it until it converges, "robust" also bounds
     what a single row can do (Huber 1964). The covariance is that of the weighted least squares under the noise as it is, see
     :func:`~sysid_ros.identification.coloured_noise.coloured_information`, and the prior's.
 
@@ -71,50 +69,64 @@ def fit(bags: Sequence[BagRows], prior_mean: FloatArray, prior_std: FloatArray, 
         prior_mean, prior_std: shape (p,). method: one of :data:`METHODS`.
     """
     rows = [bag.moving.astype(float) for bag in bags]
-    equations = NormalEquations.of(bags, rows)
+    sums = BagSums.of(bags, rows)
     periods = np.array([bag.period for bag in bags])[:, None]
     prior = np.diag(1.0 / prior_std**2)
-    density = np.broadcast_to(np.ones(equations.count.shape[1]), equations.count.shape).copy()
+    density = np.broadcast_to(np.ones(sums.count.shape[1]), sums.count.shape).copy()
     theta: FloatArray = prior_mean
     last_iteration = {"ols": 1, "wls": 1}.get(method, _ITERATIONS)
     for iteration in range(last_iteration + 1):
         weight: FloatArray = periods / density
-        information: FloatArray = prior + equations.information(weight)
-        last, theta = theta, _solve(information, prior @ prior_mean + equations.right_side(weight))
+        information: FloatArray = prior + sums.information(weight)
+        last, theta = theta, _solve(information, prior @ prior_mean + sums.right_side(weight))
         moved = float(np.sum((theta - last) * (information @ (theta - last))))
-        if iteration == last_iteration or (iteration > 2 and moved < _SETTLED):
+        if iteration == last_iteration or (iteration > 2 and moved < TOL.converged):
             break
         if method == "robust":
             rows = [_huber(bag, residuals(bag, theta)) for bag in bags]
-            equations = NormalEquations.of(bags, rows)
+            sums = BagSums.of(bags, rows)
         found = np.array([noise_density([bag], theta, [factor]) for bag, factor in zip(bags, rows, strict=True)])
         known = found > 0.0
         if method == "ols":
             # one scale for all: it is only weighed against the prior
             found = np.full_like(found, float(found[known].mean()) if known.any() else 1.0)
         density = np.maximum(np.where(known, found, density), 1e-12)
-    information = equations.information(weight)
+    return _fit_with_noise(bags, theta, prior, sums, weight, rows, density)
+
+
+def _fit_with_noise(
+    bags: Sequence[BagRows],
+    theta: FloatArray,
+    prior: FloatArray,
+    sums: BagSums,
+    weight: FloatArray,
+    rows: Sequence[FloatArray],
+    density: FloatArray,
+) -> Fit:
+    """The parameters with the covariance that coloured residuals leave, and with that of white ones."""
+    information = sums.information(weight)
     inverse = np.linalg.inv(prior + information)
     root = np.asarray(np.linalg.cholesky(0.5 * (inverse + inverse.T)), dtype=np.float64)
     score_covariance, level = np.zeros((len(bags), *information.shape)), np.zeros_like(density)
     for b, (bag, factor) in enumerate(zip(bags, rows, strict=True)):
         score_covariance[b], level[b] = coloured_information(bag, residuals(bag, theta), factor * weight[b], root)
     covariance = inverse @ (score_covariance.sum(axis=0) + prior) @ inverse
-    squares = equations.squares(theta) / np.maximum(equations.count, 1.0)
+    squares = sums.squares(theta) / np.maximum(sums.count, 1.0)
+    periods = np.array([bag.period for bag in bags])[:, None]
     band = np.array([_GAUSSIAN_BAND / bag.cutoff_hz for bag in bags])[:, None]
     white = periods / np.maximum(squares * band, 1e-14)
-    bound = np.linalg.inv(prior + equations.information(white))
+    bound = np.linalg.inv(prior + sums.information(white))
     return Fit(
         theta=theta,
         covariance=0.5 * (covariance + covariance.T),
         bound=0.5 * (bound + bound.T),
         information=information,
-        score=equations.right_side(weight),
-        equations=equations,
+        score=sums.right_side(weight),
+        sums=sums,
         weight=weight,
         rows=tuple(rows),
-        bag_information=np.einsum("bj,bjac->bac", weight, equations.normal),
-        bag_score=np.einsum("bj,bja->ba", weight, equations.score),
+        bag_information=np.einsum("bj,bjac->bac", weight, sums.normal),
+        bag_score=np.einsum("bj,bja->ba", weight, sums.score),
         bag_score_covariance=score_covariance,
         density=density,
         level=level,
@@ -150,7 +162,9 @@ def noise_density(bags: Sequence[BagRows], theta: FloatArray, rows: Sequence[Flo
             for value in moving[:, None]:
                 noise.add(value)
             density = (
-                float(noise.variance[0]) * bag.period if noise.known else 0.5 * float(np.sum(moving**2)) / max(moving.size, 1)
+                float(noise.variance[0]) * bag.period
+                if noise.known
+                else TOL.unknown_memory * float(np.sum(moving**2)) / max(moving.size, 1)
             )
             total[j] += density * moving.size * bag.period
             seconds[j] += moving.size * bag.period
@@ -173,6 +187,6 @@ def _huber(bag: BagRows, residual: FloatArray) -> FloatArray:
         size = np.abs(residual[:, j])
         if not bag.moving[:, j].any():
             continue
-        limit = _HUBER * 1.4826 * float(np.median(size[bag.moving[:, j]]))
+        limit = TOL.huber * 1.4826 * float(np.median(size[bag.moving[:, j]]))
         factor[:, j] *= np.minimum(1.0, limit / np.maximum(size, 1e-12)) if limit > 0.0 else 1.0
     return factor

@@ -1,4 +1,4 @@
-"""What the recordings and the URDF together say of all parameters, and how far the URDF's links can be trusted."""
+"""What the recordings and the URDF say of all parameters, and how far the URDF's links can be trusted."""
 
 from __future__ import annotations
 
@@ -11,16 +11,12 @@ from sysid_ros.identification.coloured_noise import coloured_information
 from sysid_ros.identification.held_out import Solvers
 from sysid_ros.identification.least_squares import Fit, residuals
 from sysid_ros.identification.rows import BagRows
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
 
 _TRIED = (*np.geomspace(1.0, 1e5, 16).tolist(), 1e9)
 """Weights of the prior for all links alike; the last stands for links that are the URDF's."""
 
-_SEEN = 1e-3
-"""Information in units of the prior's under which a direction counts as unseen."""
-
-_LEAST_NOISE = 0.5
-"""Least variance of a direction in units of what the weights of the fit say."""
 
 _REPEATS = 2
 
@@ -83,13 +79,13 @@ class _Evidence:
         self._inverse: FloatArray = np.linalg.inv(np.linalg.cholesky(_prior_precision(solvers, 1.0)))
         L = self._inverse
         values, vectors = np.linalg.eigh(L @ found.information @ L.T)
-        seen = values > _SEEN
+        seen = values > TOL.seen
         root, directions = np.sqrt(values[seen]), vectors[:, seen]
         self._z = directions.T @ L @ (found.score - found.information @ self._mean) / root
         self._B = root[:, None] * directions.T
         noise = directions.T @ L @ score_covariance @ L.T @ directions / np.outer(root, root)
         values, vectors = np.linalg.eigh(0.5 * (noise + noise.T))
-        self._noise = (vectors * np.maximum(values, _LEAST_NOISE)) @ vectors.T
+        self._noise = (vectors * np.maximum(values, TOL.least_noise)) @ vectors.T
 
     def _variance(self, weight: float) -> FloatArray:
         return np.where(self._is_link, 1.0 / weight, 1.0)

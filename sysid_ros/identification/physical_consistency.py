@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.effects import LinkInertia
 from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.identification.log_det_least_squares import BASIS, LogDetLeastSquares, symmetric, vector
 from sysid_ros.identification.reference_bodies import reference_bodies
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.torque_model import TorqueModel
@@ -18,7 +18,6 @@ from sysid_ros.torque.torque_model import TorqueModel
 _BLIND = 1e-13
 """Part of the information, each parameter in its own unit of it, under which a direction counts as unseen."""
 
-_MOST_RAISED = 1e6
 _MARGIN = 1e-10
 """Least eigenvalue of a pseudo-inertia over its greatest, in units of the URDF's."""
 
@@ -53,7 +52,7 @@ class PhysicalProblem:
     P_k is the pseudo-inertia of link k, U_k the URDF's, and ``D(P || U) = tr(U^-1 P) - log det(U^-1 P) - 4`` the entropic
     divergence (Lee, Wensing, Park 2020). D depends neither on units nor on the frame of the link. With A the
     information of weighted least squares the whole cost is without unit: about a link whose ten parameters are uncertain by a
-    part s of themselves is told by ``w = 1 / s^2``.
+    part s of themselves has ``w = 1 / s^2``.
 
     Inside, every P_k is written ``C_k X_k C_k'`` with ``U_k = C_k C_k'``, so that the unknowns are near the identity whatever
     the robot's size.
@@ -83,14 +82,14 @@ class PhysicalProblem:
             )
         self._names = model.parameter_names
         blocks = list(zip(model.free, model.slices, strict=True))
-        links = [(effect, where) for effect, where in blocks if isinstance(effect, LinkInertia)]
+        links = [(effect, where) for effect, where in blocks if effect.replaces_links]
         joints = np.concatenate([effect.joints for effect, _ in links]) if links else np.zeros(0, dtype=np.intp)
         self._starts = [start for _, where in links for start in range(where.start, where.stop, 10)]
         references, self.notes = reference_bodies(model.robot, joints)
         bounded = [j for effect, where in blocks if effect.nonnegative for j in range(where.start, where.stop)]
         self._bounded = np.array(bounded, dtype=np.intp)
         self._information, self._score = 0.5 * (information + information.T), score
-        # the unit of every parameter that is no link is what the data can just tell from zero
+        # the unit of every parameter that is no link is what the data can just distinguish from zero
         power = np.maximum(np.diag(self._information), 0.0)
         self._to_theta = np.diag(np.where(power > 0.0, 1.0 / np.sqrt(np.where(power > 0.0, power, 1.0)), 1.0))
         for start, reference in zip(self._starts, references, strict=True):
@@ -137,7 +136,7 @@ class PhysicalProblem:
             x = self._solver.at_identity()
         else:
             found, used, words = self._solver.solve(weight)
-            if used > _MOST_RAISED * max(weight, 1.0):
+            if used > TOL.raised * max(weight, 1.0):
                 raise DataError(
                     f"no physical parameters were found with the prior's weight {weight:g}: {words}. Give the prior more weight, "
                     "or record a motion that moves every joint."
@@ -186,7 +185,7 @@ def require_physical(model: TorqueModel, theta: FloatArray) -> None:
     wrong = []
     for effect, where in zip(model.free, model.slices, strict=True):
         values = theta[where]
-        if isinstance(effect, LinkInertia):
+        if effect.replaces_links:
             wrong += [
                 f"the inertials of link {model.robot.body_names[int(j)]}"
                 for j, body in zip(effect.joints, values.reshape(-1, 10), strict=True)

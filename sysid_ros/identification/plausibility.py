@@ -9,18 +9,10 @@ import numpy as np
 
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification.result import Problem
-from sysid_ros.identification.rows import BagRows
+from sysid_ros.identification.rows import BagRows, BoolArray
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-
-_SHARE = 0.15
-"""Of the largest change of gravity torque of a joint; joints below it are not judged."""
-
-_FEWEST = 60
-_STANDARD_ERRORS = 4.0
-_TOO_LOW, _TOO_HIGH, _SUSPICIOUS = 0.35, 4.0, 1.8
-_EXPLAINED, _MOSTLY = 0.5, 0.8
-
 
 _CHANNELS: tuple[Callable[[BagRows], FloatArray], ...] = (
     lambda bag: bag.q,
@@ -62,7 +54,7 @@ def agreement(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatArray) -
     gravity = np.array([robot.gravity_torque(x) for x in q])
     for j in range(n):
         here = moving[:, j]
-        if int(here.sum()) < _FEWEST:
+        if int(here.sum()) <= 6:  # as many unknowns
             continue
         beside = np.stack([np.ones(int(here.sum())), np.sign(v[here, j]), v[here, j], a[here, j]], axis=1)
         x, y = _without(beside, gravity[here, j]), _without(beside, tau[here, j])
@@ -73,18 +65,18 @@ def agreement(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatArray) -
         slope[j] = float(x @ y) / power
         residual = y - slope[j] * x
         # neighbouring rows are alike, so eight count as one
-        error[j] = np.sqrt(8.0 * float(residual @ residual) / len(y) / power)
+        error[j] = np.sqrt(TOL.rows_alike * float(residual @ residual) / len(y) / power)
         x, y = _without(beside[:, :3], asked[here, j]), _without(beside[:, :3], tau[here, j])
         load[j] = np.std(x)
         residual = _without(np.stack([x, _without(beside[:, :3], a[here, j])], axis=1), y)
         explained[j] = 1.0 - float(residual @ residual) / max(float(y @ y), 1e-300)
-    judged = size >= max(_SHARE * float(np.nanmax(size, initial=0.0)), 1e-6)
-    loaded = load >= max(_SHARE * float(np.nanmax(load, initial=0.0)), 1e-6)
+    judged = size >= max(TOL.judged_gravity * float(np.nanmax(size, initial=0.0)), 1e-6)
+    loaded = load >= max(TOL.judged_gravity * float(np.nanmax(load, initial=0.0)), 1e-6)
     return Agreement(np.where(judged, slope, np.nan), np.where(judged, error, np.nan), np.where(loaded, explained, np.nan))
 
 
 def check_plausible(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatArray) -> list[Problem]:
-    """What is doubtful about effort and URDF together.
+    """What is doubtful about the effort beside the URDF.
 
     Args:
         nominal: as of :func:`agreement`.
@@ -93,42 +85,72 @@ def check_plausible(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatAr
         DataError: the effort can't be the torque of this URDF's robot.
     """
     found = agreement(robot, bags, nominal)
-    names = robot.joint_names
-    margin = _STANDARD_ERRORS * found.error
-    listed = ", ".join(f"{names[j]} {found.slope[j]:.2g}" for j in np.flatnonzero(np.isfinite(found.slope)))
-    against = f"(slope of the effort on the URDF's gravity torque, 1 expected: {listed})"
-    judged = np.isfinite(found.slope)
-    if flipped := [names[j] for j in np.flatnonzero(found.slope + margin < -0.2)]:
+    _require_torque(robot, found)
+    return _doubts(robot, found)
+
+
+def _slopes(robot: RobotModel, found: Agreement) -> str:
+    listed = ", ".join(f"{robot.joint_names[j]} {found.slope[j]:.2g}" for j in np.flatnonzero(np.isfinite(found.slope)))
+    return f"(slope of the effort on the URDF's gravity torque, 1 expected: {listed})"
+
+
+def _explained(robot: RobotModel, found: Agreement) -> tuple[float, str]:
+    """Part of the torque that the URDF explains, of a usual joint, and of each in words."""
+    loaded = np.isfinite(found.explained)
+    listed = ", ".join(f"{robot.joint_names[j]} {100 * found.explained[j]:.0f} %" for j in np.flatnonzero(loaded))
+    return float(np.median(found.explained[loaded])) if loaded.any() else 1.0, listed
+
+
+def _low_and_high(found: Agreement) -> tuple[BoolArray, BoolArray]:
+    """Joints whose effort is far too small for the arm's weight, and far too large, shape (n,) each."""
+    margin = TOL.slope_errors * found.error
+    return found.slope + margin < TOL.slope_low, found.slope - margin > TOL.slope_high
+
+
+def _require_torque(robot: RobotModel, found: Agreement) -> None:
+    """Check that the effort is the torque of this robot.
+
+    Raises:
+        DataError: it is not.
+    """
+    names, against = robot.joint_names, _slopes(robot, found)
+    margin = TOL.slope_errors * found.error
+    if flipped := [names[j] for j in np.flatnonzero(found.slope + margin < TOL.slope_flipped)]:
         raise DataError(
             f"the effort of {', '.join(flipped)} runs against gravity {against}. Set effort_sign to -1 for these joints in "
             "--config, or give the URDF of the robot that was recorded."
         )
-    loaded = np.isfinite(found.explained)
-    follows = float(np.median(found.explained[loaded])) if loaded.any() else 1.0
-    part = ", ".join(f"{names[j]} {100 * found.explained[j]:.0f} %" for j in np.flatnonzero(loaded))
-    if follows < _EXPLAINED:
+    follows, part = _explained(robot, found)
+    if follows < TOL.follows_urdf:
         raise DataError(
             f"the effort does not follow the URDF: of what friction leaves, it explains {part}; most of it is expected. "
             "Give the URDF of the robot that was recorded, with its joints in the recording's zero and direction."
         )
-    low, high = found.slope + margin < _TOO_LOW, found.slope - margin > _TOO_HIGH
-    if judged.any() and np.sum(low) > 0.5 * np.sum(judged):
+    most = 0.5 * np.sum(np.isfinite(found.slope))
+    low, high = _low_and_high(found)
+    if np.sum(low) > most:
         scale = 1.0 / float(np.median(found.slope[low]))
         raise DataError(
             f"the effort is far smaller than the arm's weight asks for {against}. If it is a motor current (A) or a part of the "
             f"rated torque, set effort_scale in --config to N m per unit, a joint each (about {scale:.2g} by these slopes); if "
             "gravity is already taken out of it, record the total torque."
         )
-    if judged.any() and np.sum(high) > 0.5 * np.sum(judged):
+    if np.sum(high) > most:
         raise DataError(
             f"the effort is far larger than the arm's weight asks for {against}. Give the URDF of the robot that was recorded, "
             "or set effort_scale in --config if the effort is in another unit such as mA."
         )
+
+
+def _doubts(robot: RobotModel, found: Agreement) -> list[Problem]:
+    names, against = robot.joint_names, _slopes(robot, found)
+    low, high = _low_and_high(found)
     problems = [
         Problem("", names[j], "effort_scale", f"The effort of {names[j]} is {_much(found.slope[j])} {against}. {_cure()}")
         for j in np.flatnonzero(low | high)
     ]
-    if follows < _MOSTLY:
+    follows, part = _explained(robot, found)
+    if follows < TOL.follows_well:
         problems.append(
             Problem(
                 "",
@@ -138,7 +160,7 @@ def check_plausible(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatAr
                 "Is it the URDF of the robot that was recorded, with its zero and its joint order?",
             )
         )
-    doubtful = judged & (found.slope - margin > _SUSPICIOUS) & ~high
+    doubtful = (found.slope - TOL.slope_errors * found.error > TOL.slope_suspicious) & ~high
     if np.any(doubtful):
         which = ", ".join(names[j] for j in np.flatnonzero(doubtful))
         problems.append(

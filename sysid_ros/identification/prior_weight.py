@@ -14,20 +14,11 @@ from sysid_ros.identification.least_squares import Fit
 from sysid_ros.identification.link_posterior import link_posterior
 from sysid_ros.identification.result import PriorChoice
 from sysid_ros.identification.rows import BagRows
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
 
 WEIGHTS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 1e5, math.inf)
-"""Weights of the prior worth trying; at ``inf`` a link is the URDF's."""
-
-_GAIN = 2e-3
-"""Least gain of the cost for which a link's weight is changed."""
-
-_FIRMER = 0.02
-"""Cost that links held more firmly may have in the end: what gains less is left to the URDF."""
-
-_WORSE = 0.02
-_RISK = 5.0
-"""Part by which a joint's squared error may exceed that of the URDF's links by bad luck, and the cost of every part beyond."""
+"""Weights of the prior that are tried; at ``inf`` a link is the URDF's."""
 
 
 def choose_weights(compare: Callable[[FloatArray], tuple[FloatArray, FloatArray]], links: int) -> FloatArray:
@@ -56,7 +47,9 @@ def choose_weights(compare: Callable[[FloatArray], tuple[FloatArray, FloatArray]
             expected, worst = compare(weights)
             if not (np.isfinite(expected).all() and np.isfinite(worst).all()):
                 raise DataError("the expected torque error is not finite; a recording holds NaN or infinite values.")
-            known[key] = float(np.mean(np.log(expected)) + _RISK * np.sum(np.maximum(worst - 1.0 - _WORSE, 0.0)))
+            known[key] = float(
+                np.mean(np.log(expected)) + TOL.risk_cost * np.sum(np.maximum(worst - 1.0 - TOL.risk_allowed, 0.0))
+            )
         return known[key]
 
     def descend(best: FloatArray) -> FloatArray:
@@ -64,15 +57,15 @@ def choose_weights(compare: Callable[[FloatArray], tuple[FloatArray, FloatArray]
             # of equals the firmest
             changed = [_with(best, k, w) for k in range(links) for w in reversed(WEIGHTS) if w != best[k]]
             following = min(changed, key=cost)
-            if cost(following) > cost(best) - _GAIN:
+            if cost(following) > cost(best) - TOL.gain:
                 break
             best = following
         return best
 
-    # from the URDF's links no single link may gain where several together do
+    # from the URDF's links no single link may gain where several at once do
     loosest = min((np.full(links, w) for w in reversed(WEIGHTS[:-1])), key=cost)
     best = min((descend(np.full(links, math.inf)), descend(loosest)), key=cost)
-    most = cost(best) + _FIRMER
+    most = cost(best) + TOL.firmer
     while firmer := [_with(best, k, WEIGHTS[WEIGHTS.index(w) + 1]) for k, w in enumerate(best.tolist()) if math.isfinite(w)]:
         following = min(firmer, key=cost)
         if cost(following) > most:
@@ -85,7 +78,7 @@ def choose_prior(bags: Sequence[BagRows], folds: Folds, solvers: Solvers, found:
     """The weights of the prior: as given, else by the error expected on other motions.
 
     The error on held-out parts of the same recordings is worked out beside it for one weight for all links. It does not decide:
-    parts of a short recording share its noise and its postures, and seldom tell one link's inertials from another's.
+    parts of a short recording share its noise and its postures, and seldom separate one link's inertials from another's.
     """
     names = tuple(solvers.model.robot.body_names[j] for j in solvers.link_joints)
     if given is not None:

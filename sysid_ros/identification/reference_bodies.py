@@ -4,18 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-
-_FLATTEST = 1e-4
-"""Least second moment of a reference body over its greatest: a plate one hundredth as thick as long."""
-
-_GYRATION = 0.3
-"""Radius of gyration of a body of which the URDF states none, as a part of the link's length."""
-
-_USUAL_LENGTH = 0.1
-"""Length of a link where no two joints of the robot are apart [m]."""
 
 
 def reference_bodies(robot: RobotModel, joints: np.ndarray[tuple[int], np.dtype[np.intp]]) -> tuple[FloatArray, tuple[str, ...]]:
@@ -30,12 +22,12 @@ def reference_bodies(robot: RobotModel, joints: np.ndarray[tuple[int], np.dtype[
     """
     masses = robot.pi[::10]
     heavy = masses[masses > 0.0]
-    spare = 0.1 * float(np.median(heavy)) if heavy.size else 1.0
+    spare = TOL.spare_mass * float(np.median(heavy)) if heavy.size else 1.0
     out, notes = [], []
     for joint in joints:
         theta = robot.pi[10 * int(joint) : 10 * int(joint) + 10]
         name = robot.body_names[int(joint)]
-        gyration = _GYRATION * _length(robot, int(joint))
+        gyration = TOL.gyration * _length(robot, int(joint))
         if not theta[0] > 0.0:
             body = inertial_parameters.from_com(spare, np.zeros(3), 2.0 * spare * gyration**2 * np.eye(3))
             notes.append(
@@ -57,7 +49,7 @@ def _thickened(matrix: FloatArray, gyration: float) -> tuple[FloatArray, bool]:
     """The pseudo-inertia with second moments about the centre of mass that are not too small, and whether they were."""
     mass, first = float(matrix[3, 3]), matrix[:3, 3]
     moments, axes = np.linalg.eigh(matrix[:3, :3] - np.outer(first, first) / mass)
-    least = _FLATTEST * moments[-1] if moments[-1] > 0.0 else mass * gyration**2
+    least = TOL.flattest * moments[-1] if moments[-1] > 0.0 else mass * gyration**2
     if moments[0] >= least:
         return matrix, False
     out = matrix.copy()
@@ -72,4 +64,4 @@ def _length(robot: RobotModel, joint: int) -> float:
     for length in (max(after, default=0.0), float(steps[joint]), float(np.median(steps))):
         if length > 1e-3:
             return length
-    return _USUAL_LENGTH
+    return TOL.usual_length

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.base_parameters import BaseParameters
 from sysid_ros.torque.model_file import ModelFile
@@ -28,7 +29,7 @@ class Parameter:
         value, unit. std: honest for coloured residuals. ci95: value -+ 1.96 std.
         crb: standard deviation by the Cramer-Rao bound, were the residuals white with the same power below the cut-off.
         prior_std: before any data. from_data: part of its information that comes from the bags, 0 (the prior's alone) to 1.
-        between_bags: standard deviation of the values found in each bag alone; NaN with one bag, or where a bag can't tell.
+        between_bags: standard deviation of the values found in each bag alone; NaN where fewer than two do.
     """
 
     name: str
@@ -127,8 +128,8 @@ class JointNoise:
 
     Attributes:
         bag, joint: where. std: rms over the rows used [N m].
-        density: spectral density at low frequency [(N m)^2 s], which decides what the data are worth.
-        correlation_time: density over twice the variance [s]. effective_rows: independent rows that the bag is worth. rows: used.
+        density: spectral density at low frequency [(N m)^2 s], which decides how much information the data hold.
+        correlation_time: density over twice the variance [s]. effective_rows: as many independent rows say. rows: used.
     """
 
     bag: str
@@ -160,7 +161,7 @@ class WhitenessTest:
     @property
     def white(self) -> bool:
         """Whether whiteness can't be denied."""
-        return self.p_value >= 0.01
+        return self.p_value >= TOL.white
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,9 +169,10 @@ class Repeatability:
     """A parameter of a joint as each bag alone gives it.
 
     Attributes:
-        name, unit: of the parameter. values, stds: a bag, in the order of ``Identification.bags``; NaN where a bag can't tell.
+        name, unit: of the parameter. values, stds: a bag, in the order of ``Identification.bags``; NaN where one does not say.
         between: standard deviation of the values. within: rms of the stds. Much more between than within means that the robot
             was not the same in all bags (temperature, load, wear), which no interval from one bag shows.
+        friction: whether it is a parameter of the joint's friction.
     """
 
     name: str
@@ -179,6 +181,7 @@ class Repeatability:
     stds: tuple[float, ...]
     between: float
     within: float
+    friction: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +211,7 @@ class PriorChoice:
     """How strongly the URDF's link inertials were held to, chosen by the error expected on other motions.
 
     Attributes:
-        weight: of the prior; a link whose ten parameters are uncertain by a part s of themselves is told by 1 / s^2, infinite
+        weight: of the prior; a link whose ten parameters are uncertain by a part s of themselves has 1 / s^2, infinite
             keeps the URDF's links.
         weights, heldout: what was tried for all links alike and the held-out error of each, in parts of the error with the
             URDF's links (geometric mean over the joints).
@@ -247,7 +250,7 @@ class Identification:
         cutoff, prior: chosen, and why.
         errors: torque error on recordings held out in turn. validation: on those that were never fitted.
         series: the same rows by rows: of ``validation`` if there are any, else of ``errors``.
-        noise, whiteness: a joint and a bag. repeatability: of the parameters that every bag can tell; empty with one bag.
+        noise, whiteness: a joint and a bag. repeatability: of the parameters that each bag determines; empty with one bag.
         problems: found in the bags. record_next: what to record to know more, sentences.
         physical: outcome of the physical consistency; None where it was switched off.
         model: to be written to model.yaml.

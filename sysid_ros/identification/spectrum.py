@@ -7,21 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.identification.recording import Recording
 from sysid_ros.identification.result import CutOff
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.causal_derivative import default_cutoff
+from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.zero_phase import on_even_grid
-
-_PART = 0.995
-_MARGIN = 1.5
-_LOWEST = 2.0
-_SECONDS = 8.0
-_BIAS = 1e-4
-"""Power of the noise over that of the motion in an acceleration that is let through: the part by which inertias shrink."""
-
-_ABOVE_MOTION = 2.0
-_MOVED = 0.01
 
 
 def choose_cutoff(recordings: Sequence[Recording], joint_names: Sequence[str], max_gap: float = 0.1) -> CutOff:
@@ -36,18 +27,18 @@ def choose_cutoff(recordings: Sequence[Recording], joint_names: Sequence[str], m
         recordings: of one robot. joint_names: for the reason.
     """
     highest = min(default_cutoff(1.0 / max(r.period, 1e-9)) for r in recordings)
-    lowest = min(_LOWEST, highest)
+    lowest = min(TOL.lowest_cutoff, highest)
     bands = [_bands(r, max_gap) for r in recordings]
     edges = np.array([b.torque for b in bands])
     edge, joint = float(edges.max()), joint_names[int(np.argmax(edges.max(axis=0)))]
     clean = np.array([b.clean for b in bands])
-    least = max(lowest, min(_ABOVE_MOTION * float(np.max([b.motion for b in bands])), highest))
+    least = max(lowest, min(TOL.above_motion * float(np.max([b.motion for b in bands])), highest))
     noisy, noisy_joint = float(clean.min()), joint_names[int(np.argmin(clean.min(axis=0)))]
     if not edge > 0.0:
         wanted, reason = highest, "no torque rises above its noise, so it is what the rate of the data allows"
     else:
-        found = f"{100 * _PART:g} % of the torque of {joint} above its noise lies below {edge:.2g} Hz"
-        wanted, reason = _MARGIN * edge, f"{found}; the cut-off is {_MARGIN:g} times that"
+        found = f"{100 * TOL.torque_power:g} % of the torque of {joint} above its noise lies below {edge:.2g} Hz"
+        wanted, reason = TOL.cutoff_margin * edge, f"{found}; the cut-off is {TOL.cutoff_margin:g} times that"
         if wanted > highest:
             wanted, reason = highest, f"{found}; {highest:.3g} Hz is the most that the rate of the data allows"
         elif wanted < lowest:
@@ -83,24 +74,24 @@ def _bands(recording: Recording, max_gap: float) -> _Bands:
     _, even = on_even_grid(recording.t[longest], channels, recording.period)
     tau, q = even[:, :n], even[:, n:]
     rate = 1.0 / recording.period
-    segment = min(len(tau), int(_SECONDS * rate))
+    segment = min(len(tau), int(TOL.segment * rate))
     frequency, power = signal.welch(tau, rate, window="hann", nperseg=segment, detrend="constant", axis=0)
     floor = np.median(power[frequency > 0.25 * rate], axis=0)
-    total = np.cumsum(np.where(power > 4.0 * floor, power - floor, 0.0), axis=0)
+    total = np.cumsum(np.where(power > TOL.above_floor * floor, power - floor, 0.0), axis=0)
     noise = 2.0 * _white_variance(q) / rate
     _, power = signal.welch(q, rate, window="hann", nperseg=segment, detrend="linear", axis=0)
     band = frequency < 0.1 * rate
-    bend = (2.0 * np.pi * frequency[band, None]) ** 4 * np.where(power[band] > 10.0 * noise, power[band] - noise, 0.0)
+    bend = (2.0 * np.pi * frequency[band, None]) ** 4 * np.where(power[band] > TOL.above_noise * noise, power[band] - noise, 0.0)
     bends = np.cumsum(bend, axis=0)
     for j in range(n):
         if total[-1, j] > 0.0:
-            torque[j] = frequency[np.searchsorted(total[:, j], _PART * total[-1, j])]
-        if bends[-1, j] > 0.0 and np.ptp(q[:, j]) > _MOVED:
-            motion[j] = frequency[band][np.searchsorted(bends[:, j], 0.95 * bends[-1, j])]
+            torque[j] = frequency[np.searchsorted(total[:, j], TOL.torque_power * total[-1, j])]
+        if bends[-1, j] > 0.0 and np.ptp(q[:, j]) > TOL.moved:
+            motion[j] = frequency[band][np.searchsorted(bends[:, j], TOL.motion_power * bends[-1, j])]
             acceleration = float(bends[-1, j]) * (frequency[1] - frequency[0])
             # integral of (2 pi f)^4 times the power gain of the Gaussian low-pass: 1.66 (2 pi)^4 cutoff^5
             gain = 1.66 * (2.0 * np.pi) ** 4 * max(float(noise[j]), 1e-300)
-            clean[j] = (_BIAS * acceleration / gain) ** 0.2
+            clean[j] = (TOL.acceleration_bias * acceleration / gain) ** 0.2
     return _Bands(torque, motion, clean)
 
 

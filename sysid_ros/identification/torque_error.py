@@ -8,9 +8,8 @@ from sysid_ros.identification.coloured_noise import on_grid, whiteness
 from sysid_ros.identification.least_squares import Fit, residuals, rms
 from sysid_ros.identification.result import JointNoise, ResidualSeries, TorqueError, WhitenessTest
 from sysid_ros.identification.rows import BagRows
+from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
-
-_LAGS = 20
 
 
 def torque_error(bag: BagRows, theta: FloatArray, nominal: FloatArray, urdf_friction: FloatArray) -> TorqueError:
@@ -50,7 +49,7 @@ def joint_noise(bag: BagRows, b: int, found: Fit, joints: tuple[str, ...]) -> li
     for j, joint in enumerate(joints):
         rows = int(np.sum(bag.moving[:, j]))
         square, level = float(found.squares[b, j]), float(found.level[b, j])
-        if rows < 8 or square <= 0.0 or level <= 0.0:
+        if rows < TOL.fewest_rows or square <= 0.0 or level <= 0.0:
             continue
         density = level * bag.period
         out.append(JointNoise(bag.name, joint, square**0.5, density, density / (2.0 * square), rows * square / level, rows))
@@ -63,7 +62,7 @@ def whiteness_tests(bag: BagRows, theta: FloatArray, joints: tuple[str, ...]) ->
     residual = on_grid(bag, np.where(bag.moving, residuals(bag, theta), np.nan))[::every]
     out = []
     for j, joint in enumerate(joints):
-        lags = min(_LAGS, int(np.isfinite(residual[:, j]).sum()) // 5)
+        lags = min(TOL.white_lags, int(np.isfinite(residual[:, j]).sum()) // 5)
         statistic, p_value, first = whiteness(residual[:, j], lags) if lags > 0 else (np.nan,) * 3
         if np.isfinite(statistic):
             out.append(WhitenessTest(bag.name, joint, statistic, lags, p_value, first, every * bag.period))

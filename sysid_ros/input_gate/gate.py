@@ -42,7 +42,7 @@ class InputGate:
         received, accepted: number of messages.
         counts: rejected messages by reason.
         gaps, restarts: see above.
-        last_texts: the last sentence for each reason.
+        last_texts: the last sentence for each reason. last_rejection: of the last message that was not used.
 
     Raises:
         SettingsError: ``effort_scale`` or ``effort_sign`` does not fit the robot.
@@ -54,6 +54,7 @@ class InputGate:
         self.received = self.accepted = self.gaps = self.restarts = 0
         self.counts: Counter[str] = Counter()
         self.last_texts: dict[str, str] = {}
+        self.last_rejection = Rejection("", "")
         self._needs_velocity = settings.velocity_source == "message"
         self._total_effort = settings.effort_type == "total"
         self._allow_unstamped = settings.allow_unstamped
@@ -61,7 +62,7 @@ class InputGate:
         self._standstill = settings.standstill_velocity
         self._mappings: dict[tuple[str, ...], Mapping | Rejection] = {}
         self._names: tuple[str, ...] | None = None
-        self._mapping: Mapping | Rejection = Rejection("", "")
+        self._mapping: Mapping | Rejection = self.last_rejection
         self._limits = self._limit_table()
         self._state = np.zeros((8, robot.n))
         self._clock = np.zeros(5)
@@ -79,8 +80,7 @@ class InputGate:
         self._events: deque[tuple[float, str]] = deque(maxlen=_REMEMBERED_EVENTS)
         self._last_received: float | None = None
         self._last_accepted: tuple[float, float] | None = None  # receive time, stamp
-        # Compiles now and not at the first message; NaN is rejected and changes nothing.
-        self._check(Mapping.of(robot.joint_names, robot.joint_names), False, 0.0, np.empty((3, robot.n)))
+        self._compile()
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -89,6 +89,13 @@ class InputGate:
 
     def accept(self, record: JointStateRecord) -> Measurement | Rejection:
         """The measurement that a message holds, or why it is not used."""
+        found = self.take(record)
+        return found[0] if found else self.last_rejection
+
+    def take(self, record: JointStateRecord | ImuRecord | ContactRecord) -> list[Measurement]:
+        """The measurement that a message holds, in a list that is empty where it is not used; an IMU tells nothing of an arm."""
+        if not isinstance(record, JointStateRecord):
+            return []
         self.received += 1
         self._last_received = record.receive_time
         try:
@@ -96,23 +103,16 @@ class InputGate:
         except (TypeError, ValueError, OverflowError) as error:
             result = Rejection("malformed", f"The message holds something else than numbers: {error}. Check the publisher.")
         if isinstance(result, Rejection):
-            reason = result.reason
+            reason, self.last_rejection = result.reason, result
             self.counts[reason] += 1
             self.last_texts.pop(reason, None)  # the newest comes last
             self.last_texts[reason] = result.text
-        else:
-            reason = health.ACCEPTED
-            self.accepted += 1
-            self._last_accepted = (record.receive_time, self._last_t)
-        self._events.append((record.receive_time, reason))
-        return result
-
-    def take(self, record: JointStateRecord | ImuRecord | ContactRecord) -> list[Measurement]:
-        """The measurement that a message holds, in a list that is empty where it is not used; an IMU tells nothing of an arm."""
-        if not isinstance(record, JointStateRecord):
+            self._events.append((record.receive_time, reason))
             return []
-        result = self.accept(record)
-        return [] if isinstance(result, Rejection) else [result]
+        self.accepted += 1
+        self._last_accepted = (record.receive_time, self._last_t)
+        self._events.append((record.receive_time, health.ACCEPTED))
+        return [result]
 
     def health(self, now: float) -> GateHealth:
         """The state of the input at ``now`` [s], a time of the clock that ``receive_time`` is from."""
@@ -155,7 +155,8 @@ class InputGate:
         )
 
     def _measurement(self, record: JointStateRecord) -> Measurement | Rejection:
-        mapping = self._mapping if record.names is self._names else self._mapping_of(record.names)
+        names = record.names
+        mapping = self._mapping if names is self._names or names == self._names else self._mapping_of(tuple(names))
         if isinstance(mapping, Rejection):
             return mapping
         position, velocity, effort = record.position, record.velocity, record.effort
@@ -168,25 +169,27 @@ class InputGate:
         if t == 0.0 and self._allow_unstamped:
             t = float(record.receive_time)
         dt = t - self._last_t
-        if not (dt > 0.0 and 0.0 < t < _LATEST_STAMP):
-            if dt >= -_BACK_IN_TIME or not 0.0 < t < _LATEST_STAMP:
+        if not 0.0 < dt <= self._max_gap or not t < _LATEST_STAMP:
+            if not 0.0 < t < _LATEST_STAMP or -_BACK_IN_TIME <= dt <= 0.0:
                 return rejections.of_stamp(t, self._last_t)
-            self._restart(record.receive_time)
-        elif dt > self._max_gap:
-            self._start_afresh()
-
+            if dt <= 0.0:
+                self._restart(record.receive_time)
+            else:
+                self._start_afresh()
         mapping.position[:] = position
         mapping.effort[:] = effort
         if has_velocity:
             mapping.velocity[:] = velocity
         out = np.empty((3, self.robot.n))
-        code = self._check(mapping, has_velocity, t, out)
-        if code > kernel.WINDOW_AGREES:
-            if code == kernel.EFFORT_ZERO and self._is_weightless(mapping.position[mapping.index]):
-                self._may_be_zero = True
-                code = self._check(mapping, has_velocity, t, out)
-            if code % kernel.CODES > kernel.WINDOW_DISAGREES:
-                return rejections.of_check(code, self.robot.joint_names, mapping.raw[:, mapping.index], self._limits, dt)
+        code = kernel.check(
+            mapping.raw, has_velocity, self._needs_velocity, mapping.index, t, self._may_be_zero, self._standstill,
+            self._limits, self._state, self._clock, out,
+        )  # fmt: skip
+        if code == kernel.EFFORT_ZERO and self._is_weightless(mapping.position[mapping.index]):
+            self._may_be_zero = True
+            return self._measurement(record)
+        if code % kernel.CODES > kernel.WINDOW_DISAGREES:
+            return rejections.of_check(code, self.robot.joint_names, mapping.raw[:, mapping.index], self._limits, dt)
         if dt > self._max_gap and self._last_t > 0.0:
             self.gaps += 1
             self._events.append((record.receive_time, health.GAP))
@@ -198,31 +201,22 @@ class InputGate:
             self._look_at_gravity(t, q, tau)
         return Measurement(t, q, v if self._trust_velocity and v[0] == v[0] else None, tau)
 
-    def _check(self, mapping: Mapping, has_velocity: bool, t: float, out: FloatArray) -> int:
-        return kernel.check(  # type: ignore[no-any-return]
-            mapping.raw,
-            has_velocity,
-            self._needs_velocity,
-            mapping.index,
-            t,
-            self._may_be_zero,
-            self._standstill,
-            self._limits,
-            self._state,
-            self._clock,
-            out,
-        )
-
     def _mapping_of(self, names: tuple[str, ...]) -> Mapping | Rejection:
-        key = tuple(names)
-        mapping = self._mappings.get(key)
+        mapping = self._mappings.get(names)
         if mapping is None:
-            mapping = rejections.of_names(key, self.robot.joint_names) or Mapping.of(key, self.robot.joint_names)
+            mapping = rejections.of_names(names, self.robot.joint_names) or Mapping.of(names, self.robot.joint_names)
             if len(self._mappings) < _KINDS_OF_MESSAGES:
-                self._mappings[key] = mapping
-        if key is names:
-            self._names, self._mapping = key, mapping
+                self._mappings[names] = mapping
+        self._names, self._mapping = names, mapping
         return mapping
+
+    def _compile(self) -> None:
+        """Compile now and not at the first message; NaN is rejected and changes nothing."""
+        n = self.robot.n
+        kernel.check(
+            np.full((3, n), np.nan), False, False, np.arange(n, dtype=np.intp), 0.0, True, 0.0,
+            self._limits, self._state, self._clock, np.empty((3, n)),
+        )  # fmt: skip
 
     def _start_afresh(self) -> None:
         self._clock[kernel.FRESH] = 1.0

@@ -98,14 +98,26 @@ def judge(
         since = "No usable message yet" if age == float("inf") else f"No usable message for {age:.1f} s"
         why = texts[max(rejected, key=lambda reason: rejected[reason])] if rejected else "The messages have stopped."
         return Level.ERROR, f"{since}: {why}", ()
-    found_errors = [sentence for sentence in errors if sentence]
-    found = [sentence for sentence in warnings if sentence]
+    found_errors, found = [sentence for sentence in errors if sentence], [sentence for sentence in warnings if sentence]
     if recent.get(RESTART, 0) > 1:
         found_errors.append(
             f"The stamps jumped back {recent[RESTART]} times within a second. "
             "Two publishers with different clocks share the topic: stop one."
         )
-    elif recent.get(RESTART, 0) == 1:
+    found += _doubts(recent, rejected, texts, rate, clock_offset)
+    if found_errors:
+        return Level.ERROR, " ".join(found_errors), tuple(found_errors + found)
+    if found:
+        return Level.WARN, " ".join(found), tuple(found)
+    return Level.OK, f"{rate:.0f} samples a second.", ()
+
+
+def _doubts(
+    recent: Mapping[str, int], rejected: Mapping[str, int], texts: Mapping[str, str], rate: float, clock_offset: float
+) -> list[str]:
+    """What is doubtful about the messages of the last second, a sentence each; arguments as of :func:`judge`."""
+    found = []
+    if recent.get(RESTART, 0) == 1:
         found.append("The stamps jumped back, as when a bag or a simulation starts again; the filters were restarted.")
     if recent.get(GAP, 0):
         found.append(
@@ -132,8 +144,4 @@ def judge(
             f"Only {rate:.0f} samples a second arrive; {_LOW_RATE:.0f} or more are needed to follow the motion. "
             "Raise the driver's rate."
         )
-    if found_errors:
-        return Level.ERROR, " ".join(found_errors), tuple(found_errors + found)
-    if found:
-        return Level.WARN, " ".join(found), tuple(found)
-    return Level.OK, f"{rate:.0f} samples a second.", ()
+    return found

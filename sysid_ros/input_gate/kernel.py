@@ -1,4 +1,4 @@
-"""The checks that every sample goes through, as one compiled pass over the joints."""
+"""The checks that every sample goes through, compiled: :func:`check` and its steps."""
 
 from __future__ import annotations
 
@@ -41,6 +41,99 @@ VELOCITY_FLOOR: Final = 0.02  # rad or m in a window
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
+def _value_fault(q: float, v: float, effort: float, has_velocity: bool, limits: FloatArray, j: int) -> int:
+    """What is wrong with the values of joint j by themselves, or OK."""
+    tau = effort * limits[SCALE, j]
+    if math.isnan(q):
+        return POSITION_NAN
+    if math.isnan(effort):
+        return EFFORT_NAN
+    if not math.isfinite(q) or abs(q) > limits[MAX_POSITION, j] or 0.0 < abs(q) < SMALLEST:
+        return POSITION_RANGE
+    if not math.isfinite(tau) or abs(tau) > limits[MAX_EFFORT, j] or 0.0 < abs(effort) < SMALLEST:
+        return EFFORT_RANGE
+    if has_velocity and (not math.isfinite(v) or abs(v) > limits[MAX_VELOCITY, j]):
+        return VELOCITY_RANGE
+    return OK
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _unwrap(q: float, dt: float, limits: FloatArray, state: FloatArray, j: int) -> float:
+    """Turns to be added to the position of joint j [rad], so that it follows the last one; NaN where it jumped."""
+    turns = state[TURNS, j]
+    step = q + turns - state[LAST_Q, j]
+    if limits[PERIODIC, j] != 0.0 and abs(step) > math.pi:
+        turns -= 2.0 * math.pi * np.rint(step / (2.0 * math.pi))
+        step = q + turns - state[LAST_Q, j]
+    return math.nan if abs(step) > limits[MAX_JUMP_RATE, j] * dt + limits[JUMP_FLOOR, j] else turns
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _is_stuck(
+    raw: FloatArray,
+    index: NDArray[np.intp],
+    t: float,
+    standstill: float,
+    limits: FloatArray,
+    state: FloatArray,
+    clock: FloatArray,
+    out: FloatArray,
+) -> bool:
+    """Take note of whether the efforts repeat; True where they have for long while a joint moves."""
+    repeats, moving = True, False
+    for j in range(index.size):
+        repeats = repeats and raw[2, index[j]] == state[LAST_EFFORT, j]
+    if not repeats:
+        clock[REPEATS], clock[REPEATS_SINCE] = 0.0, t
+        for j in range(index.size):
+            state[LAST_EFFORT, j] = raw[2, index[j]]
+            state[STILL_Q, j] = out[0, j]
+        return False
+    clock[REPEATS] += 1.0
+    for j in range(index.size):
+        moving = moving or abs(out[1, j]) > standstill or abs(out[0, j] - state[STILL_Q, j]) > limits[MOVED, j]
+    return moving and clock[REPEATS] >= STUCK_SAMPLES and t - clock[REPEATS_SINCE] >= STUCK_TIME
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _accept(
+    raw: FloatArray, has_velocity: bool, index: NDArray[np.intp], t: float, state: FloatArray, clock: FloatArray, out: FloatArray
+) -> None:
+    """Remember an accepted sample, and add it to the window in which velocities are compared with positions."""
+    begin = clock[FRESH] != 0.0 or math.isnan(state[LAST_V, 0])
+    dt = t - clock[LAST_T]
+    for j in range(index.size):
+        if begin:
+            state[WINDOW_Q, j] = out[0, j]
+            state[INTEGRAL, j] = state[TRAVEL, j] = 0.0
+        elif has_velocity:
+            state[INTEGRAL, j] += 0.5 * (out[1, j] + state[LAST_V, j]) * dt
+            state[TRAVEL, j] += 0.5 * (abs(out[1, j]) + abs(state[LAST_V, j])) * dt
+        state[TURNS, j] = out[0, j] - raw[0, index[j]]
+        state[LAST_Q, j], state[LAST_V, j] = out[0, j], out[1, j]
+    clock[LAST_T], clock[FRESH] = t, 0.0
+    if begin:
+        clock[WINDOW_SINCE] = t
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _compare_velocities(t: float, state: FloatArray, clock: FloatArray, out: FloatArray) -> int:
+    """At the end of a window: whether the integral of each velocity is the way that its position went; the next one begins."""
+    verdict = OK
+    for j in range(out.shape[1]):
+        way = out[0, j] - state[WINDOW_Q, j]
+        travel = max(abs(way), state[TRAVEL, j])
+        if abs(way - state[INTEGRAL, j]) > VELOCITY_TOLERANCE * travel + VELOCITY_FLOOR:
+            verdict = WINDOW_DISAGREES + CODES * j
+        elif travel > 2.0 * VELOCITY_FLOOR and verdict == OK:
+            verdict = WINDOW_AGREES
+        state[WINDOW_Q, j] = out[0, j]
+        state[INTEGRAL, j] = state[TRAVEL, j] = 0.0
+    clock[WINDOW_SINCE] = t
+    return verdict
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
 def check(
     raw: FloatArray,
     has_velocity: bool,
@@ -73,80 +166,28 @@ def check(
     Returns:
         One of the codes above plus ``CODES`` times the joint it is about.
     """
-    n = index.size
-    fresh = clock[FRESH] != 0.0
-    dt = t - clock[LAST_T]
-    all_zero, all_same, moving = True, True, False
-    for j in range(n):
+    for j in range(index.size):
         if has_velocity and math.isnan(raw[1, index[j]]):
             if needs_velocity:
                 return VELOCITY_NAN + CODES * j
             has_velocity = False
-    for j in range(n):
+    all_zero = True
+    for j in range(index.size):
         q, v, effort = raw[0, index[j]], raw[1, index[j]], raw[2, index[j]]
-        tau = effort * limits[SCALE, j]
-        if math.isnan(q):
-            return POSITION_NAN + CODES * j
-        if math.isnan(effort):
-            return EFFORT_NAN + CODES * j
-        if not math.isfinite(q) or abs(q) > limits[MAX_POSITION, j] or 0.0 < abs(q) < SMALLEST:
-            return POSITION_RANGE + CODES * j
-        if not math.isfinite(tau) or abs(tau) > limits[MAX_EFFORT, j] or 0.0 < abs(effort) < SMALLEST:
-            return EFFORT_RANGE + CODES * j
-        if has_velocity and (not math.isfinite(v) or abs(v) > limits[MAX_VELOCITY, j]):
-            return VELOCITY_RANGE + CODES * j
-        turns = state[TURNS, j]
-        if not fresh:
-            step = q + turns - state[LAST_Q, j]
-            if limits[PERIODIC, j] != 0.0 and abs(step) > math.pi:
-                turns -= 2.0 * math.pi * np.rint(step / (2.0 * math.pi))
-                step = q + turns - state[LAST_Q, j]
-            if abs(step) > limits[MAX_JUMP_RATE, j] * dt + limits[JUMP_FLOOR, j]:
-                return POSITION_JUMP + CODES * j
-        out[0, j], out[1, j], out[2, j] = q + turns, v if has_velocity else math.nan, tau
+        fault: int = _value_fault(q, v, effort, has_velocity, limits, j)
+        if fault != OK:
+            return fault + CODES * j
+        turns = state[TURNS, j] if clock[FRESH] != 0.0 else _unwrap(q, t - clock[LAST_T], limits, state, j)
+        if math.isnan(turns):
+            return POSITION_JUMP + CODES * j
+        out[0, j], out[1, j], out[2, j] = q + turns, v if has_velocity else math.nan, effort * limits[SCALE, j]
         all_zero = all_zero and effort == 0.0
-        all_same = all_same and effort == state[LAST_EFFORT, j]
-        moving = moving or (has_velocity and abs(v) > standstill)
-
     if all_zero and not may_be_zero:
         return EFFORT_ZERO
-    if all_same:
-        clock[REPEATS] += 1.0
-        for j in range(n):
-            moving = moving or abs(out[0, j] - state[STILL_Q, j]) > limits[MOVED, j]
-        if moving and clock[REPEATS] >= STUCK_SAMPLES and t - clock[REPEATS_SINCE] >= STUCK_TIME:
-            return EFFORT_STUCK
-    else:
-        clock[REPEATS], clock[REPEATS_SINCE] = 0.0, t
-        for j in range(n):
-            state[LAST_EFFORT, j] = raw[2, index[j]]
-            state[STILL_Q, j] = out[0, j]
-
-    begin = fresh or math.isnan(state[LAST_V, 0])
-    for j in range(n):
-        if begin:
-            state[WINDOW_Q, j] = out[0, j]
-            state[INTEGRAL, j] = state[TRAVEL, j] = 0.0
-        elif has_velocity:
-            state[INTEGRAL, j] += 0.5 * (out[1, j] + state[LAST_V, j]) * dt
-            state[TRAVEL, j] += 0.5 * (abs(out[1, j]) + abs(state[LAST_V, j])) * dt
-        state[TURNS, j] = out[0, j] - raw[0, index[j]]
-        state[LAST_Q, j], state[LAST_V, j] = out[0, j], out[1, j]
-    clock[LAST_T], clock[FRESH] = t, 0.0
-    if begin:
-        clock[WINDOW_SINCE] = t
+    if _is_stuck(raw, index, t, standstill, limits, state, clock, out):
+        return EFFORT_STUCK
+    _accept(raw, has_velocity, index, t, state, clock, out)
     if not has_velocity or t - clock[WINDOW_SINCE] < VELOCITY_WINDOW:
         return OK
-
-    verdict = OK
-    for j in range(n):
-        way = out[0, j] - state[WINDOW_Q, j]
-        travel = max(abs(way), state[TRAVEL, j])
-        if abs(way - state[INTEGRAL, j]) > VELOCITY_TOLERANCE * travel + VELOCITY_FLOOR:
-            verdict = WINDOW_DISAGREES + CODES * j
-        elif travel > 2.0 * VELOCITY_FLOOR and verdict == OK:
-            verdict = WINDOW_AGREES
-        state[WINDOW_Q, j] = out[0, j]
-        state[INTEGRAL, j] = state[TRAVEL, j] = 0.0
-    clock[WINDOW_SINCE] = t
+    verdict: int = _compare_velocities(t, state, clock, out)
     return verdict

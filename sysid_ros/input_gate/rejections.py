@@ -108,31 +108,8 @@ def of_check(code: int, joints: Sequence[str], values: FloatArray, limits: Float
                 "velocity_nan",
                 f"The velocity of {joint} is NaN and velocity_source is 'message'. Set velocity_source to 'position'.",
             )
-        case kernel.POSITION_RANGE:
-            cure = (
-                "If it is in degrees, make the driver publish rad."
-                if abs(q) < 1e4
-                else "The message was misread: check the driver."
-            )
-            return Rejection(
-                "position_range", f"The position of {joint} is {q:g}; {_within(limits[kernel.MAX_POSITION, j])}. {cure}"
-            )
-        case kernel.VELOCITY_RANGE:
-            cure = (
-                "If it is in degrees/s, make the driver publish rad/s."
-                if abs(v) < 1e4
-                else "The message was misread: check the driver."
-            )
-            return Rejection(
-                "velocity_range", f"The velocity of {joint} is {v:g}; {_within(limits[kernel.MAX_VELOCITY, j])}. {cure}"
-            )
-        case kernel.EFFORT_RANGE:
-            tau = effort * limits[kernel.SCALE, j]
-            return Rejection(
-                "effort_range",
-                f"The torque of {joint} is {tau:g} (effort {effort:g}); {_within(limits[kernel.MAX_EFFORT, j])}. "
-                "If effort is in another unit such as mA, set effort_scale; else check the effort limit in the URDF.",
-            )
+        case kernel.POSITION_RANGE | kernel.VELOCITY_RANGE | kernel.EFFORT_RANGE:
+            return _of_range(code % kernel.CODES, joint, (q, v, effort), limits[:, j])
         case kernel.POSITION_JUMP:
             return Rejection(
                 "position_jump",
@@ -155,3 +132,23 @@ def of_check(code: int, joints: Sequence[str], values: FloatArray, limits: Float
 
 def _within(limit: float) -> str:
     return f"a finite number up to {limit:g} in size is believed, ten times what the URDF allows"
+
+
+def _of_range(code: int, joint: str, values: tuple[float, float, float], limits: FloatArray) -> Rejection:
+    """A value of a joint is larger than can be; ``limits``: the joint's column of the table, shape (8,)."""
+    q, v, effort = values
+    if code == kernel.EFFORT_RANGE:
+        tau = effort * limits[kernel.SCALE]
+        return Rejection(
+            "effort_range",
+            f"The torque of {joint} is {tau:g} (effort {effort:g}); {_within(limits[kernel.MAX_EFFORT])}. "
+            "If effort is in another unit such as mA, set effort_scale; else check the effort limit in the URDF.",
+        )
+    what, value, limit, unit = (
+        ("position", q, limits[kernel.MAX_POSITION], "")
+        if code == kernel.POSITION_RANGE
+        else ("velocity", v, limits[kernel.MAX_VELOCITY], "/s")
+    )
+    misread = "The message was misread: check the driver."
+    cure = f"If it is in degrees{unit}, make the driver publish rad{unit}." if abs(value) < 1e4 else misread
+    return Rejection(f"{what}_range", f"The {what} of {joint} is {value:g}; {_within(limit)}. {cure}")

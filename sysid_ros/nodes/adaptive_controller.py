@@ -27,7 +27,7 @@ from sysid_ros.input_gate.rejections import Rejection
 from sysid_ros.nodes.controller_messages import in_order, inertia_of, payload_of, points_of
 from sysid_ros.nodes.controller_settings import ControllerSettings
 from sysid_ros.nodes.diagnostics import diagnostic_array, status_message
-from sysid_ros.nodes.messages import RecordReader, stamp_of
+from sysid_ros.nodes.messages import record_of, stamp_of
 from sysid_ros.nodes.parameters import NodeParameters
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock
@@ -58,7 +58,7 @@ class AdaptiveController(LifecycleNode):
         super().__init__("adaptive_controller", **options)
         self.live: LiveControl | None = None
         self._state, self._problem, self._description, self._refusal = "unconfigured", "", "", ""
-        self._read, self._receive_clock = RecordReader(), ReceiveClock()
+        self._receive_clock = ReceiveClock()
         groups = (("", ControllerSettings), ("", ControlSettings), ("", SafetySettings))
         self._parameter_source = NodeParameters(self, lambda: self._state != "unconfigured", lambda: None, groups, ())
         self._commands = self.create_lifecycle_publisher(Float64MultiArray, "effort_commands", 1)
@@ -167,7 +167,7 @@ class AdaptiveController(LifecycleNode):
         live = self.live
         if live is None or self._state != "active":
             return
-        found = self._gate.accept(self._read(message, self._receive_clock.now()))
+        found = self._gate.accept(record_of(message, self._receive_clock.now()))
         if isinstance(found, Rejection) or found.v is None:
             return
         trouble = live.trouble

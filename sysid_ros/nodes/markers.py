@@ -5,9 +5,9 @@ from __future__ import annotations
 from builtin_interfaces.msg import Time
 from visualization_msgs.msg import Marker, MarkerArray
 
-from sysid_ros.online.commit_gate import is_empty
 from sysid_ros.online.payload_estimate import PayloadEstimate
-from sysid_ros.robot.equivalent_box import equivalent_box, quaternion
+from sysid_ros.robot.equivalent_box import equivalent_box
+from sysid_ros.robot.rotation import quaternion
 
 _TEXT_HEIGHT = 0.03
 _COLOURS = {"ok": (0.2, 0.7, 0.3, 0.6), "not_excited": (0.2, 0.5, 0.8, 0.6)}
@@ -20,7 +20,7 @@ def markers_message(estimate: PayloadEstimate, stamp: Time) -> MarkerArray:
     for marker in (box, text):
         marker.header.stamp, marker.header.frame_id = stamp, estimate.frame
         marker.frame_locked = True
-    if is_empty(estimate):
+    if estimate.is_empty:
         box.action = text.action = Marker.DELETE
         return MarkerArray(markers=[box, text])
     size, rotation = equivalent_box(estimate.mass, estimate.inertia_com)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,19 +17,19 @@ from std_msgs.msg import String
 from sysid_ros.exceptions import SysidError
 from sysid_ros.nodes import services
 from sysid_ros.nodes.diagnostics import NodeState
-from sysid_ros.nodes.messages import RecordReader, stamp_of
+from sysid_ros.nodes.messages import record_of, stamp_of
 from sysid_ros.nodes.outputs import Outputs
 from sysid_ros.nodes.parameters import NodeParameters, NodeSettings
 from sysid_ros.nodes.reporter import Reporter
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock, Timing
 from sysid_ros.nodes.trunk_inputs import TrunkInputs
-from sysid_ros.online.commit_gate import CommitGate, CommitSettings, is_empty
+from sysid_ros.online.commit_gate import CommitGate, CommitSettings
 from sysid_ros.online.live_estimation import LiveEstimation
 from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.online.warm_up import warm_up
 from sysid_ros.online_settings import OnlineSettings
-from sysid_ros.sample import ContactRecord, ImuRecord
+from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
 from sysid_ros.sources.robot_description import urdf_text
 from sysid_ros.torque.model_file import ModelFile
 
@@ -61,22 +60,21 @@ class OnlinePayloadEstimator(LifecycleNode):
         self._description = ""
         self._troubles: dict[str, int] = {}
         self._trunk_inputs: TrunkInputs | None = None
-        self._read, self._receive_clock = RecordReader(), ReceiveClock()
+        self._receive_clock = ReceiveClock()
         self._parameter_source = NodeParameters(self, lambda: self._state != "unconfigured", self._on_parameters)
         self._outputs = Outputs(self)
-        # each wake-up of the single-threaded executor costs more than a message, so it takes all that wait at once
-        self._drains = self._parameter_source.read(NodeSettings).executor == "single"
+        drains = self._parameter_source.read(NodeSettings).executor == "single"
         self._joint_states = self.create_subscription(
             JointState,
             "joint_states",
-            self._on_joint_states,
+            self._on_many_joint_states if drains else self._on_joint_states,
             _INPUT,
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible_qos),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
         self._descriptions = self.create_subscription(String, "robot_description", self._on_description, _LATCHED)
-        services.create(self)
-        self._reporter = Reporter(self, self._receive_clock, self._state_now)
+        services.create(self, self._live_or_refusal, self._publish_committed)
+        self._reporter = Reporter(self, self._receive_clock, lambda: self.live, self._state_now)
         if self.get_parameter("autostart").value and self.trigger_configure() == _SUCCESS:
             self.trigger_activate()
 
@@ -148,7 +146,7 @@ class OnlinePayloadEstimator(LifecycleNode):
     def _listen_to_trunk(self, floats: bool) -> None:
         """Subscribe to IMU and contacts where the robot's base floats."""
         if floats and self._trunk_inputs is None:
-            self._trunk_inputs = TrunkInputs(self, self._receive_clock.now, self._on_trunk)
+            self._trunk_inputs = TrunkInputs(self, self._receive_clock.now, self._take)
         elif not floats and self._trunk_inputs is not None:
             self._trunk_inputs.close()
             self._trunk_inputs = None
@@ -186,26 +184,38 @@ class OnlinePayloadEstimator(LifecycleNode):
             self.get_logger().error(f"{self._descriptions.topic_name}: {self._problem}")
 
     def _on_joint_states(self, message: JointState) -> None:
-        self._handle(message)
-        for _ in range(_INPUT.depth if self._drains else 0):
+        received = time.monotonic() + self._receive_clock.offset
+        record = record_of(message, received)
+        self._take(record, message.header.stamp if record.stamp else None)
+        done = time.monotonic() + self._receive_clock.offset
+        self._reporter.timing.messages.append((done - (record.stamp or received), done - received))
+
+    def _on_many_joint_states(self, message: JointState) -> None:
+        """As :meth:`_on_joint_states`, and all that wait behind it: in the single-threaded executor a wake-up costs more than a
+        message."""
+        self._on_joint_states(message)
+        for _ in range(_INPUT.depth):
             with self._joint_states.handle:
                 taken = self._joint_states.handle.take_message(JointState, False)
             if taken is None:
                 return
-            self._handle(taken[0])
+            self._on_joint_states(taken[0])
 
-    def _handle(self, message: JointState) -> None:
-        self._with_live(self._take, message)
-
-    def _on_trunk(self, record: ImuRecord | ContactRecord) -> None:
-        self._with_live(self._take_trunk, record)
-
-    def _with_live(self, take: Callable[[LiveEstimation, Any], None], message: Any) -> None:
+    def _take(self, record: JointStateRecord | ImuRecord | ContactRecord, stamp: Any = None) -> None:
+        """Estimate, and publish what is due with a stamp, by default that of the estimate."""
         live = self.live
         if live is None or self._state != "active":
             return
         try:
-            take(live, message)
+            estimate = live.take(record)
+            if estimate is None:
+                return
+            if self._outputs.joints is not live.robot.joint_names:
+                self._outputs.use_joints(live.robot.joint_names, live.settings.joint_names)
+            self._outputs.publish(estimate, stamp or stamp_of(estimate.t))
+            self._reporter.timing.estimates += 1
+            if (committed := live.commit.offer(estimate)) is not None:
+                self._publish_committed(committed)
         except Exception as error:  # noqa: BLE001 - one message must not end the node; it is counted and shown
             if not self.context.ok():
                 return
@@ -213,31 +223,14 @@ class OnlinePayloadEstimator(LifecycleNode):
             self._troubles[kind] = self._troubles.get(kind, 0) + 1
             self.get_logger().error(f"A message was not handled: {kind}: {error}", throttle_duration_sec=5.0)
 
-    def _take(self, live: LiveEstimation, message: JointState) -> None:
-        received = self._receive_clock.now()
-        record = self._read(message, received)
-        estimate = live.take(record)
-        done = self._receive_clock.now()
-        self._reporter.timing.add(done - (record.stamp or received), done - received)
-        if estimate is not None:
-            self._publish(live, estimate, message.header.stamp if record.stamp else stamp_of(estimate.t))
+    def _live_or_refusal(self) -> LiveEstimation | str:
+        if not self.is_active:
+            return "The node is not active: run 'ros2 lifecycle set' with activate first."
+        return self.live or "There is no robot model yet; see /diagnostics."
 
-    def _take_trunk(self, live: LiveEstimation, record: ImuRecord | ContactRecord) -> None:
-        if (estimate := live.take(record)) is not None:
-            self._publish(live, estimate, stamp_of(estimate.t))
-
-    def _publish(self, live: LiveEstimation, estimate: PayloadEstimate, stamp: Any) -> None:
-        if self._outputs.joints is not live.robot.joint_names:
-            self._outputs.use_joints(live.robot.joint_names, live.settings.joint_names)
-        self._outputs.publish(estimate, stamp)
-        self._reporter.timing.estimates += 1
-        if (committed := live.offer_commit(estimate)) is not None:
-            self.publish_committed(committed)
-
-    def publish_committed(self, estimate: PayloadEstimate) -> None:
-        """Publish an estimate that passed the commit gate, and say so."""
+    def _publish_committed(self, estimate: PayloadEstimate) -> None:
         self._outputs.publish_committed(estimate, stamp_of(estimate.t))
-        what = "no payload" if is_empty(estimate) else f"{estimate.mass:.3f} kg"
+        what = "no payload" if estimate.is_empty else f"{estimate.mass:.3f} kg"
         self.get_logger().info(f"Committed: {what} (std {estimate.mass_std:.3f} kg).")
 
     def _on_parameters(self) -> None:

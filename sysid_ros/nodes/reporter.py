@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from sysid_ros.nodes import diagnostics
 from sysid_ros.nodes.messages import stamp_of
 from sysid_ros.nodes.timing import ReceiveClock, Timing
 from sysid_ros.online.live_estimation import LiveEstimation
-
-if TYPE_CHECKING:
-    from sysid_ros.nodes.online_payload_estimator import OnlinePayloadEstimator
 
 _PERIOD = 1.0
 
@@ -27,16 +24,20 @@ class Reporter:
     Args:
         node: the node that it reports on.
         receive_clock: gives the age of the input; is brought in line with ROS time here.
-        state: what the node knows beside the estimation.
+        live: the estimation, or None while there is none. state: what the node knows beside it.
 
     Attributes:
         timing: collects times for the next report.
     """
 
     def __init__(
-        self, node: OnlinePayloadEstimator, receive_clock: ReceiveClock, state: Callable[[], diagnostics.NodeState]
+        self,
+        node: Node,
+        receive_clock: ReceiveClock,
+        live: Callable[[], LiveEstimation | None],
+        state: Callable[[], diagnostics.NodeState],
     ) -> None:
-        self._node, self._clock, self._state = node, receive_clock, state
+        self._node, self._clock, self._live, self._state = node, receive_clock, live, state
         self._told: set[str] = set()
         self.timing = Timing()
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=1))
@@ -48,12 +49,12 @@ class Reporter:
         self._told.clear()
 
     def _report(self) -> None:
-        live, node = self._node.live, self._state()
+        live, node = self._live(), self._state()
         health = live.health(self._clock.now()) if live is not None else None
         ros_time = 1e-9 * self._node.get_clock().now().nanoseconds
         self._clock.follow(ros_time)
         statuses = [
-            diagnostics.input_status(node, live if self._node.is_active else None, health, ros_time),
+            diagnostics.input_status(node, live if node.state == "active" else None, health, ros_time),
             diagnostics.estimator_status(node, live, health.age if health is not None else float("inf")),
             diagnostics.timing_status(self.timing.report(), node.published),
         ]

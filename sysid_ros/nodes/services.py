@@ -2,49 +2,60 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
+from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
-if TYPE_CHECKING:
-    from sysid_ros.nodes.online_payload_estimator import OnlinePayloadEstimator
+from sysid_ros.online.live_estimation import LiveEstimation
+from sysid_ros.online.payload_estimate import PayloadEstimate
 
 
-def create(node: OnlinePayloadEstimator) -> None:
-    """Create the services of a node; they refuse, in words, while it is not active or has no model."""
+def create(
+    node: Node, live_or_refusal: Callable[[], LiveEstimation | str], publish_committed: Callable[[PayloadEstimate], None]
+) -> None:
+    """Create the services of a node.
 
-    def refusal() -> str:
-        if not node.is_active:
-            return "The node is not active: run 'ros2 lifecycle set' with activate first."
-        return "" if node.live is not None else "There is no robot model yet; see /diagnostics."
+    Args:
+        live_or_refusal: the estimation, or in words why there is none that can be asked.
+        publish_committed: publishes an estimate that was committed.
+    """
 
     def reset(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.message = refusal()
-        if node.live is not None and not response.message:
-            node.live.reset("the service ~/reset was called")
+        live = live_or_refusal()
+        if isinstance(live, str):
+            response.message = live
+        else:
+            live.reset("the service ~/reset was called")
             response.success, response.message = True, "The estimation was started again."
         return response
 
     def tare(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.message = refusal()
-        if node.live is not None and not response.message:
-            response.success = node.live.estimation.latest is not None
-            response.message = node.live.estimation.tare()
-            node.live.commit.interrupt("The estimate was tared.")
+        live = live_or_refusal()
+        if isinstance(live, str):
+            response.message = live
+        else:
+            response.success = live.estimation.latest is not None
+            response.message = live.estimation.tare()
+            live.commit.interrupt("The estimate was tared.")
         return response
 
     def commit(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.message = refusal()
-        if node.live is not None and not response.message:
-            response.success, response.message = node.live.commit_now()
-            if response.success and node.live.commit.committed is not None:
-                node.publish_committed(node.live.commit.committed)
+        live = live_or_refusal()
+        if isinstance(live, str):
+            response.message = live
+        else:
+            response.success, response.message = live.commit_now()
+            if response.success and live.commit.committed is not None:
+                publish_committed(live.commit.committed)
         return response
 
     def enable(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        response.message = refusal()
-        if node.live is not None and not response.message:
-            node.live.set_enabled(request.data)
+        live = live_or_refusal()
+        if isinstance(live, str):
+            response.message = live
+        else:
+            live.set_enabled(request.data)
             response.success = True
             response.message = "The estimation goes on." if request.data else "The estimate is frozen and not published."
         return response

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
 from sysid_ros.sample import FloatArray
 
-_CAPACITY = 8192
+_CAPACITY = 65536
 _EDGES = np.geomspace(1e-6, 100.0, 8 * 64 + 1)
 """Edges of the histogram since the start: 64 bins a decade, so that a quantile is good to 4 %."""
 
@@ -18,19 +19,22 @@ class ReceiveClock:
     """ROS time at the price of the monotonic clock: its difference is taken again at every :meth:`follow`.
 
     It goes on where ROS time stands still, as when ``use_sim_time`` is set and nobody publishes ``/clock``.
+
+    Attributes:
+        offset: of ROS time from the monotonic clock [s].
     """
 
     def __init__(self) -> None:
-        self._offset = time.time() - time.monotonic()
+        self.offset = time.time() - time.monotonic()
 
     def now(self) -> float:
         """[s]"""
-        return time.monotonic() + self._offset
+        return time.monotonic() + self.offset
 
     def follow(self, ros_time: float) -> None:
         """Take over ROS time [s]; 0 means that there is none."""
         if ros_time > 0.0:
-            self._offset = ros_time - time.monotonic()
+            self.offset = ros_time - time.monotonic()
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,30 +59,27 @@ class TimingReport:
 
 
 class Timing:
-    """Collects times, one call a message."""
+    """Collects times, a pair a message.
+
+    Attributes:
+        messages: time since its stamp and time that its step took [s], of each message since the last report, the newest of many.
+        estimates: how many since the last report.
+    """
 
     def __init__(self) -> None:
-        self._latency, self._step = np.zeros(_CAPACITY), np.zeros(_CAPACITY)
-        self._count = 0
+        self.messages: deque[tuple[float, float]] = deque(maxlen=_CAPACITY)
+        self.estimates = 0
         self._histogram = np.zeros(_EDGES.size + 1, dtype=np.int64)
         self._since = time.monotonic()
-        self.estimates = 0
-
-    def add(self, latency: float, step: float) -> None:
-        """One message: time since its stamp [s], time that its step took [s]."""
-        k = self._count % _CAPACITY
-        self._latency[k], self._step[k] = latency, step
-        self._count += 1
 
     def report(self) -> TimingReport:
         """What was collected since the last report."""
         now = time.monotonic()
-        used = min(self._count, _CAPACITY)
-        latency, step = self._latency[:used], self._step[:used]
+        latency, step = np.array(self.messages).reshape(-1, 2).T
         self._histogram += np.bincount(np.searchsorted(_EDGES, latency), minlength=self._histogram.size)
         period = max(now - self._since, 1e-9)
         report = TimingReport(
-            messages=self._count,
+            messages=latency.size,
             estimates=self.estimates,
             period=period,
             latency=_quantiles(latency),
@@ -86,7 +87,8 @@ class Timing:
             total_latency=(self._quantile(0.5), self._quantile(0.99)),
             load=float(step.sum()) / period,
         )
-        self._count = self.estimates = 0
+        self.messages.clear()
+        self.estimates = 0
         self._since = now
         return report
 

@@ -6,8 +6,6 @@ import math
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-import numpy as np
-
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.online.payload_estimate import PayloadEstimate
 
@@ -42,11 +40,6 @@ class CommitSettings:
             object.__setattr__(self, f.name, float(value))
 
 
-def is_empty(estimate: PayloadEstimate) -> bool:
-    """True where the estimate says that nothing is carried: no payload, or a mass that no body has."""
-    return estimate.status == "no_payload" or not estimate.mass > 0.0
-
-
 class CommitGate:
     """Passes an estimate on when it is known well, has held still for a while, and differs from the last one that passed.
 
@@ -54,14 +47,14 @@ class CommitGate:
         settings: the thresholds; may be replaced at any time.
 
     Attributes:
-        committed: the last estimate that passed, or None.
+        committed: the last estimate that passed, or None. blocked: why nothing passes now, whatever is offered; empty: it may.
         reason: why the last estimate offered did not pass, or that it did.
     """
 
     def __init__(self, settings: CommitSettings) -> None:
         self.settings = settings
         self.committed: PayloadEstimate | None = None
-        self.reason = "No estimate yet."
+        self.reason, self.blocked = "No estimate yet.", ""
         self._anchor: PayloadEstimate | None = None
 
     def interrupt(self, reason: str) -> None:
@@ -69,10 +62,20 @@ class CommitGate:
         self._anchor = None
         self.reason = reason
 
+    def block(self, reason: str) -> None:
+        """Let nothing pass until the reason is gone, that is, empty."""
+        self.blocked = reason
+        if reason:
+            self.interrupt(reason)
+
     def offer(self, estimate: PayloadEstimate) -> PayloadEstimate | None:
         """The estimate if it is to be committed now, else None."""
         if refusal := self._refusal(estimate):
             self.interrupt(refusal)
+            return None
+        if self.committed is not None and not self._differ(estimate, self.committed):
+            self._anchor = self.committed
+            self.reason = "Committed; changes since are within the dead band."
             return None
         anchor = self._anchor
         if anchor is None or estimate.t < anchor.t or self._differ(estimate, anchor):
@@ -80,9 +83,6 @@ class CommitGate:
         held = estimate.t - anchor.t
         if held < self.settings.dwell:
             self.reason = f"The estimate has held still for {held:.1f} of {self.settings.dwell:g} s."
-            return None
-        if self.committed is not None and not self._differ(estimate, self.committed):
-            self.reason = "Committed; changes since are within the dead band."
             return None
         return self._pass(estimate)
 
@@ -93,7 +93,7 @@ class CommitGate:
         if refusal := self._refusal(estimate):
             return False, refusal
         self._pass(estimate)
-        if is_empty(estimate):
+        if estimate.is_empty:
             return True, "Committed: no payload."
         return True, f"Committed: {estimate.mass:.3f} kg (std {estimate.mass_std:.3f} kg)."
 
@@ -103,23 +103,26 @@ class CommitGate:
         return estimate
 
     def _refusal(self, estimate: PayloadEstimate) -> str:
+        if self.blocked:
+            return self.blocked
         if estimate.status not in ("ok", "no_payload"):
             return f"The status is {estimate.status}: {estimate.reason}"
         s = self.settings
-        if not estimate.mass_std <= s.mass_std:
-            return f"The std of the mass is {estimate.mass_std:.3g} kg; at most {s.mass_std:g} kg is committed (commit.mass_std)."
+        mass_std = math.sqrt(estimate.covariance[0, 0])
+        if not mass_std <= s.mass_std:
+            return f"The std of the mass is {mass_std:.3g} kg; at most {s.mass_std:g} kg is committed (commit.mass_std)."
         if estimate.status == "no_payload":
             return ""
-        com_std = float(np.max(estimate.com_std))
+        com_std = math.sqrt(max(estimate.body.com_covariance.diagonal().tolist()))
         if not com_std <= s.com_std:
             return f"The std of the centre of mass is {com_std:.3g} m; at most {s.com_std:g} m is committed (commit.com_std)."
         return ""
 
     def _differ(self, a: PayloadEstimate, b: PayloadEstimate) -> bool:
-        if is_empty(a) or is_empty(b):
-            return is_empty(a) != is_empty(b)
+        if a.is_empty or b.is_empty:
+            return a.is_empty != b.is_empty
         return (
-            abs(a.mass - b.mass) > self.settings.mass_dead_band
-            or math.dist(a.com, b.com) > self.settings.com_dead_band
+            abs(a.body.mass - b.body.mass) > self.settings.mass_dead_band
+            or math.dist(a.body.com, b.body.com) > self.settings.com_dead_band
             or a.frame != b.frame
         )

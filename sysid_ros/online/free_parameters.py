@@ -6,16 +6,16 @@ import math
 
 import numpy as np
 
-from sysid_ros.effects import AccelerometerBias, CoulombFriction, Effect, Payload, TorqueOffset, ViscousFriction
-from sysid_ros.estimators import ConstantForgetting, Estimator, JumpRule, VariableForgetting
+from sysid_ros.effects import AccelerometerBias, Effect, Payload
+from sysid_ros.estimators import Estimator, JumpRule, Problem, make_estimator
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase
-from sysid_ros.online.front_end import FrontEnd, Rows, white_noise_variance, white_variance
+from sysid_ros.online.friction_correction import FrictionCorrection
+from sysid_ros.online.front_end import FrontEnd, white_noise_variance, white_variance
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement, Sample
-from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.model_file import ModelFile
 from sysid_ros.torque.torque_model import TorqueModel
 
@@ -24,8 +24,6 @@ PAYLOAD = slice(0, 10)
 
 _LEAST_JUMP = (0.03, 5e-3, 5e-3, 5e-3) + (math.inf,) * 6
 """Change of mass [kg] or first moment [kg m] of which one must be exceeded to count as a change of the payload."""
-
-
 _CARRIED = 0.16
 """Least prior standard deviation of what a robot on legs carries, as a part of its own mass."""
 _SIZE = 0.11
@@ -42,7 +40,8 @@ class FreeParameters:
         base: the robot where it floats; the torques of its legs are then not told apart from friction, which is as known.
 
     Attributes:
-        payload: the effect whose columns come first.
+        payload: the effect whose columns come first. bias: where that of the accelerometer stands, None where it is not free.
+        friction: of an arm; its parameters, if they are free, come after the payload's. None of a floating base.
         model: known and free effects.
         trunk_noise: of a floating base, once :meth:`noise_density` has run: density of the noise of the legs' torques, shape
             (n,), and what the six rows have beside, shape (6,).
@@ -63,23 +62,24 @@ class FreeParameters:
             )
         whole = base.robot if base else robot
         self.payload = Payload(whole, frame=settings.frame_id or (base.trunk if base else ""))
+        known_effects = known.known_effects(whole) if known else None
+        self.friction = None if base else FrictionCorrection(robot, settings, known_effects)
         effects: list[Effect] = [self.payload]
-        self._estimates_friction = settings.estimate_friction and base is None
-        if self._estimates_friction:
-            effects += [TorqueOffset(robot), CoulombFriction(robot), ViscousFriction(robot)]
+        prior_std = [self._payload_prior()]
+        if self.friction is not None and settings.estimate_friction:
+            effects.append(self.friction)
+            prior_std.append(self.friction.expected_std)
         self._bias: AccelerometerBias | None = None
         self.trunk_noise: tuple[FloatArray, FloatArray] | None = None
         if base is not None and settings.accelerometer_bias_std > 0.0:
             self._bias = AccelerometerBias(whole, frame=self.payload.frame)
             effects.append(self._bias)
-        known_effects = known.known_effects(whole) if known else []
+            prior_std.append(np.full(3, settings.accelerometer_bias_std))
         self.model = TorqueModel(
-            whole, effects, known_effects, settings.effort_type == "total", known.uncertainty if known else None
+            whole, effects, known_effects or [], settings.effort_type == "total", known.uncertainty if known else None
         )
-        self._coulomb = _dry_friction(robot, known_effects)
-        self._viscous = np.abs(self.model.known_theta("viscous_friction"))
-        bias = np.full(3 if self._bias else 0, settings.accelerometer_bias_std)
-        self.prior_std = np.concatenate([self._payload_prior(), *self._friction_prior(), bias])
+        self.bias = self.model.slices[-1] if self._bias else None
+        self.prior_std = np.concatenate(prior_std)
 
     def _payload_prior(self) -> FloatArray:
         s = self._settings
@@ -90,38 +90,10 @@ class FreeParameters:
         least = np.array([mass] + [mass * size] * 3 + [mass * size**2] * 6)
         return np.asarray(np.maximum(prior, least))
 
-    def _friction_prior(self) -> list[FloatArray]:
-        """Of offset, Coulomb and viscous friction: small beside a known model, of the size of the effort limits without one."""
-        s = self._settings
-        if not self._estimates_friction:
-            return []
-        if self._known is None:
-            size = s.friction_unknown * np.where(np.isfinite(self._robot.effort_limit), self._robot.effort_limit, 50.0)
-            return [0.2 * size, size, 2.0 * size]
-        least, drift = np.full(self._robot.n, 0.1), s.friction_drift
-        return [0.5 * drift * self._coulomb + least, drift * self._coulomb + least, drift * self._viscous + least]
-
     def carry(self, theta: FloatArray) -> None:
         """Take in what is known of the free parameters now, shape (p,): a bias of the accelerometer concerns the payload too."""
         if self._bias is not None:
             self._bias.load = theta[PAYLOAD].copy()
-
-    def friction_variance(self, rows: Rows, theta: FloatArray) -> FloatArray:
-        """Variance of the torque that may hide in dry friction near standstill, where no model holds, shape (n,) [(N m)^2].
-
-        Args:
-            theta: the free parameters as they are estimated now, shape (p,).
-        """
-        if self._base is not None:
-            return np.zeros(rows.y.size)
-        coulomb = self._coulomb
-        if self._estimates_friction:
-            n = self._robot.n
-            coulomb = np.abs(coulomb + theta[10 + n : 10 + 2 * n])
-        extra: FloatArray = (0.5 * coulomb * rows.slow) ** 2
-        if max(rows.speed.tolist()) < self._settings.low_velocity:
-            extra += self._settings.stiction**2
-        return extra
 
     def noise_density(self, measurements: list[Measurement], sample_period: float) -> FloatArray:
         """Least spectral density of the torque noise, shape (n,) [(N m)^2 s].
@@ -156,19 +128,6 @@ class FreeParameters:
     def make_estimator(self, front_end: FrontEnd, floor: FloatArray) -> Estimator:
         """The estimator that the settings name, for rows of at least the variance ``floor``, shape (n,)."""
         s = self._settings
-        if s.estimator == "constant":
-            return ConstantForgetting(self.prior_std, floor, math.exp(-front_end.period / s.forgetting_time))
         jump = JumpRule(PAYLOAD, np.array(_LEAST_JUMP), front_end.memory)
         part = 1.0 if self._base is None else front_end.passed
-        return VariableForgetting(self.prior_std, floor, front_end.period, s.forgetting_time, jump, part)
-
-
-def _dry_friction(robot: RobotModel, known: list[KnownEffect]) -> FloatArray:
-    """Level Fc of each joint's dry friction, of whatever kind it is, shape (n,) [N m]; 0 where nothing is known."""
-    out: FloatArray = np.zeros(robot.n)
-    for k in known:
-        names = k.effect.parameter_names
-        for j, joint in enumerate(robot.joint_names):
-            if (level := f"Fc[{joint}]") in names:
-                out[j] += abs(k.theta[names.index(level)])
-    return out
+        return make_estimator(s.estimator, Problem(self.prior_std, floor, front_end.period, s.forgetting_time, jump, part))

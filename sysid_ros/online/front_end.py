@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from sysid_ros.effects import AccelerometerBias
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.gravity_row import GravityRow
@@ -56,8 +55,7 @@ class FrontEnd:
     """Derivative, split into known and free, the low-pass on both sides, and every k-th of it.
 
     On a floating base the rows go through :class:`ContactProjection` before the low-pass, and six are left of n. What was
-    measured
-    while the feet did not carry the robot is left out of them: the equation times a window is still an equation.
+    measured while the feet did not carry the robot is left out of them: the equation times a window is still an equation.
 
     Args:
         model: what is known and what is free.
@@ -67,6 +65,7 @@ class FrontEnd:
         use_message_velocity: velocity from the messages instead of from the positions.
         base: the robot of ``model`` where it floats. standstill: velocity below which it stands [rad/s]. stances: takes note of
             what its feet do. gravity: at the place [m/s^2], with which a free bias of the accelerometer is told from a load.
+        bias: where that bias stands among the free parameters, None where it is not free.
 
     Attributes:
         projection: of a floating base, else None. rows: of an update.
@@ -86,6 +85,7 @@ class FrontEnd:
         standstill: float = 0.05,
         stances: StanceLog | None = None,
         gravity: float = 9.81,
+        bias: slice | None = None,
     ) -> None:
         self._model = model
         n, p = model.robot.n, model.p
@@ -115,9 +115,8 @@ class FrontEnd:
             self._beside_bank = LowPassBank(self._beside.shape, cutoff, self.rate)
             self._standing = StandingColumns(self.period, standstill)
             self._gravity = GravityRow(gravity, cutoff, self.rate, self.period)
-            biases = [w for e, w in zip(model.free, model.slices, strict=True) if isinstance(e, AccelerometerBias)]
-            self._bias = biases[0] if biases else None
-            self.rows += len(biases)
+            self._bias = bias
+            self.rows += bias is not None
 
     @property
     def filled(self) -> int:
@@ -128,21 +127,20 @@ class FrontEnd:
         """Rows that are due: none while the filters fill and between updates, seldom more than one."""
         due = []
         for sample in self._derivative.push(measurement):
-            rows = self._filter(sample)
-            if rows is not None:
-                due.append(rows)
+            self._model.split_into(sample, self._columns, self._rest, self._considered)
+            _fill_beside(self._raw, self._model.p + 1, sample.v, sample.a, sample.tau)
+            if self.projection is None:
+                self._bank.push(self._raw)
+            else:
+                self._project(sample, self.projection)
+            self._tick += 1
+            if self._tick >= 0 and self._tick % self._every == 0:
+                due.append(self._rows(sample) if self.projection is None else self._rows_of_trunk(sample))
         return due
 
-    def _filter(self, sample: Sample) -> Rows | None:
-        p = self._model.p
-        self._model.split_into(sample, self._columns, self._rest, self._considered)
-        _fill_beside(self._raw, p + 1, sample.v, sample.a, sample.tau)
-        if self.projection is not None:
-            return self._project(sample, self.projection)
-        out = self._bank.push(self._raw)
-        self._tick += 1
-        if self._tick < 0 or self._tick % self._every:
-            return None
+    def _rows(self, sample: Sample) -> Rows:
+        """What the low-pass shows now, one row a joint."""
+        p, out = self._model.p, self._bank.output
         return Rows(
             Y=np.ascontiguousarray(out[:, :p]),
             y=out[:, p].copy(),
@@ -154,9 +152,9 @@ class FrontEnd:
             sample=sample,
         )
 
-    def _project(self, sample: Sample, projection: ContactProjection) -> Rows | None:
-        """The six rows that are free of the forces on the feet."""
-        p, beside = self._model.p, self._beside
+    def _project(self, sample: Sample, projection: ContactProjection) -> None:
+        """Put the six rows that are free of the forces on the feet, and what goes beside them, through the low-pass."""
+        beside = self._beside
         assert isinstance(self._derivative, FloatingDerivative)
         stance = projection.update(sample, self._rest, self._derivative.contacts(sample.t))
         if self._stances is not None:
@@ -167,10 +165,12 @@ class FrontEnd:
             self._projected[:] = 0.0
         self._gravity.push(sample, projection.points, projection.loads)
         beside[:-1, 0], beside[:-1, 1], beside[-1] = sample.v, sample.a, stance.trusted
-        out, other = self._bank.push(self._projected), self._beside_bank.push(beside)
-        self._tick += 1
-        if self._tick < 0 or self._tick % self._every:
-            return None
+        self._bank.push(self._projected)
+        self._beside_bank.push(beside)
+
+    def _rows_of_trunk(self, sample: Sample) -> Rows:
+        """As :meth:`_rows`, the six rows of the trunk and that of gravity where the accelerometer's bias is free."""
+        p, out, other = self._model.p, self._bank.output, self._beside_bank.output
         trust, speed = float(other[-1, 0]), np.abs(other[:-1, 0])
         vertical, excess = self._gravity.row()
         if self._stances is not None and trust > _TRUSTED:

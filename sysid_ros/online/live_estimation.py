@@ -50,6 +50,7 @@ class LiveEstimation:
     ) -> None:
         self.urdf, self.settings, self.commit, self.known = urdf, settings, commit, known
         self.enabled = enabled
+        commit.block("")
         joints = settings.joint_names or (known.joints if known else ())
         self.robot = RobotModel.from_urdf(urdf, joints, settings.gravity)
         self.gate: Gate | None = None
@@ -58,7 +59,6 @@ class LiveEstimation:
         self._choice: JointChoice | None = None
         self._good: tuple[Estimator, PayloadEstimate] | None = None
         self._breaks = (0, 0)
-        self._input_error = ""
         if joints:
             self._begin()
         else:
@@ -83,17 +83,8 @@ class LiveEstimation:
             return None
         return estimate
 
-    def offer_commit(self, estimate: PayloadEstimate) -> PayloadEstimate | None:
-        """The estimate if it is to be committed now, else None."""
-        if self._input_error:
-            self.commit.interrupt(f"The input is in error: {self._input_error}")
-            return None
-        return self.commit.offer(estimate)
-
     def commit_now(self) -> tuple[bool, str]:
         """Commit the present estimate without dwell and dead band; whether it was done, and a sentence."""
-        if self._input_error:
-            return False, f"The input is in error, so nothing was committed: {self._input_error}"
         return self.commit.commit_now(self.estimation.latest)
 
     def health(self, now: float) -> GateHealth | None:
@@ -101,10 +92,9 @@ class LiveEstimation:
         if self.gate is None:
             return None
         health = self.gate.health(now)
-        self._input_error = health.text if health.level >= Level.ERROR else ""
-        if self._input_error:
-            self.commit.interrupt(f"The input is in error: {self._input_error}")
-        else:
+        wrong = health.level >= Level.ERROR
+        self.commit.block(f"The input is in error: {health.text}" if wrong else "")
+        if not wrong:
             self._keep_good()
         return health
 

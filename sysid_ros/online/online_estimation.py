@@ -10,9 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid_ros.estimators import Estimate, Estimator, VariableForgetting
+from sysid_ros.estimators import Estimate, Estimator
 from sysid_ros.floating import ground_contact
-from sysid_ros.floating.floating_base import floating_base_of
+from sysid_ros.floating.contact_projection import ContactProjection
+from sysid_ros.floating.floating_base import FloatingBase, floating_base_of
 from sysid_ros.floating.ground_contact import GroundContact
 from sysid_ros.floating.stance_log import StanceLog
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
@@ -51,6 +52,7 @@ class OnlineEstimation:
 
     Attributes:
         base: the robot on its floating base, None for an arm. latest: the last estimate given out, or None.
+        frame: that the payload is expressed in.
         estimator: the recursion, once the first measurements are in.
 
     Raises:
@@ -65,6 +67,7 @@ class OnlineEstimation:
         self._stances = StanceLog(self.base.contact_frames, self._gravity, bias_is_free) if self.base else None
         self._outliers = 0
         self._free = FreeParameters(robot, settings, known, self.base)
+        self.frame = self._free.payload.frame
         self._log = EventLog(settings.no_payload_mass)
         notes = (*(known.notes(robot.urdf) if known else ()), *(self.base.notes if self.base else ()))
         self._warnings = {note: note for note in notes}
@@ -79,7 +82,7 @@ class OnlineEstimation:
         self._front_end: FrontEnd | None = None
         self._cadence = Cadence(settings.max_gap)
         self._still = 0.0
-        self._ground = GroundContact(settings.sensor_timeout)
+        self._ground = GroundContact(settings.sensor_timeout) if self.base else None
         self._set_down: float | None = None
 
     @property
@@ -97,11 +100,6 @@ class OnlineEstimation:
         """Of a floating base: samples by what was doubtful about its feet, and updates that did not fit the estimate
         ('outlier')."""
         return {} if self._stances is None else self._stances.counts | ({"outlier": self._outliers} if self._outliers else {})
-
-    @property
-    def frame(self) -> str:
-        """Frame that the payload is expressed in."""
-        return self._free.payload.frame
 
     @property
     def rate(self) -> float | None:
@@ -138,14 +136,14 @@ class OnlineEstimation:
             return None
         if not self._cadence.follows(measurement.t):
             self._forget_filters()
-        if self._front_end is not None:
-            return self._take(self._front_end, measurement)
-        first = self._cadence.first(measurement)
-        if not first:
-            return None
-        self._front_end = front_end = self._make_front_end(first)
-        estimates = [self._take(front_end, m) for m in first]
-        return next((e for e in reversed(estimates) if e is not None), None)
+        first = [measurement] if self._front_end is not None else self._cadence.first(measurement)
+        if first and self._front_end is None:
+            self._front_end = self._make_front_end(first)
+        published = None
+        for m in first:
+            for rows in self._front_end.push(m) if self._front_end is not None else ():
+                published = self._take(rows, m.t) or published
+        return published
 
     def _forget_filters(self) -> None:
         self._cadence.restart()
@@ -157,7 +155,7 @@ class OnlineEstimation:
         s = self.settings
         front_end = FrontEnd(
             self._free.model, self._cadence.period, s.update_rate, s.cutoff_hz, s.velocity_source == "message", self.base,
-            s.standstill_velocity, self._stances, self._gravity,
+            s.standstill_velocity, self._stances, self._gravity, self._free.bias,
         )  # fmt: skip
         if front_end.rate < 20.0:
             self._warnings["rate"] = (
@@ -175,67 +173,67 @@ class OnlineEstimation:
         floor = self._floor[:FREE] if self.base else self._floor
         self._judgement = Judgement(self.base.robot if self.base else self.robot, self.settings, floor)
 
-    def _take(self, front_end: FrontEnd, measurement: Measurement) -> PayloadEstimate | None:
-        published = None
-        for rows in front_end.push(measurement):
-            assert self.estimator is not None
-            if not self._on_ground(rows, front_end):
-                published = self._held(rows) or published
-                continue
-            estimate = self._update(rows, front_end, self.estimator)
-            if estimate.status == "not_finite":
-                self._forget_filters()
-                return None
-            if rows.sample.t >= self._next_publish:
-                self._next_publish = max(self._next_publish, rows.sample.t - front_end.period) + 1.0 / self.settings.publish_rate
-                published = self.latest = self._publish(estimate, rows, measurement.t, self.estimator)
-        return published
+    def _take(self, rows: Rows, t: float) -> PayloadEstimate | None:
+        """One update, and what it gives if that is due; ``t``: stamp of the newest measurement [s]."""
+        front_end, estimator, judgement = self._front_end, self.estimator, self._judgement
+        if front_end is None or estimator is None or judgement is None:  # the filters have just been forgotten
+            return None
+        due = rows.sample.t >= self._next_publish
+        if self._ground is not None and not self._on_ground(rows, front_end, self._ground):
+            return self._held(rows, self._ground) if due and self._ground.lifted else None
+        self._still = self._still + front_end.period if max(rows.speed.tolist()) < self.settings.standstill_velocity else 0.0
+        hold = self._still > _STANDS and self.base is None
+        known, jumps, before, friction = estimator.noise_known, estimator.jumps, estimator.theta, self._free.friction
+        if self._free.bias is not None:
+            self._free.carry(before)
+        extra = None if friction is None else friction.hidden_variance(rows.slow, rows.speed, before[PAYLOAD.stop :])
+        estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
+        self._outliers += estimate.status == "outlier"
+        if not hold and estimator.noise_known:
+            n = self._floor.size if self.base is None else FREE
+            judgement.check.add(rows.tau[:n], (rows.y - rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD])[:n])
+        if known and estimator.jumps != jumps:
+            delay = front_end.delay + estimator.found_after * front_end.period
+            mass = float(estimator.before_jump[0] - self._tare[0][0])
+            self._log.add(rows.sample.t - delay, mass, mass + float(estimator.last_jump[0]))
+        if estimate.status == "not_finite":
+            self._forget_filters()
+            return None
+        if not due:
+            return None
+        self._next_publish = max(self._next_publish, rows.sample.t - front_end.period) + 1.0 / self.settings.publish_rate
+        self.latest = self._publish(estimate, rows, t, judgement, front_end.projection)
+        return self.latest
 
-    def _on_ground(self, rows: Rows, front_end: FrontEnd) -> bool:
+    def _on_ground(self, rows: Rows, front_end: FrontEnd, ground: GroundContact) -> bool:
         """Whether a row is used; False while the feet do not carry the robot, or it has just been set down."""
-        lifted = self._ground.lifted
-        state = self._ground.update(rows.trust, front_end.period)
-        if self._ground.lifted and not lifted:
-            self._log.lift(rows.sample.t - self._ground.seconds)
+        lifted = ground.lifted
+        state = ground.update(rows.trust, front_end.period)
+        if ground.lifted and not lifted:
+            self._log.lift(rows.sample.t - ground.seconds)
         if state == ground_contact.STANDS_AGAIN:
             assert self.estimator is not None
-            self._set_down = rows.sample.t - self._ground.seconds
+            self._set_down = rows.sample.t - ground.seconds
             self.estimator.forget()
             self._make_judgement()
         return state in (ground_contact.STANDS, ground_contact.STANDS_AGAIN)
 
-    def _held(self, rows: Rows) -> PayloadEstimate | None:
-        """What is given out while the robot is lifted, when it is due: no claim."""
-        if not self._ground.lifted or rows.sample.t < self._next_publish:
-            return None
+    def _held(self, rows: Rows, ground: GroundContact) -> PayloadEstimate:
+        """What is given out while the robot is lifted: no claim."""
         self._next_publish = rows.sample.t + 1.0 / self.settings.publish_rate
-        self.latest = replace(self.prior(), t=rows.sample.t, status="stale", reason=self._ground.reason)
+        self.latest = replace(self.prior(), t=rows.sample.t, status="stale", reason=ground.reason)
         return self.latest
 
-    def _update(self, rows: Rows, front_end: FrontEnd, estimator: Estimator) -> Estimate:
-        stands = max(rows.speed.tolist()) < self.settings.standstill_velocity
-        self._still = self._still + front_end.period if stands else 0.0
-        hold = self._still > _STANDS and self.base is None
-        known = isinstance(estimator, VariableForgetting) and estimator.noise.known
-        jumps, before = _jumps(estimator), estimator.theta
-        self._free.carry(before)
-        estimate = estimator.update(rows.Y, rows.y, hold, self._free.friction_variance(rows, before), rows.considered)
-        self._outliers += estimate.status == "outlier"
-        if not hold and self._judgement is not None:
-            self._judgement.add(rows, rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD], estimator)
-        if known and _jumps(estimator) != jumps and isinstance(estimator, VariableForgetting):
-            delay = front_end.delay + estimator.HITS * front_end.period
-            mass = float(before[0] - self._tare[0][0])
-            self._log.add(rows.sample.t - delay, mass, mass + float(estimator.last_jump[0]))
-        return estimate
-
-    def _publish(self, estimate: Estimate, rows: Rows, t: float, estimator: Estimator) -> PayloadEstimate:
+    def _publish(
+        self, estimate: Estimate, rows: Rows, t: float, judgement: Judgement, projection: ContactProjection | None
+    ) -> PayloadEstimate:
+        assert self.estimator is not None
         theta: FloatArray = estimate.theta[PAYLOAD] - self._tare[0]
         covariance = estimate.covariance[PAYLOAD, PAYLOAD] + self._tare[1]
-        covariance[0, 0] += self._doubt(float(theta[0])) ** 2
+        if self.base is not None:
+            covariance[0, 0] += self._doubt(float(theta[0]), self.base) ** 2
         std = np.sqrt(covariance.diagonal())
-        assert self._judgement is not None
-        status, reason = self._judgement.status(estimate, estimator, float(theta[0]), float(std[0]))
+        status, reason = judgement.status(estimate, self.estimator, float(theta[0]), float(std[0]))
         self._warnings.pop("inconsistent", None)
         if status == "inconsistent":
             self._warnings["inconsistent"] = reason
@@ -244,7 +242,7 @@ class OnlineEstimation:
             theta, distance = project(theta, covariance)
             if not distance <= _NOT_A_BODY:
                 status, reason = "not_physical", "No body of positive density has these parameters, whatever the noise."
-        if status != "warming_up":
+        if status != "warming_up" and (self.base is not None or t <= self._log.open_until):
             self._log.refine(t, float(theta[0]))
         if self._set_down is not None and status in ("ok", "no_payload"):
             self._log.set_down(self._set_down, float(theta[0]), float(std[0]))
@@ -252,29 +250,15 @@ class OnlineEstimation:
         q, v = rows.sample.q, rows.sample.v
         effort = self._free.model.robot.payload_regressor(q, v, rows.acceleration, self._free.payload.frame_index) @ theta
         residual = rows.y - rows.Y @ estimate.theta
-        if self._front_end is not None and self._front_end.projection is not None:
-            projection = self._front_end.projection
+        if projection is not None:
             effort = projection.leg_torque(effort[:FREE])
             residual = projection.leg_torque(projection.wrench(residual[:FREE]))
-        return PayloadEstimate(
-            t=t,
-            frame=self.frame,
-            theta=theta,
-            covariance=covariance,
-            status=status,
-            reason=reason,
-            observable=std < self._observable_std,
-            residual=residual,
-            payload_effort=effort,
-        )
+        observable = std < self._observable_std
+        return PayloadEstimate(t, self.frame, theta, covariance, status, reason, observable, residual, effort)
 
-    def _doubt(self, mass: float) -> float:
+    def _doubt(self, mass: float, base: FloatingBase) -> float:
         """By how much the mass is wrong if what the accelerometer shows beyond gravity is a bias that is not estimated [kg]."""
-        if self.base is None or self._stances is None or self._stances.bias_is_free:
+        if self._stances is None or self._stances.bias_is_free:
             return 0.0
-        own = 0.0 if self._tare[1].any() else self.base.mass
+        own = 0.0 if self._tare[1].any() else base.mass
         return (own + max(mass, 0.0)) * self._stances.excess / self._gravity
-
-
-def _jumps(estimator: Estimator) -> int:
-    return estimator.jumps if isinstance(estimator, VariableForgetting) else 0

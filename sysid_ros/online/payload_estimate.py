@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,7 +30,22 @@ class PayloadEvent:
     mass_after: float
 
 
-@dataclass(frozen=True, slots=True)
+class Body(NamedTuple):
+    """What is carried, in the words of a mechanic.
+
+    Attributes:
+        mass: [kg]. com: in the frame, shape (3,) [m]; NaN where the mass is zero.
+        inertia_com: about the centre of mass, axes parallel to the frame, shape (3, 3) [kg m^2].
+        com_covariance: by the delta method, shape (3, 3) [m^2]; infinite variance where the mass is zero.
+    """
+
+    mass: float
+    com: FloatArray
+    inertia_com: FloatArray
+    com_covariance: FloatArray
+
+
+@dataclass(frozen=True)
 class PayloadEstimate:
     """The payload and how well it is known.
 
@@ -68,6 +85,20 @@ class PayloadEstimate:
             payload_effort=np.zeros(n),
         )
 
+    @cached_property
+    def body(self) -> Body:
+        """The parameters as a body, computed once."""
+        mass, com, inertia = inertial_parameters.to_com(self.theta)
+        if mass == 0.0:
+            return Body(mass, com, inertia, np.diag(np.full(3, np.inf)))
+        jacobian = inertial_parameters.com_jacobian(self.theta)
+        return Body(mass, com, inertia, jacobian @ self.covariance @ jacobian.T)
+
+    @cached_property
+    def is_empty(self) -> bool:
+        """True where the estimate says that nothing is carried: no payload, or a mass that no body has."""
+        return self.status == "no_payload" or not self.theta[0] > 0.0
+
     @property
     def mass(self) -> float:
         """[kg]"""
@@ -75,13 +106,13 @@ class PayloadEstimate:
 
     @property
     def com(self) -> FloatArray:
-        """Centre of mass in ``frame``, shape (3,) [m]."""
-        return inertial_parameters.to_com(self.theta)[1]
+        """As of :class:`Body`."""
+        return self.body.com
 
     @property
     def inertia_com(self) -> FloatArray:
-        """Inertia about the centre of mass, axes parallel to ``frame``, shape (3, 3) [kg m^2]."""
-        return inertial_parameters.to_com(self.theta)[2]
+        """As of :class:`Body`."""
+        return self.body.inertia_com
 
     @property
     def std(self) -> FloatArray:
@@ -94,14 +125,6 @@ class PayloadEstimate:
         return float(np.sqrt(self.covariance[0, 0]))
 
     @property
-    def com_covariance(self) -> FloatArray:
-        """Covariance of the centre of mass by the delta method, shape (3, 3) [m^2]; infinite variance where the mass is zero."""
-        if self.theta[0] == 0.0:
-            return np.diag(np.full(3, np.inf))
-        jacobian = inertial_parameters.com_jacobian(self.theta)
-        return jacobian @ self.covariance @ jacobian.T
-
-    @property
     def com_std(self) -> FloatArray:
         """Standard deviation of the centre of mass, shape (3,) [m]."""
-        return np.sqrt(np.diag(self.com_covariance))
+        return np.sqrt(np.diag(self.body.com_covariance))

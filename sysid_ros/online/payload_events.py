@@ -15,13 +15,16 @@ class EventLog:
         empty: mass below which there is no payload [kg].
         settle_time: for how long after an event its mass is refined [s].
         same: jumps that follow one another within this are one event [s].
+
+    Attributes:
+        events: so far. open_until: time to which the newest is refined [s].
     """
 
     def __init__(self, empty: float, settle_time: float = 3.0, same: float = 0.5) -> None:
         self._same = same
         self._empty = empty
         self._settle_time = settle_time
-        self._open_until = 0.0
+        self.open_until = 0.0
         self._masses: deque[tuple[float, float]] = deque()
         self._before_lift: float | None = None
         self.events: list[PayloadEvent] = []
@@ -31,14 +34,14 @@ class EventLog:
         if self.events and t - self.events[-1].t < self._same:
             return
         self.events.append(PayloadEvent(t, self._kind(mass_before, mass_after), mass_before, mass_after))
-        self._open_until = t + self._settle_time
+        self.open_until = t + self._settle_time
 
     def refine(self, t: float, mass: float) -> None:
         """The mass is known better at ``t`` [s]: correct the newest event while it settles."""
         self._masses.append((t, mass))
         while t - self._masses[0][0] > self._settle_time:
             self._masses.popleft()
-        if self.events and t <= self._open_until:
+        if self.events and t <= self.open_until:
             newest = self.events[-1]
             self.events[-1] = replace(newest, mass_after=mass, kind=self._kind(newest.mass_before, mass))
 
@@ -47,7 +50,7 @@ class EventLog:
         was no change of the payload."""
         pulled = [e for e in self.events if e.t > t - self._settle_time]
         del self.events[len(self.events) - len(pulled) :]
-        self._open_until = 0.0
+        self.open_until = 0.0
         masses = [mass for _, mass in self._masses]
         self._before_lift = pulled[0].mass_before if pulled else masses[0] if masses else None
 

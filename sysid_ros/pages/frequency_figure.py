@@ -1,124 +1,150 @@
-"""The Bode diagrams of a frequency check by matplotlib, for a report."""
+"""The Bode diagrams of a frequency check: magnitude, phase and coherence of each joint, with the cause that was found."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from sysid_ros.frequency import FrequencyCheck, JointCheck
-from sysid_ros.frequency.verdict import TOLERANCE
+from sysid_ros.exceptions import DataError
+from sysid_ros.frequency import FrequencyCheck, JointCheck, Response
+from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.pages import palette
-from sysid_ros.pages.frequency_curves import FITTED, LARGEST, MEASURED, SAYS, SMALLEST, Bode, bode, short, shown, span
+from sysid_ros.pages.figure import Axis, Band, Curve, Figure, Item, Mark, Panel, Spans, Stack
+from sysid_ros.pages.page import check_plot_path, write_plot
+from sysid_ros.sample import FloatArray
 
-_MOST_PER_ROW = 4
-_HELD = "#E3F1EC"
+_SAYS = {"holds": palette.GREEN, "fails": palette.ORANGE, "untold": "#C8C8C8"}
+_SMALLEST, _LARGEST = 0.1, 10.0
+_POINTS = 400
+_HERTZ = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+_RATIOS = tuple((x, f"{x:g}") for x in (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0))
+_DEGREES = tuple((float(x), f"{x}") for x in (-180, -90, 0, 90, 180))
+
+
+def write_frequency_plot(path: Path, result: FrequencyCheck, title: str) -> None:
+    """Write the response of each joint with its 95 % region, the cause that was found, and the coherence.
+
+    Args:
+        path: .png, .svg or .pdf for a report; .html for a page that holds all it needs.
+        result: of :func:`sysid_ros.frequency.check_frequency`. title: of the figure.
+
+    Raises:
+        SettingsError: the suffix is not known, or the folder is not there. DataError: no joint has a response.
+    """
+    check_plot_path(path)
+    if not _shown(result):
+        raise DataError("There is no response to plot: no joint moves enough in these recordings.")
+    sentences = (*result.sentences, *(s for c in result.joints for s in c.sentences))
+    write_plot(path, frequency_figure(result, title), sentences=sentences)
 
 
 def frequency_figure(result: FrequencyCheck, title: str) -> Figure:
     """For each joint magnitude, phase and coherence over frequency, up to four joints in a row."""
-    checks = shown(result)
-    rows = -(-len(checks) // _MOST_PER_ROW)
-    columns = -(-len(checks) // rows)
-    width, height = 1.4 + 3.9 * columns, 2.0 + 5.1 * rows
-    figure = Figure(figsize=(width, height))
-    FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(
-        rows,
-        columns,
-        left=0.75 / width,
-        right=1.0 - 0.2 / width,
-        top=1.0 - 1.45 / height,
-        bottom=0.85 / height,
-        wspace=0.17,
-        hspace=0.3,
-    )
-    low, high = span(checks)
-    for i, check in enumerate(checks):
-        row, column = divmod(i, columns)
-        _draw_joint(figure, grid[row, column], check, (low, high), column == 0, i + columns >= len(checks))
-    handles = [
-        Line2D([], [], color=MEASURED, linewidth=1.4, marker="o", markersize=3, label="response, with 95 % region"),
-        Line2D([], [], color=FITTED, linewidth=1.6, label="cause that was found"),
-        Patch(color=_HELD, label=f"within {100.0 * TOLERANCE:.0f} % of 1"),
-        *(Patch(color=colour, label=f"band: {says}") for says, colour in SAYS.items()),
-    ]
-    figure.legend(handles=handles, loc="lower center", ncols=len(handles) if columns > 2 else 3, fontsize=9, frameon=False)
-    left = 0.75 / width
-    figure.text(left, 1.0 - 0.22 / height, title, ha="left", va="top", fontsize=13, fontweight="bold", color=palette.INK)
+    checks = _shown(result)
+    low, high = _span(checks)
+    hertz = Axis("frequency [Hz]", (low, high), True, tuple((f, f"{f:g}") for f in _HERTZ if low <= f <= high))
     told = "1 says that the model holds; frequencies at which the motion does not stand clear of the noise are left out"
-    figure.text(left, 1.0 - 0.52 / height, told, ha="left", va="top", fontsize=9.5, color="#555555")
-    return figure
+    columns = min(4, len(checks))
+    stacks = tuple(_joint(check, hertz) for check in checks)
+    return Figure(stacks, title, told, columns, width=90.0 + 350.0 * columns)
 
 
-def _draw_joint(figure: Figure, place: object, check: JointCheck, ends: tuple[float, float], first: bool, lowest: bool) -> None:
+def _joint(check: JointCheck, hertz: Axis) -> Stack:
     assert check.torque is not None
-    curves = bode(check.torque)
-    parts = place.subgridspec(4, 1, height_ratios=[0.07, 1.25, 1.0, 0.55], hspace=0.1)  # type: ignore[attr-defined]
-    strip, *panels = (figure.add_subplot(parts[k]) for k in range(4))
-    _draw_strip(strip, curves, ends)
-    strip.text(0.0, 3.9, check.joint, transform=strip.transAxes, fontsize=11, fontweight="bold", color=palette.INK, va="bottom")
-    strip.text(0.0, 1.4, short(check), transform=strip.transAxes, fontsize=8.5, color="#444444", va="bottom")
-    _draw_magnitude(panels[0], curves)
-    _draw_phase(panels[1], curves)
-    panels[2].step(curves.f, curves.coherence, where="mid", color="#555555", linewidth=1.1)
-    panels[2].set_ylim(0.0, 1.03)
-    panels[2].set_yticks([0.0, 0.5, 1.0])
-    for axes, label in zip(panels, ("magnitude", "phase [°]", "coherence"), strict=True):
-        axes.set_xscale("log")
-        axes.set_xlim(*ends)
-        _tick(axes, ends, axes is panels[-1])
-        axes.grid(color=palette.GRID, linewidth=0.6)
-        axes.set_axisbelow(True)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.tick_params(labelsize=8, colors=palette.INK, labelbottom=axes is panels[-1], labelleft=True)
-        if first:
-            axes.set_ylabel(label, fontsize=9, color=palette.INK)
-            axes.yaxis.set_label_coords(-0.135, 0.5)
-    if lowest:
-        panels[-1].set_xlabel("frequency [Hz]", fontsize=9, color=palette.INK)
+    f = np.array([w.f for w in check.torque.windows])
+    magnitude, phase = _bode(check.torque)
+    fit_f, fit = np.zeros(0), np.zeros(0, dtype=complex)
+    if (cause := check.torque.cause) is not None and cause.named:
+        fit_f = np.geomspace(*cause.band, _POINTS)
+        fit = cause.H(fit_f)
+    size = np.clip(np.abs(fit), _SMALLEST, _LARGEST)
+    seen = np.concatenate([magnitude[0][np.isfinite(magnitude[0])], size, [1.0]])
+    limits = (max(min(0.45, seen.min() / 1.4), _SMALLEST), min(max(2.2, seen.max() * 1.4), _LARGEST))
+    turn = float(np.degrees(np.arcsin(TOLERANCES.misfit)))
+    above = _response(f, magnitude, (fit_f, size), (1.0 - TOLERANCES.misfit, 1.0, 1.0 + TOLERANCES.misfit))
+    below = _response(f, phase, (fit_f, np.degrees(np.angle(fit))), (-turn, 0.0, turn))
+    coherence = Curve(f, np.array([w.coherence for w in check.torque.windows]), colour=palette.SOFT, width=1.1, step=True)
+    half = Axis(limits=(0.0, 1.03), ticks=((0.0, "0"), (0.5, "0.5"), (1.0, "1")))
+    panels = (
+        Panel(_verdict(check.torque, hertz), x=hertz, y=Axis(limits=(0.0, 1.0), ticks=()), height=8.0),
+        Panel(above, "magnitude", x=hertz, y=Axis(limits=limits, log=True, ticks=_RATIOS), height=160.0),
+        Panel(below, "phase [°]", x=hertz, y=Axis(limits=(-190.0, 190.0), ticks=_DEGREES), height=130.0),
+        Panel((coherence,), "coherence", x=hertz, y=half, height=70.0),
+    )
+    return Stack(panels, check.joint, _short(check), least=260.0)
 
 
-def _tick(axes: Axes, ends: tuple[float, float], labelled: bool) -> None:
-    marks = [m for m in (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0) if ends[0] <= m <= ends[1]]
-    axes.xaxis.set_major_locator(FixedLocator(marks))
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}" if labelled else ""))
+def _bode(response: Response) -> tuple[FloatArray, FloatArray]:
+    """Magnitude and phase [degrees] with their lower and upper ends, shape (3, w) each.
+
+    Windows in which the input is mostly noise, or whose 95 % circle is wider than the response, are left out, as NaN.
+    """
+    told = np.array([w.clear and w.radius < max(abs(w.H), 1.0) for w in response.windows])
+    H = np.where(told, [w.H for w in response.windows], np.nan)
+    radius, size = np.where(told, [w.radius for w in response.windows], np.nan), np.abs(H)
+    # where the circle holds 0 the phase is not known
+    part = np.where(radius < size, radius / np.maximum(size, 1e-12), np.nan)
+    width = np.degrees(np.arcsin(part))
+    angle = np.where(np.isfinite(part), np.degrees(np.angle(H)), np.nan)
+    return np.clip([size, size - radius, size + radius], _SMALLEST, _LARGEST), np.array([angle, angle - width, angle + width])
 
 
-def _draw_strip(axes: Axes, curves: Bode, ends: tuple[float, float]) -> None:
-    for low, high, says in curves.bands:
-        axes.axvspan(max(low, ends[0]), min(high, ends[1]), color=SAYS[says], linewidth=0.0)
-    axes.set_xscale("log")
-    axes.set_xlim(*ends)
-    axes.set_ylim(0.0, 1.0)
-    axes.axis("off")
+def _verdict(response: Response, hertz: Axis) -> tuple[Item, ...]:
+    """The bands that the verdict tells apart, each in its colour."""
+    low, high = hertz.limits or (0.0, np.inf)
+    bands = [(max(b.low, low), min(b.high, high), b.says) for b in response.verdict.bands]
+    items: list[Item] = []
+    for says, colour in _SAYS.items():
+        x = np.array([f for a, b, found in bands if found == says and a < b for f in (a, b, np.nan)])
+        top = np.where(np.isfinite(x), 1.0, np.nan)
+        items.append(Band(x, 0.0 * top, top, f"band: {says}", colour, 1.0))
+    return tuple(items)
 
 
-def _draw_magnitude(axes: Axes, curves: Bode) -> None:
-    axes.axhspan(1.0 - TOLERANCE, 1.0 + TOLERANCE, color=_HELD, linewidth=0.0)
-    axes.axhline(1.0, color="#888888", linewidth=0.8)
-    axes.fill_between(curves.f, curves.magnitude[1], curves.magnitude[2], color=MEASURED, alpha=0.2, linewidth=0.0)
-    axes.plot(curves.f, curves.magnitude[0], color=MEASURED, linewidth=1.3, marker="o", markersize=2.2)
-    axes.plot(curves.fit_f, curves.fit_magnitude, color=FITTED, linewidth=1.6)
-    axes.set_yscale("log")
-    finite = np.concatenate([curves.magnitude[0][np.isfinite(curves.magnitude[0])], curves.fit_magnitude, [1.0]])
-    axes.set_ylim(max(min(0.45, finite.min() / 1.4), SMALLEST), min(max(2.2, finite.max() * 1.4), LARGEST))
-    axes.yaxis.set_major_locator(FixedLocator([0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0]))
-    axes.yaxis.set_minor_locator(NullLocator())
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+def _response(
+    f: FloatArray, values: FloatArray, fit: tuple[FloatArray, FloatArray], held: tuple[float, float, float]
+) -> tuple[Item, ...]:
+    least, right, most = held
+    # an area has no room about one window alone
+    alone = np.isfinite(values[0]) & np.isnan(np.append(values[0][1:], np.nan)) & np.isnan(np.append(np.nan, values[0][:-1]))
+    upright = np.column_stack([values[1], values[2], np.full(len(f), np.nan)])[alone].ravel()
+    within = f"within {100.0 * TOLERANCES.misfit:.0f} % of 1"
+    return (
+        Spans("y", np.array([least]), np.array([most]), within, palette.GREEN, 0.12),
+        Mark("y", right, colour="#888888", width=0.8),
+        Band(f, values[1], values[2], "95 % region", palette.BLUE),
+        Curve(np.repeat(f[alone], 3), upright, "95 % region", palette.BLUE, 2.5, opacity=0.35),
+        Curve(f, values[0], "response", palette.BLUE, 1.3, marker="dot", size=3.5),
+        Curve(*fit, "cause that was found", palette.ORANGE, 1.6),
+    )
 
 
-def _draw_phase(axes: Axes, curves: Bode) -> None:
-    limit = np.degrees(np.arcsin(TOLERANCE))
-    axes.axhspan(-limit, limit, color=_HELD, linewidth=0.0)
-    axes.axhline(0.0, color="#888888", linewidth=0.8)
-    axes.fill_between(curves.f, curves.phase[1], curves.phase[2], color=MEASURED, alpha=0.2, linewidth=0.0)
-    axes.plot(curves.f, curves.phase[0], color=MEASURED, linewidth=1.3, marker="o", markersize=2.2)
-    axes.plot(curves.fit_f, curves.fit_phase, color=FITTED, linewidth=1.6)
-    axes.set_ylim(-190.0, 190.0)
-    axes.set_yticks([-180, -90, 0, 90, 180])
+def _shown(result: FrequencyCheck) -> list[JointCheck]:
+    """Joints with a response."""
+    return [c for c in result.joints if c.torque is not None and c.torque.windows]
+
+
+def _span(checks: Sequence[JointCheck]) -> tuple[float, float]:
+    """Frequencies that the axes show [Hz]: a little more than what any joint tells."""
+    windows = [w for c in checks if c.torque for w in c.torque.windows]
+    clear = [w for w in windows if w.clear and w.radius < max(abs(w.H), 1.0)] or windows
+    fitted = [c.torque.cause.band[1] for c in checks if c.torque and c.torque.cause and c.torque.cause.named]
+    return max(min(w.f for w in clear) / 1.15, 0.05), max([w.high for w in clear] + fitted) * 1.1
+
+
+def _short(check: JointCheck) -> str:
+    """The finding of a joint in a few words."""
+    assert check.torque is not None
+    v, cause = check.torque.verdict, check.torque.cause
+    held = f"holds to {v.holds_to:.2g} Hz" if v.holds_to else "holds in no band"
+    if check.friction is not None:
+        return f"{held}; lacks dry friction"
+    if cause is None or not cause.named:
+        return held
+    words = []
+    for p in cause.parameters:
+        if p.name in ("delay", "cutoff", "frequency") or (p.name == "gain" and cause.name == "gain"):
+            words.append(f"{1e3 * p.value:.3g} ms" if p.name == "delay" else f"{p.value:.3g} {p.unit}".strip())
+    return f"{held}; {cause.name.replace('_', '-').replace('+', ' and ')} {', '.join(words)}"

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from html import escape
-from importlib import resources
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
 
-from sysid_ros.identification.result import Identification, TorqueError
-from sysid_ros.pages import identification_figures
-from sysid_ros.pages import identification_tables as tables
-from sysid_ros.pages.identification_tables import number
+from sysid_ros.effects import EFFECTS
+from sysid_ros.identification.payload_difference import PayloadDifference
+from sysid_ros.identification.result import Identification, Parameter, TorqueError
+from sysid_ros.pages import palette
+from sysid_ros.pages.identification_figures import residual_figure, torque_figure
+from sysid_ros.pages.page import number, page
+from sysid_ros.robot.inertial_parameters import NAMES
 
 _MOST_RECORDINGS = 4
 """Recordings whose torques are drawn one by one."""
+_SYMBOLS = {"b": "viscous", "Fc": "Coulomb", "Fs": "breakaway", "mu": "friction by load", "J": "rotor inertia"}
+_MODELS = {
+    "nominal": ("URDF alone", palette.ORANGE),
+    "urdf_friction": ("URDF with friction, rotors and offsets", palette.GREEN),
+    "residual": ("identified", palette.BLUE),
+}
 
 
 def write_report(path: Path, result: Identification, provenance: dict[str, Any]) -> None:
@@ -36,24 +43,35 @@ def write_report(path: Path, result: Identification, provenance: dict[str, Any])
 
 def report_page(result: Identification, provenance: dict[str, Any]) -> str:
     """HTML of the report."""
-    from plotly.offline import get_plotlyjs
-
-    template = Template(resources.files(__package__).joinpath("identification.html").read_text(encoding="utf-8"))
     judged = result.validation or result.errors
-    name = result.model.robot_name or "robot"
-    values = {
-        "title": f"Identification of {escape(name)}",
-        "where": f"{len(result.joint_names)} joints, from {_bag_names(result.bags)}; {_judged_on(result)}.",
-        "lead": _lead(result, judged),
-        "tiles": _tiles(result, judged),
-        "sections": "\n".join(_sections(result, judged, provenance)),
-        "plotly": get_plotlyjs(),
-    }
-    return template.substitute(values)
+    joints = result.joint_names
+    units = [next((p.unit for p in result.parameters if p.joint == j and p.unit in ("N", "N m")), "N m") for j in joints]
+    drawn = result.series[:_MOST_RECORDINGS]
+    left = residual_figure(result.series, joints, units, [u == "N" for u in units], result.cutoff.hz) if result.series else None
+    return page(
+        "identification.html",
+        title=f"Identification of {result.model.robot_name or 'robot'}",
+        where=f"{len(joints)} joints, from {_bag_names(result.bags)}; {_judged_on(result)}.",
+        result=result,
+        judged_on=_judged_on(result).removeprefix("judged on "),
+        summary=_summary(result, judged),
+        tiles=_tiles(result, judged),
+        models=_MODELS.values(),
+        errors=_errors(joints, units, judged),
+        torques=[(s, torque_figure(s, joints, units, 1.0 / len(drawn))) for s in drawn],
+        residual=left,
+        joints=_joints(joints, [p for p in result.parameters if not EFFECTS[p.effect].replaces_links]),
+        several=any(math.isfinite(p.between_bags) for p in result.parameters),
+        payload=_payload(result.payload) if result.payload is not None else [],
+        whiteness={(t.bag, t.joint): t for t in result.whiteness},
+        facts=_facts(result, provenance),
+        command=provenance.get("command"),
+        version=provenance.get("version"),
+    )
 
 
 def _bag_names(bags: Sequence[str]) -> str:
-    names = [escape(Path(bag).name) for bag in bags]
+    names = [Path(bag).name for bag in bags]
     return names[0] if len(names) == 1 else f"{len(names)} bags ({', '.join(names)})"
 
 
@@ -68,26 +86,17 @@ def _mean(errors: Sequence[TorqueError], field: str) -> np.ndarray[Any, Any]:
     return np.asarray(np.sqrt(np.mean([getattr(e, field) ** 2 for e in errors], axis=0)))
 
 
-def _lead(result: Identification, judged: Sequence[TorqueError]) -> str:
+def _summary(result: Identification, judged: Sequence[TorqueError]) -> dict[str, Any]:
+    """What the first paragraph tells."""
     torque = np.maximum(_mean(judged, "torque"), 1e-12)
-    found, urdf = _mean(judged, "residual") / torque, _mean(judged, "nominal") / torque
-    worst = result.joint_names[int(np.argmax(found))]
-    determined = sum(g.determined_by == "bags" for g in result.groups)
-    sentences = [
-        f"Where nothing was fitted, the model leaves <b>{_range(found)}</b> of the joints' torque unexplained; the URDF alone "
-        f"leaves {_range(urdf)}. The largest part is left on {escape(worst)}.",
-        f"Of {result.base.rank} combinations of parameters that this robot's motion can show, these bags determine "
-        f"{determined} by themselves; for the others the URDF speaks with them.",
-    ]
-    if result.physical is not None:
-        sentences.append("Every link is a body that can exist, and friction and rotors are not negative.")
-    coloured = sum(not w.white for w in result.whiteness)
-    if coloured:
-        sentences.append(
-            f"The residual keeps its sign for a while in {coloured} of {len(result.whiteness)} cases: the model lacks something "
-            "there. The intervals take that into account."
-        )
-    return " ".join(sentences)
+    found = _mean(judged, "residual") / torque
+    return {
+        "found": _range(found),
+        "urdf": _range(_mean(judged, "nominal") / torque),
+        "worst": result.joint_names[int(np.argmax(found))],
+        "determined": sum(g.determined_by == "bags" for g in result.groups),
+        "coloured": sum(not w.white for w in result.whiteness),
+    }
 
 
 def _range(parts: np.ndarray[Any, Any]) -> str:
@@ -96,116 +105,84 @@ def _range(parts: np.ndarray[Any, Any]) -> str:
     return f"{texts[0]} %" if texts[0] == texts[1] else f"{texts[0]} to {texts[1]} %"
 
 
-def _tiles(result: Identification, judged: Sequence[TorqueError]) -> str:
+def _tiles(result: Identification, judged: Sequence[TorqueError]) -> list[tuple[str, str]]:
     torque = np.maximum(_mean(judged, "torque"), 1e-12)
-    median = 100.0 * float(np.median(_mean(judged, "residual") / torque))
-    nominal = 100.0 * float(np.median(_mean(judged, "nominal") / torque))
-    effective = sum(x.effective_rows for x in result.noise)
-    tiles = [
+    median, nominal = (100.0 * float(np.median(_mean(judged, field) / torque)) for field in ("residual", "nominal"))
+    determined = sum(g.determined_by == "bags" for g in result.groups)
+    effective, rows = sum(x.effective_rows for x in result.noise), sum(x.rows for x in result.noise)
+    return [
         (f"{median:.2g} %", f"of the torque left unexplained, median over the joints; the URDF alone: {nominal:.2g} %"),
-        (
-            f"{sum(g.determined_by == 'bags' for g in result.groups)} of {result.base.rank}",
-            "base parameters determined by the bags",
-        ),
+        (f"{determined} of {result.base.rank}", "base parameters determined by the bags"),
         (number(result.bags_condition_number), "condition number of these bags; under 100 is good"),
-        (f"{effective:.0f}", f"independent rows of {sum(x.rows for x in result.noise)}, by the colour of the residual"),
+        (f"{effective:.0f}", f"independent rows of {rows}, by the colour of the residual"),
         (f"{result.cutoff.hz:.3g} Hz", "low-pass on both sides of the equation"),
     ]
-    return "".join(f'<div class="tile"><b>{head}</b><span>{escape(text)}</span></div>' for head, text in tiles)
 
 
-def _sections(result: Identification, judged: Sequence[TorqueError], provenance: dict[str, Any]) -> list[str]:
-    joints = result.joint_names
-    units = [next((p.unit for p in result.parameters if p.effect == "torque_offset" and p.joint == j), "N m") for j in joints]
-    prismatic = [unit == "N" for unit in units]
-    out = []
-    if result.record_next or result.problems:
-        out.append(_section("What to record next", "", _list(result.record_next) + _problems(result)))
-    if result.payload is not None:
-        said = "The difference between the loaded and the empty runs, as a body that can exist."
-        if not result.payload.consistent:
-            said = "No body explains the difference between the loaded and the empty runs; this is the nearest."
-        out.append(_section("Payload", said, f"<div class='scroll'>{tables.payload(result.payload)}</div>"))
-    out.append(
-        _section(
-            "Torque error where nothing was fitted",
-            f"Root mean square over {_judged_on(result).removeprefix('judged on ')}. {tables.ERROR_KEY}",
-            tables.errors(joints, units, judged),
-            plain_note=False,
-        )
-    )
-    drawn = result.series[:_MOST_RECORDINGS]
-    for series in drawn:
-        out.append(
-            _section(
-                f"Torque measured and predicted: {Path(series.name).name}",
-                f"{series.kind}, after the low-pass. Drag to enlarge, double-click to go back, click on a name to hide it.",
-                identification_figures.torque_figure(series, joints, units, 1.0 / len(drawn)),
-            )
-        )
-    if result.series:
-        out.append(
-            _section(
-                "What is left: the residual",
-                "Measured minus predicted, of all recordings above. Black: the mean over classes; grey points: the joint hardly "
-                "moves, so its dry friction is not determined. Far right: spectrum of the residual (blue) and of the torque "
-                "(grey), per root hertz. A slope over the velocity means friction of another shape, one over the position a "
-                "spring or a wrong mass, one over time warming up.",
-                identification_figures.residual_figure(result.series, joints, units, prismatic, result.cutoff.hz),
-            )
-        )
-    standard = "".join(
-        f"<details><summary>All {len(result.parameters)} standard parameters</summary>"
-        "<p class='note'>Motion does not tell all of them one by one; where little comes from the bags, the prior decides. "
-        "'bound' is the least any estimator could reach if the residuals were white.</p>"
-        f"<div class='scroll'>{tables.parameters(result.parameters)}</div></details>"
-    )
-    own = [p for p in result.parameters if p.effect != "link_inertia"]
-    out.append(
-        _section(
-            "Joints",
-            "With 95 % intervals, which take the colour of the residuals into account; in brackets what the Cramér-Rao bound "
-            "would allow, were the residuals white.",
-            f"<div class='scroll'>{tables.joints_table(joints, own)}</div>{tables.knobs(result.knobs)}{standard}",
-        )
-    )
-    out.append(
-        _section(
-            "Base parameters: what is lumped with what",
-            "Only these sums show in the torque. Each line is one number that the motion can tell.",
-            f"<div class='scroll'>{tables.groups(result.groups)}</div>",
-        )
-    )
-    out.append(
-        _section(
-            "Noise",
-            "The residual where it was fitted, how long it keeps its sign, what it leaves the rows worth, could it be white.",
-            f"<div class='scroll'>{tables.noise(result.noise, result.whiteness)}</div>",
-        )
-    )
-    if result.repeatability:
-        out.append(
-            _section(
-                "Repeatability",
-                "Parameters as each bag alone gives them. Much more spread between bags than within: the robot changed.",
-                f"<div class='scroll'>{tables.repeatability(result.repeatability, result.bags)}</div>",
-            )
-        )
-    out.append(_section("How it was made", "", tables.facts(result, provenance)))
-    return out
+def _errors(joints: Sequence[str], units: Sequence[str], judged: Sequence[TorqueError]) -> list[dict[str, Any]]:
+    """Torque error of three models, a joint a line: value, part of the joint's torque, width of its bar, colour."""
+    squares = {field: _mean(judged, field) for field in (*_MODELS, "torque")}
+    torque = np.maximum(squares["torque"], 1e-12)
+    longest = max(float(np.max(squares[field] / torque)) for field in _MODELS)
+    return [
+        {
+            "joint": joint,
+            "torque": f"{number(squares['torque'][j])} {units[j]}",
+            "models": [
+                (squares[field][j], squares[field][j] / torque[j], squares[field][j] / torque[j] / longest, colour)
+                for field, (_, colour) in _MODELS.items()
+            ],
+        }
+        for j, joint in enumerate(joints)
+    ]
 
 
-def _section(title: str, note: str, content: str, plain_note: bool = True) -> str:
-    text = (escape(note) if plain_note else note) if note else ""
-    return f"<section><h2>{escape(title)}</h2>{f'<p class=note>{text}</p>' if text else ''}{content}</section>"
+def _joints(joints: Sequence[str], found: Sequence[Parameter]) -> tuple[list[str], list[list[str]]]:
+    """Head and rows of what each joint has beside its link, a joint a line and a parameter a column; in brackets the bound."""
+    by_place = {(p.joint, p.name.split("[")[0]): p for p in found}
+    symbols = list(dict.fromkeys(symbol for _, symbol in by_place))
+    units = {symbol: sorted({_unit(p.unit) for (_, s), p in by_place.items() if s == symbol}) for symbol in symbols}
+    rows = []
+    for joint in joints:
+        row = [joint]
+        for symbol in symbols:
+            p = by_place.get((joint, symbol))
+            unit = f" {_unit(p.unit)}" if p is not None and len(units[symbol]) > 1 else ""
+            row.append("–" if p is None else f"{number(p.value)} ± {number(1.96 * p.std, 2)} ({number(1.96 * p.crb, 2)}){unit}")
+        rows.append(row)
+    heads = [_SYMBOLS.get(s, s) + (f" [{units[s][0]}]" if len(units[s]) == 1 else "") for s in symbols]
+    return ["joint", *heads], rows
 
 
-def _list(sentences: Sequence[str]) -> str:
-    return f"<ul>{''.join(f'<li>{escape(s)}</li>' for s in sentences)}</ul>" if sentences else ""
+def _unit(unit: str) -> str:
+    return unit.replace("^2", "²")
 
 
-def _problems(result: Identification) -> str:
-    if not result.problems:
-        return ""
-    found = [f"{Path(p.bag).name}: {p.text}" if p.bag else p.text for p in result.problems]
-    return f"<h3>Found in the bags</h3>{_list(found)}"
+def _payload(found: PayloadDifference) -> list[tuple[str, float, float, str, float]]:
+    """Name, value, standard deviation, unit and share of the bags of the ten parameters of a payload."""
+    std = np.sqrt(np.diag(found.covariance))
+    lines = [("mass", found.mass, found.mass_std, "kg")]
+    lines += [(f"centre of mass, {a}", c, s, "m") for a, c, s in zip("xyz", found.com, found.com_std, strict=True)]
+    origin = zip(NAMES[4:], found.theta[4:], std[4:], strict=True)
+    lines += [(f"{name} about the frame's origin", value, s, "kg m²") for name, value, s in origin]
+    return [(*line, float(part)) for line, part in zip(lines, found.from_data, strict=True)]
+
+
+def _facts(result: Identification, provenance: dict[str, Any]) -> list[tuple[str, str]]:
+    """How the result came about, a fact a line."""
+    lines = [
+        ("Robot", f"{result.model.robot_name}, URDF with SHA-256 {result.model.urdf_sha256[:16]}…"),
+        ("Method", f"{result.method}, {result.form} form, {result.friction} friction"),
+        ("Low-pass", f"{result.cutoff.hz:.3g} Hz: {result.cutoff.reason}"),
+        ("Prior", f"weight {number(result.prior.weight)}: {result.prior.reason}"),
+    ]
+    if result.physical is not None:
+        bound = ", ".join(result.physical.at_bound)
+        lines.append(("Physical links", "yes" + (f"; held at 0: {bound}" if bound else "")))
+        lines += [("", note) for note in result.physical.notes]
+    else:
+        lines.append(("Physical links", "not asked for"))
+    lines.append(("Bags", ", ".join(str(bag) for bag in provenance.get("bags", result.bags))))
+    if result.validation_bags:
+        lines.append(("Validation", ", ".join(result.validation_bags)))
+    return lines

@@ -1,20 +1,26 @@
 """Colours that people with any kind of colour vision can tell apart (Okabe and Ito 2008), and what each stands for."""
 
-INK = "#222222"
-GRID = "#DDDDDD"
-CURVES = {
-    "mass": "#0072B2", "x": "#0072B2", "y": "#D55E00", "z": "#009E73",
-    "Ixx": "#0072B2", "Iyy": "#D55E00", "Izz": "#009E73",
-}  # fmt: skip
+INK, SOFT, GRID = "#222222", "#777777", "#DDDDDD"
+BLUE, ORANGE, GREEN, PINK, AMBER, SKY, BROWN = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31"
+PALE = "#B8B8B8"
+MANY = (BLUE, ORANGE, GREEN, PINK, AMBER, SKY, SOFT, BROWN)
+"""Of joints or laws, over again where there are more."""
+MEASURED, NOMINAL, FOUND = INK, ORANGE, BLUE
+"""What was measured, what the model said that was given, what the one says that was found."""
+CELLS = ("#F4F8FC", "#08519C")
+"""Of the least and of the greatest value of a table of cells."""
 STATUS = {
-    "ok": "#009E73",
-    "no_payload": "#B8B8B8",
+    "ok": GREEN,
+    "no_payload": PALE,
     "warming_up": "#F0E442",
-    "not_excited": "#56B4E9",
-    "not_physical": "#CC79A7",
+    "not_excited": SKY,
+    "not_physical": PINK,
     "stale": "#555555",
-    "inconsistent": "#D55E00",
+    "inconsistent": ORANGE,
 }
-UNKNOWN_STATUS = "#000000"
-EVENT = {"pick": "#222222", "drop": "#222222", "change": "#222222", "external_force": "#CC79A7"}
-EVENT_DASH = {"pick": "solid", "drop": "dashed", "change": "dashdot", "external_force": "dotted"}
+EVENT = {"pick": (INK, "solid"), "drop": (INK, "dashed"), "external_force": (PINK, "dotted")}
+
+
+def of_status(status: str) -> str:
+    """The colour of a status; black where it is not known."""
+    return STATUS.get(status, "#000000")

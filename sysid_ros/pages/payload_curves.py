@@ -1,4 +1,4 @@
-"""What the figure of a payload shows, as arrays: curves with their 95 % bands, spans of one status, and limits of the axes."""
+"""What the figure of a payload shows, as arrays: quantities with their 95 % bands, spans of one status, limits."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BoolArray = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class Quantity:
     """One quantity over time.
 
     Attributes:
@@ -48,12 +48,12 @@ class Curve:
 
 
 @dataclass(frozen=True, slots=True)
-class Panel:
-    """Curves that share an axis: its title, its unit and its limits."""
+class Quantities:
+    """Those that share an axis: its title, its unit and its limits."""
 
     title: str
     unit: str
-    curves: tuple[Curve, ...]
+    quantities: tuple[Quantity, ...]
     limits: tuple[float, float]
 
 
@@ -76,12 +76,6 @@ def longest_step(t: FloatArray) -> float:
     return max(0.5, 10.0 * float(np.median(np.diff(t)))) if t.size > 1 else 0.5
 
 
-def with_gaps(longest: float, t: FloatArray, *values: FloatArray) -> tuple[FloatArray, ...]:
-    """``t`` and the values with NaN where a step is longer than ``longest`` [s], so that no line crosses a gap."""
-    after = np.flatnonzero(np.diff(t) > longest) + 1
-    return np.insert(t, after, t[after]), *(np.insert(v, after, np.nan) for v in values)
-
-
 def status_spans(series: Sequence[PayloadEstimate]) -> list[Span]:
     """Stretches of one status; a gap in the series is left out."""
     t = relative_times(series)
@@ -98,7 +92,9 @@ def status_spans(series: Sequence[PayloadEstimate]) -> list[Span]:
     return spans
 
 
-def payload_panels(series: Sequence[PayloadEstimate], truth: Sequence[TruthSegment]) -> tuple[Panel, Panel, Panel]:
+def payload_quantities(
+    series: Sequence[PayloadEstimate], truth: Sequence[TruthSegment]
+) -> tuple[Quantities, Quantities, Quantities]:
     """Mass [kg], centre of mass [mm] and diagonal of the inertia about it [1e-3 kg m^2].
 
     Centre and inertia are ratios to the mass: they are left out (NaN) where the mass is less than three of its own standard
@@ -121,9 +117,9 @@ def payload_panels(series: Sequence[PayloadEstimate], truth: Sequence[TruthSegme
     nothing = np.full(3, np.nan)
     true_com = [s.com if s.mass > 0.0 else nothing for s in truth]
     true_inertia = [np.diag(s.inertia_com) if s.mass > 0.0 else nothing for s in truth]
-    weight = Curve("mass", mass, QUANTILE * mass_std, tuple(s.mass for s in truth))
+    weight = Quantity("mass", mass, QUANTILE * mass_std, tuple(s.mass for s in truth))
     return (
-        Panel("Mass", "kg", (weight,), robust_limits((weight,), believed, 0.1)),
+        Quantities("Mass", "kg", (weight,), robust_limits((weight,), believed, 0.1)),
         _ratios("Centre of mass", "mm", _three("{}", com, com_std, true_com, 1e3), believed, 4.0),
         _ratios("Inertia about com", "10⁻³ kg m²", _three("I{0}{0}", inertia, inertia_std, true_inertia, 1e3), believed, 0.5),
     )
@@ -157,12 +153,7 @@ def inertia_diagonal_jacobian(theta: FloatArray) -> FloatArray:
     return jacobian
 
 
-def residual_limit(residual: FloatArray) -> float:
-    """Half the height of a residual's axis: its 99.5 % quantile with room, so that one peak does not squash it."""
-    return max(1.3 * float(np.quantile(np.abs(residual), 0.995)), 1e-3)
-
-
-def robust_limits(curves: Sequence[Curve], believed: BoolArray, least: float) -> tuple[float, float]:
+def robust_limits(curves: Sequence[Quantity], believed: BoolArray, least: float) -> tuple[float, float]:
     """Limits that hold what is believed with nearly all of its band, and the truth, but not the wide bands of the warm-up.
 
     Args:
@@ -187,7 +178,7 @@ def robust_limits(curves: Sequence[Curve], believed: BoolArray, least: float) ->
     return low - room, high + room
 
 
-def _ratios(title: str, unit: str, curves: Sequence[Curve], believed: BoolArray, least: float) -> Panel:
+def _ratios(title: str, unit: str, curves: Sequence[Quantity], believed: BoolArray, least: float) -> Quantities:
     """A panel whose curves are left out where they shoot far beyond the axis: a ratio while the mass itself is changing."""
     low, high = robust_limits(curves, believed, least)
     room = 0.2 * (high - low)
@@ -195,11 +186,11 @@ def _ratios(title: str, unit: str, curves: Sequence[Curve], believed: BoolArray,
     for curve in curves:
         far = ~((curve.value > low - room) & (curve.value < high + room))
         kept.append(replace(curve, value=np.where(far, np.nan, curve.value), band=np.where(far, np.nan, curve.band)))
-    return Panel(title, unit, tuple(kept), (low, high))
+    return Quantities(title, unit, tuple(kept), (low, high))
 
 
-def _three(label: str, value: FloatArray, std: FloatArray, truth: Sequence[FloatArray], scale: float) -> list[Curve]:
+def _three(label: str, value: FloatArray, std: FloatArray, truth: Sequence[FloatArray], scale: float) -> list[Quantity]:
     return [
-        Curve(label.format(name), scale * value[:, i], scale * QUANTILE * std[:, i], tuple(float(scale * x[i]) for x in truth))
+        Quantity(label.format(name), scale * value[:, i], scale * QUANTILE * std[:, i], tuple(float(scale * x[i]) for x in truth))
         for i, name in enumerate(_AXES)
     ]

@@ -1,38 +1,74 @@
-"""The figure of an estimation by matplotlib, without its global state."""
+"""The figure of an estimation: status, events, what was estimated with its bands, and what the torque leaves."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
+from sysid_ros.exceptions import DataError
 from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
 from sysid_ros.pages import palette
+from sysid_ros.pages.figure import Axis, Band, Curve, Dash, Figure, Item, Mark, Panel, Spans, Stack, evenly, peaks, with_gaps
+from sysid_ros.pages.page import check_plot_path, write_plot
 from sysid_ros.pages.payload_curves import (
     BELIEVED,
-    Panel,
+    Quantities,
+    Quantity,
     Span,
     event_text,
     last_known,
     longest_step,
-    payload_panels,
+    payload_quantities,
     relative_times,
-    residual_limit,
     status_spans,
-    with_gaps,
 )
 from sysid_ros.pages.truth import TruthSegment
 from sysid_ros.sample import FloatArray
 
-_WIDTH, _HEIGHT = 13.5, 9.0
-_LABEL_ROWS = 3
-_LABEL_WIDTH = 0.17
-"""Part of the axis that an event's label takes."""
+_MOST_POINTS = 5000
+_COLOURS = {"mass": palette.BLUE, "x": palette.BLUE, "y": palette.ORANGE, "z": palette.GREEN}
+_COLOURS |= {f"I{axis}{axis}": _COLOURS[axis] for axis in "xyz"}
+
+
+def write_payload_plot(
+    path: Path,
+    series: Sequence[PayloadEstimate],
+    events: Sequence[PayloadEvent],
+    joint_names: Sequence[str],
+    title: str,
+    truth: Sequence[TruthSegment] | None = None,
+    effort_units: Sequence[str] | None = None,
+) -> None:
+    """Write mass, centre of mass, inertia with their 95 % bands, status, events and residual torques over time.
+
+    Args:
+        path: .png, .svg or .pdf for a report; .html for a page that holds all it needs.
+        series: estimates in the order of time.
+        events: picks, drops and other changes.
+        joint_names: n names, the order of the residuals.
+        title: of the figure.
+        truth: what was really carried, where that is known.
+        effort_units: unit of each joint's residual, "N m" where it is left out.
+
+    Raises:
+        SettingsError: the suffix is not known, or the folder is not there.
+        DataError: the series is empty, or its residuals belong to another number of joints.
+    """
+    check_plot_path(path)
+    if not series:
+        raise DataError("There is no estimate to plot. Give data that yield one: some seconds in which the joints move.")
+    n = series[0].residual.size
+    units = tuple(effort_units) if effort_units is not None else ("N m",) * n
+    if len(joint_names) != n or len(units) != n:
+        raise DataError(
+            f"The estimates have residuals of {n} joints; {len(joint_names)} names and {len(units)} units were given. Give {n}."
+        )
+    figure = payload_figure(series, events, joint_names, units, title, truth or ())
+    write_plot(path, figure, tiles=_tiles(series, events), tables=_events(series, events))
 
 
 def payload_figure(
@@ -43,140 +79,115 @@ def payload_figure(
     title: str,
     truth: Sequence[TruthSegment],
 ) -> Figure:
-    """Estimates on the left, one residual a joint on the right, status and events above; times since the first estimate."""
-    t, spans = relative_times(series), status_spans(series)
-    known = last_known(series, events)
-    marks = [(e.t - series[0].t, e) for e in events]
-    end = max(spans[-1].end, 1e-3)
-    n = len(joint_names)
-    figure = Figure(figsize=(_WIDTH, max(_HEIGHT, 2.0 + 0.75 * n)))
-    FigureCanvasAgg(figure)
-    columns = figure.add_gridspec(1, 2, width_ratios=[1.75, 1.0], left=0.062, right=0.985, top=0.89, bottom=0.062, wspace=0.15)
-    left = columns[0].subgridspec(4, 1, height_ratios=[0.42, 1.0, 1.2, 1.2], hspace=0.27)
-    strip = figure.add_subplot(left[0])
-    panels = [figure.add_subplot(left[i], sharex=strip) for i in (1, 2, 3)]
-    right = columns[1].subgridspec(n, 1, hspace=0.12)
-    joints = [figure.add_subplot(right[j], sharex=strip) for j in range(n)]
-
-    _draw_strip(strip, spans, marks, end)
-    for axes, panel in zip(panels, payload_panels(series, truth), strict=True):
-        _draw_panel(axes, panel, t, known, truth, series[0].t)
+    """Estimates on the left, one residual a joint on the right; times since the first estimate."""
+    t, spans, known = relative_times(series), status_spans(series), last_known(series, events)
+    time = Axis(f"time since stamp {series[0].t:.3f} [s]", (0.0, max(spans[-1].end, 1e-3)))
+    marks = [_mark(e.t - series[0].t, e) for e in events]
+    behind: tuple[Item, ...] = (*_shades(spans), *(replace(mark, text="") for mark in marks))
+    estimates = [_strip(spans, marks, time)]
+    estimates += [_panel(q, t, known, truth, series[0].t, behind, time) for q in payload_quantities(series, truth)]
     residual = np.array([e.residual for e in series])
-    for j, axes in enumerate(joints):
-        _draw_residual(axes, t, residual[:, j], joint_names[j], units[j])
-    joints[0].set_title("Residual torque (measured − predicted)", loc="left", fontsize=10, color=palette.INK)
-    for axes in (*panels, *joints):
-        _shade(axes, spans)
-        for when, event in marks:
-            axes.axvline(when, color=_event_colour(event), linestyle=_event_dash(event), linewidth=0.9, zorder=1.5)
-    for axes in (strip, *panels, *joints):
-        last = axes is panels[-1] or axes is joints[-1]
-        axes.tick_params(labelsize=8, labelbottom=last, colors=palette.INK)
-        axes.spines[["top", "right"]].set_visible(False)
-        if last:
-            axes.set_xlabel(f"time since stamp {series[0].t:.3f} [s]", fontsize=9)
-    strip.set_xlim(0.0, end)
-    figure.align_ylabels(panels)
-    figure.align_ylabels(joints)
-    figure.suptitle(title, x=0.062, y=0.982, ha="left", va="top", fontsize=13, fontweight="bold", color=palette.INK)
-    figure.text(0.062, 0.949, _subtitle(series, known, bool(truth)), ha="left", va="top", fontsize=9, color="#555555")
-    return figure
-
-
-def _subtitle(series: Sequence[PayloadEstimate], known: int | None, with_truth: bool) -> str:
+    left = [_residual(t, residual[:, j], joint_names[j], units[j], behind, time) for j in range(len(joint_names))]
     values = "" if known is None else f"; numbers: the last estimate of status ok, at {series[known].t - series[0].t:.2f} s"
-    truth = "; dashed: truth" if with_truth else ""
-    return f"Frame {series[0].frame}, inertia along its axes; bands and ±: 95 % interval{values}{truth}"
+    subtitle = f"Frame {series[0].frame}, inertia along its axes; bands and ±: 95 % interval{values}"
+    return Figure(
+        (
+            Stack(tuple(estimates), width=1.75, least=500.0),
+            Stack(tuple(left), "Residual torque (measured − predicted)", least=330.0),
+        ),
+        title,
+        subtitle + ("; dashed: truth" if truth else ""),
+        columns=2,
+        width=1320.0,
+        legends=True,
+    )
 
 
-def _draw_strip(axes: Axes, spans: Sequence[Span], marks: Sequence[tuple[float, PayloadEvent]], end: float) -> None:
+def _strip(spans: Sequence[Span], marks: Sequence[Mark], time: Axis) -> Panel:
     """Coloured status below, labelled events above it."""
-    for span in spans:
-        axes.axvspan(span.start, span.end, ymax=0.34, color=_status_colour(span.status), linewidth=0)
-    axes.set_ylim(0.0, 1.0)
-    axes.set_yticks([0.17], ["status"])
-    axes.tick_params(axis="y", length=0)
-    axes.set_title("Status and events", loc="left", fontsize=10, color=palette.INK)
     present = [s for s in palette.STATUS if any(span.status == s for span in spans)]
     present += sorted({span.status for span in spans} - set(palette.STATUS))
-    axes.legend(
-        handles=[Patch(color=_status_colour(s), label=s) for s in present],
-        loc="lower right", bbox_to_anchor=(1.0, 0.98), ncol=len(present), frameon=False, fontsize=8,
-        handlelength=1.2, columnspacing=1.2, borderaxespad=0.0,
-    )  # fmt: skip
-    taken = [-np.inf] * _LABEL_ROWS
-    for when, event in marks:
-        axes.axvline(when, color=_event_colour(event), linestyle=_event_dash(event), linewidth=0.9)
-        row = next((r for r in range(_LABEL_ROWS) if taken[r] <= when), None)
-        if row is None:
-            continue
-        width = _LABEL_WIDTH * end
-        at_right = when + width > end
-        axes.annotate(
-            event_text(event),
-            (when, 0.86 - 0.21 * row), xytext=(-3 if at_right else 3, 0), textcoords="offset points",
-            ha="right" if at_right else "left", va="center", fontsize=7.5, color=_event_colour(event),
-        )  # fmt: skip
-        taken[row] = when + width * (0.2 if at_right else 1.0)
+    items: list[Item] = []
+    for status in present:
+        x = np.array([v for s in spans if s.status == status for v in (s.start, s.end, np.nan)])
+        top = np.where(np.isfinite(x), 0.3, np.nan)
+        items.append(Band(x, 0.0 * top, top, status, palette.of_status(status), 1.0))
+    return Panel((*items, *marks), "Status and events", x=time, y=Axis(limits=(0.0, 1.0), ticks=()), height=72.0)
 
 
-def _draw_panel(axes: Axes, panel: Panel, t: FloatArray, last: int | None, truth: Sequence[TruthSegment], start: float) -> None:
-    handles: list[Line2D | Patch] = []
-    for curve in panel.curves:
-        colour = palette.CURVES[curve.label]
-        x, value, band = with_gaps(longest_step(t), t, curve.value, curve.band)
-        axes.fill_between(x, value - band, value + band, color=colour, alpha=0.2, linewidth=0, zorder=2)
+def _mark(t: float, event: PayloadEvent) -> Mark:
+    colour, dash = palette.EVENT.get(event.kind, (palette.INK, "dashdot"))
+    return Mark("x", t, event_text(event), colour=colour, dash=cast(Dash, dash))
+
+
+def _panel(
+    of: Quantities,
+    t: FloatArray,
+    last: int | None,
+    truth: Sequence[TruthSegment],
+    start: float,
+    behind: tuple[Item, ...],
+    time: Axis,
+) -> Panel:
+    keep, longest = evenly(t.size, _MOST_POINTS), longest_step(t) * max(1.0, 2.0 * t.size / _MOST_POINTS)
+    items: list[Item] = []
+    for quantity in of.quantities:
+        colour = _COLOURS[quantity.label]
+        x, value, band = with_gaps(longest, t[keep], quantity.value[keep], quantity.band[keep])
         # a marker shows what is too short for a line
         few = np.count_nonzero(np.isfinite(value)) < 3
-        axes.plot(x, value, color=colour, linewidth=1.4, zorder=3, marker="o" if few else None, markersize=4)
-        handles.append(Line2D([], [], color=colour, linewidth=1.4, label=curve.at(last)))
-        for segment, true in zip(truth, curve.truth, strict=True):
-            if np.isfinite(true):
-                ends = (segment.start - start, segment.end - start)
-                axes.plot(ends, (true, true), color=palette.INK, linewidth=1.0, linestyle=(0, (5, 3)), zorder=4)
-    handles.append(Patch(color="#777777", alpha=0.35, linewidth=0, label="95 %"))
-    if truth:
-        handles.append(Line2D([], [], color=palette.INK, linewidth=1.0, linestyle=(0, (5, 3)), label="truth"))
-    axes.legend(
-        handles=handles, loc="lower right", bbox_to_anchor=(1.0, 0.99), ncol=len(handles), frameon=False, fontsize=8,
-        handlelength=1.6, columnspacing=1.2, borderaxespad=0.0,
-    )  # fmt: skip
-    axes.set_title(panel.title, loc="left", fontsize=10, color=palette.INK)
-    axes.set_ylabel(f"[{panel.unit}]", fontsize=9)
-    axes.set_ylim(*panel.limits)
-    axes.grid(True, color=palette.GRID, linewidth=0.6)
-    axes.set_axisbelow(True)
-    if not any(np.isfinite(c.value).any() for c in panel.curves):
-        axes.set_yticks([])
-        axes.text(0.5, 0.5, "not determined by these data", transform=axes.transAxes, ha="center", va="center", color="#555555")
+        items.append(Band(x, value - band, value + band, "95 %", colour))
+        items.append(Curve(x, value, quantity.at(last), colour, marker="dot" if few else ""))
+    items += [c for quantity in of.quantities for c in _truth(quantity, truth, start)]
+    nothing = not any(np.isfinite(q.value).any() for q in of.quantities)
+    y = Axis(limits=of.limits, ticks=() if nothing else None)
+    within = "not determined by these data" if nothing else ""
+    return Panel((*behind, *items), f"{of.title} [{of.unit}]", x=time, y=y, height=165.0, within=within)
 
 
-def _draw_residual(axes: Axes, t: FloatArray, residual: FloatArray, name: str, unit: str) -> None:
-    limit = residual_limit(residual)
-    x, value, _ = with_gaps(longest_step(t), t, residual, residual)
-    axes.axhline(0.0, color="#999999", linewidth=0.6, zorder=1)
-    axes.plot(x, value, color="#0072B2", linewidth=0.6, zorder=3)
-    axes.set_ylim(-1.5 * limit, 1.5 * limit)
-    axes.set_ylabel(f"[{unit}]", fontsize=8)
-    axes.locator_params(axis="y", nbins=3)
+def _truth(quantity: Quantity, truth: Sequence[TruthSegment], start: float) -> list[Curve]:
+    ends = [(s.start - start, s.end - start, true) for s, true in zip(truth, quantity.truth, strict=True) if np.isfinite(true)]
+    x = np.array([v for begin, end, _ in ends for v in (begin, end, np.nan)])
+    y = np.array([v for *_, true in ends for v in (true, true, np.nan)])
+    return [Curve(x, y, "truth", palette.INK, 1.1, "dashed")] if ends else []
+
+
+def _residual(t: FloatArray, residual: FloatArray, name: str, unit: str, behind: tuple[Item, ...], time: Axis) -> Panel:
+    at = peaks(residual, _MOST_POINTS)
+    x, y = with_gaps(longest_step(t) * max(1.0, 2.0 * t.size / _MOST_POINTS), t[at], residual[at])
+    zero = Mark("y", 0.0, colour=palette.SOFT, width=0.6)
     rms = float(np.sqrt(np.mean(residual**2)))
-    axes.text(0.01, 0.97, name, transform=axes.transAxes, fontsize=8, va="top", color=palette.INK)
-    axes.text(0.99, 0.97, f"rms {rms:.2g} {unit}", transform=axes.transAxes, fontsize=8, va="top", ha="right", color="#555555")
+    # one peak does not squash the rest
+    limit = max(1.7 * float(np.quantile(np.abs(residual), 0.995)), 1.3e-3)
+    items = (*behind, zero, Curve(x, y, colour=palette.BLUE, width=0.7))
+    return Panel(items, f"{name} [{unit}]", f"rms {rms:.2g} {unit}", time, Axis(limits=(-limit, limit)), 60.0)
 
 
-def _shade(axes: Axes, spans: Sequence[Span]) -> None:
-    for span in spans:
-        if span.status not in BELIEVED:
-            axes.axvspan(span.start, span.end, color=_status_colour(span.status), alpha=0.13, linewidth=0, zorder=0)
+def _shades(spans: Sequence[Span]) -> list[Spans]:
+    """What is not believed, behind all curves."""
+    doubtful = dict.fromkeys(span.status for span in spans if span.status not in BELIEVED)
+    parts = {status: [s for s in spans if s.status == status] for status in doubtful}
+    return [
+        Spans("x", np.array([s.start for s in part]), np.array([s.end for s in part]), colour=palette.of_status(status))
+        for status, part in parts.items()
+    ]
 
 
-def _status_colour(status: str) -> str:
-    return palette.STATUS.get(status, palette.UNKNOWN_STATUS)
+def _tiles(series: Sequence[PayloadEstimate], events: Sequence[PayloadEvent]) -> list[tuple[str, str]]:
+    """The numbers of the last estimate that no event had overtaken."""
+    known = last_known(series, events)
+    if known is None:
+        return [(series[-1].status.replace("_", " "), "status at the end; no estimate of status ok")]
+    e = series[known]
+    com = ", ".join(f"{1e3 * x:.1f}" for x in e.com)
+    return [
+        (f"{e.mass:.3f} ± {1.96 * e.mass_std:.3f} kg", f"mass, 95 %, at {e.t - series[0].t:.2f} s, the last of status ok"),
+        (f"{com} mm", f"centre of mass in {e.frame}; 95 %: ± {', '.join(f'{1.96e3 * x:.1f}' for x in e.com_std)}"),
+        (series[-1].status.replace("_", " "), "status at the end"),
+    ]
 
 
-def _event_colour(event: PayloadEvent) -> str:
-    return palette.EVENT.get(event.kind, palette.INK)
-
-
-def _event_dash(event: PayloadEvent) -> str:
-    return palette.EVENT_DASH.get(event.kind, "dashdot")
+def _events(series: Sequence[PayloadEstimate], events: Sequence[PayloadEvent]) -> list[dict[str, Any]]:
+    rows = [(e.kind, f"{e.t - series[0].t:.2f}", f"{e.mass_before:.3f}", f"{e.mass_after:.3f}") for e in events]
+    head = ("event", "time [s]", "mass before [kg]", "mass after [kg]")
+    return [{"title": "Events", "note": "Times since the first estimate.", "head": head, "rows": rows}] if rows else []

@@ -18,22 +18,3 @@ def equivalent_box(mass: float, inertia_com: FloatArray) -> tuple[FloatArray, Fl
         axes[:, 0] = -axes[:, 0]
     squares = 6.0 / mass * (moments.sum() - 2.0 * moments)
     return np.sqrt(np.maximum(squares, 1e-6)), axes
-
-
-def quaternion(r: FloatArray) -> list[float]:
-    """x, y, z, w of a rotation matrix of shape (3, 3) (the largest component first, so that no division is by a small number)."""
-    d = np.diag(r)
-    squares = 0.25 * np.array([1 + d[0] - d[1] - d[2], 1 - d[0] + d[1] - d[2], 1 - d[0] - d[1] + d[2], 1 + d.sum()])
-    i = int(np.argmax(squares))
-    largest = np.sqrt(squares[i])
-    products = 0.25 * np.array(
-        [
-            [0.0, r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[2, 1] - r[1, 2]],
-            [r[0, 1] + r[1, 0], 0.0, r[1, 2] + r[2, 1], r[0, 2] - r[2, 0]],
-            [r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 0.0, r[1, 0] - r[0, 1]],
-            [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], 0.0],
-        ]
-    )
-    q = products[i] / largest
-    q[i] = largest
-    return [float(x) for x in q]

@@ -195,8 +195,7 @@ class RobotModel:
         return momentum, self.regressor(q, v, zero) - (after - before) / (2.0 * step)
 
     def payload_regressor(self, q: FloatArray, v: FloatArray, a: FloatArray, frame: int) -> FloatArray:
-        """Y of a body fixed to a frame (index from :meth:`frame_id`), shape (n, 10): ``J_frame' Y_body``, parameters in that
-        frame."""
+        """Y of a body fixed to a frame (index from :meth:`frame_id`), shape (n, 10): ``J_frame' Y_body``, parameters in it."""
         pin.rnea(self.model, self.data, q, v, a)
         out = np.empty((self.n, 10))
         self.fill_payload_regressor(q, frame, out)
@@ -221,6 +220,11 @@ class RobotModel:
         finally:
             self.model.gravity.linear = kept
         return out
+
+    def link_torque_along(self, q: FloatArray, v: FloatArray, a: FloatArray, pi: FloatArray) -> FloatArray:
+        """``Y pi`` of a whole motion for link inertials, or changes of them, that need not be bodies, shape (N, n) [N m]."""
+        states = zip(q, v, a, strict=True)
+        return np.array([pin.computeJointTorqueRegressor(self.model, self._aside, *state) @ pi for state in states])
 
     def regressor_along(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """:meth:`regressor` of a whole motion, shape (N, n, 10 n)."""

@@ -43,7 +43,10 @@ class Cadence:
         """Take in a stamp [s]. False where it does not follow the ones before: time jumped, there was a gap, or measurements come
         at another rate than the first of them did, as after a burst."""
         step, self._last_t = t - self._last_t, t
-        return 0.0 < step <= self._longest_step and self._keeps_rate(t)
+        if not 0.0 < step <= self._longest_step:
+            return False
+        self._since_check += 1
+        return self._since_check < _CHECK_EVERY or self._keeps_rate(t)
 
     def first(self, measurement: Measurement) -> list[Measurement]:
         """Take in one of the first measurements; all of them, once there are enough to know the rate."""
@@ -63,11 +66,6 @@ class Cadence:
         return self._period
 
     def _keeps_rate(self, t: float) -> bool:
-        if not self._period:
-            return True
-        self._since_check += 1
-        if self._since_check < _CHECK_EVERY:
-            return True
         faster = self._since_check * self._period / (t - self._checked_t)
         self._since_check, self._checked_t = 0, t
         return 0.6 < faster < 1.4

@@ -192,7 +192,10 @@ class CausalDerivative:
             self.period,
             self._use_message_velocity,
         )
-        return [Sample(t, q, v, a, tau) for t, (q, v, a, tau) in zip(times.tolist(), channels, strict=True)]
+        samples = []
+        for t, (q, v, a, tau) in zip(times.tolist(), channels, strict=True):
+            samples.append(Sample(t, q, v, a, tau))
+        return samples
 
 
 def window_half_width(rate: float) -> int:

@@ -1,8 +1,11 @@
-"""From raw recordings to smooth motions on an even grid, without shifting any channel in time."""
+"""From raw recordings to smooth motions on an even grid, without shifting any channel in time.
+
+The order of the stamps, the stretches without a gap, the even grid and the design of the low-pass are those of every recording
+(:mod:`.recording`, :mod:`.zero_phase`). The low-pass itself is not that of identification's rows: the same one must go over
+modelled dry friction on the motion's own grid (:func:`as_measured`), which a filter that decimates can't do.
+"""
 
 from __future__ import annotations
-
-from itertools import pairwise
 
 import numpy as np
 from scipy import fft, interpolate, signal
@@ -11,6 +14,7 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.motion import Motion
 from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.zero_phase import low_passed, on_even_grid
 
 SMOOTHING = 20.0
 """Cut-off of the zero-phase low-pass on positions and torques [Hz]: far enough above the band that is judged."""
@@ -33,58 +37,48 @@ _EDGE = 0.25
 def motions(robot: RobotModel, recording: Recording) -> list[Motion]:
     """Smooth motions of the stretches without a gap; times since the recording's first stamp.
 
-    Stamps that repeat or run back are left out. Positions go through an even grid by cubic interpolation, torques by a straight
-    line; both through the same low-pass forward and backward; velocity and acceleration are derivatives of the quintic spline
+    Stamps that repeat or run back are left out. Positions and torques go through the same even grid and the same low-pass
+    forward and backward; velocity and acceleration are derivatives of the quintic spline
     through the positions. A temperature that is not known all along a stretch is NaN in all of it.
     """
-    t, keep = np.asarray(recording.t, dtype=float), np.ones(len(recording.t), dtype=bool)
-    newest = np.maximum.accumulate(t)
-    keep[1:] = t[1:] > newest[:-1]
-    keep &= np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.tau).all(axis=1)
-    t, q, tau = t[keep] - recording.start, recording.q[keep], recording.tau[keep]
-    warm = None if recording.temperature is None else recording.temperature[keep]
-    cuts = [0, *(np.flatnonzero(np.diff(t) > max(MAX_GAP, 3.0 / recording.rate)) + 1), len(t)]
-    out = []
-    for a, b in pairwise(cuts):
-        if b - a > 20 and t[b - 1] - t[a] >= SHORTEST:
-            out.append(_smooth(robot, t[a:b], q[a:b], tau[a:b]))
+    recording, usual = recording.in_order(), recording.period
+    t, out = recording.t - recording.start, []
+    for part in recording.stretches(max(MAX_GAP, 3.0 * usual)):
+        if part.stop - part.start > 20 and t[part][-1] - t[part][0] >= SHORTEST:
+            out.append(_smooth(robot, t[part], recording.q[part], recording.tau[part]))
             out[-1].recording = recording.name
-            if warm is not None:
-                out[-1].temperature = _along(out[-1].t, t[a:b], warm[a:b])
+            if recording.temperature is not None:
+                out[-1].temperature = _along(out[-1].t, t[part], recording.temperature[part])
     return out
 
 
 def _smooth(robot: RobotModel, t: FloatArray, q: FloatArray, tau: FloatArray) -> Motion:
-    rate = 1.0 / float(np.median(np.diff(t)))
-    grid = t[0] + np.arange(int((t[-1] - t[0]) * rate)) / rate
-    even_q = interpolate.CubicSpline(t, q)(grid)
-    even_tau = interpolate.make_interp_spline(t, tau, k=1)(grid)
-    smooth_q, smooth_tau = (as_measured(x, 1.0 / rate) for x in (even_q, even_tau))
+    period, n = float(np.median(np.diff(t))), q.shape[1]
+    rate = 1.0 / period
+    grid, even = on_even_grid(t, np.hstack([q, tau]), period)
+    smooth_q, smooth_tau = np.split(as_measured(even, period), [n], axis=1)
     every = max(1, int(rate / FINEST))
     grid, smooth_q, smooth_tau = grid[::every], smooth_q[::every], smooth_tau[::every]
     spline = interpolate.make_interp_spline(grid, smooth_q, k=5)
     inside = slice(*np.searchsorted(grid, [grid[0] + _EDGE, grid[-1] - _EDGE]))
     v, a = (spline(grid, nu=order)[inside] for order in (1, 2))
     motion = Motion(robot, grid[inside], smooth_q[inside], v, a, smooth_tau[inside])
-    motion.clear = clear_band(even_q, rate)
+    motion.clear = clear_band(even[:, :n], rate)
     return motion
 
 
 def as_measured(x: FloatArray, period: float) -> FloatArray:
     """Columns of a channel on an even grid, through the low-pass that measured torques go through, shape (N, n)."""
-    rate = 1.0 / period
-    smooth: FloatArray = signal.sosfiltfilt(signal.butter(4, min(SMOOTHING, rate / 5.0), fs=rate, output="sos"), x, axis=0)
-    return smooth
+    return low_passed(x, min(SMOOTHING, 0.2 / period), period)
 
 
 def _along(grid: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
     """Columns of slow values on a grid, without the steps of their sensors, shape (grid, n); NaN where one of a column is."""
-    rate = 1.0 / float(np.median(np.diff(grid)))
-    sections = signal.butter(2, 2.0 * _SLOW / rate, output="sos")
+    period = float(np.median(np.diff(grid)))
     out = np.full((len(grid), values.shape[1]), np.nan)
     for j in np.flatnonzero(np.isfinite(values).all(axis=0)):
         even = np.interp(grid, t, values[:, j])
-        out[:, j] = signal.sosfiltfilt(sections, even, padlen=min(len(even) - 1, int(rate / _SLOW)))
+        out[:, j] = low_passed(even, _SLOW, period, order=2, padding=1.0 / _SLOW)
     return out
 
 

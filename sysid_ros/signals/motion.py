@@ -8,6 +8,7 @@ import numpy as np
 
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.signals.zero_phase import low_passed
 
 
 class Motion:
@@ -97,10 +98,7 @@ class Motion:
         edge = np.inf if self.clear is None else float(np.min(self.clear[self.clear > 0.0], initial=np.inf))
         if edge >= 0.4 / self.period or len(load) < 60:
             return load
-        from scipy import signal  # takes longer to load than the rest of the package
-
-        sections = signal.butter(4, max(edge, 1.0) * self.period * 2.0, output="sos")
-        return np.ascontiguousarray(signal.sosfiltfilt(sections, load))
+        return low_passed(load, max(edge, 1.0), self.period)
 
     def rate_of(self, values: FloatArray) -> FloatArray:
         """Derivative by time of values on the grid, along the first axis."""

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.exceptions import DataError
 from sysid_ros.sample import FloatArray, Measurement
+
+_CHUNK = 8192
+"""Measurements gathered at once."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +23,7 @@ class Recording:
     Attributes:
         name: where it comes from.
         t: stamps, shape (N,) [s].
-        q, tau: positions and torques, shape (N, n). v: velocities alike, or None where the robot does not publish them.
+        q, tau: positions and torques, shape (N, n). v: velocities alike, or None where any message lacks them.
         temperature: of the joints, shape (N, n) [degrees Celsius], NaN where it is not known; None where none is.
         first: stamp that times count from, of a part of a recording [s]; None for the first one here.
 
@@ -44,22 +48,34 @@ class Recording:
             )
 
     @classmethod
-    def from_measurements(cls, name: str, measurements: Sequence[Measurement]) -> Recording:
-        """The channels of measurements; the velocity only where all of them have one.
+    def from_measurements(
+        cls, name: str, measurements: Iterable[Measurement], progress: Callable[[int], None] = lambda count: None
+    ) -> Recording:
+        """The channels of measurements, gathered in chunks: what is kept is four arrays and not the measurements. The velocity
+        only where all of them have one.
+
+        Args:
+            progress: called with the number of measurements since the last call, now and then.
 
         Raises:
             DataError: there is none.
         """
-        if not measurements:
-            raise DataError(f"{name}: no message of it can be used. Record positions and efforts of the robot's joints.")
-        v = [m.v for m in measurements if m.v is not None]
-        return cls(
-            name,
-            np.array([m.t for m in measurements]),
-            np.stack([m.q for m in measurements]),
-            np.stack(v) if len(v) == len(measurements) else None,
-            np.stack([m.tau for m in measurements]),
-        )
+        stream = iter(measurements)
+        chunks: list[tuple[FloatArray, ...]] = []
+        velocities: list[FloatArray] | None = []
+        while chunk := list(islice(stream, _CHUNK)):
+            chunks.append((np.array([m.t for m in chunk]), np.stack([m.q for m in chunk]), np.stack([m.tau for m in chunk])))
+            v = [m.v for m in chunk if m.v is not None and np.isfinite(m.v).all()]
+            if velocities is not None:
+                velocities = [*velocities, np.stack(v)] if len(v) == len(chunk) else None
+            progress(len(chunk))
+        if not chunks:
+            raise DataError(
+                f"{name}: no message of it can be used. Record positions and efforts of the robot's joints, and look above for "
+                "why messages were rejected."
+            )
+        t, q, tau = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
+        return cls(name, t, q, np.concatenate(velocities) if velocities else None, tau)
 
     def at(self, rows: slice | NDArray[np.bool_] | NDArray[np.intp], name: str = "") -> Recording:
         """The messages of some rows, in their order; ``name`` is a new one."""
@@ -77,8 +93,27 @@ class Recording:
         return float(self.t[-1] - self.t[0]) if len(self.t) else 0.0
 
     @property
-    def rate(self) -> float:
-        """Messages a second, from the usual step between stamps [Hz]."""
+    def period(self) -> float:
+        """Usual time between messages [s]; 0 where there are not two."""
         steps = np.diff(self.t)
         steps = steps[steps > 0.0]
-        return float(1.0 / np.median(steps)) if steps.size else 0.0
+        return float(np.median(steps)) if steps.size else 0.0
+
+    @property
+    def rate(self) -> float:
+        """Messages a second, from the usual time between them [Hz]."""
+        return 1.0 / self.period if self.period else 0.0
+
+    def in_order(self) -> Recording:
+        """Without messages whose stamp repeats or runs back, or whose position or torque is no number."""
+        t = np.asarray(self.t, dtype=float)
+        keep = np.asarray(np.isfinite(np.hstack([self.q, self.tau])).all(axis=1))
+        keep[1:] &= t[1:] > np.maximum.accumulate(t)[:-1]
+        return self if keep.all() else self.at(keep)
+
+    def stretches(self, max_gap: float) -> Iterator[slice]:
+        """Where time runs on without a gap longer than ``max_gap`` [s] and without running back."""
+        steps = np.diff(self.t)
+        cuts = np.flatnonzero((steps <= 0.0) | (steps > max_gap)) + 1
+        for first, end in pairwise([0, *cuts.tolist(), len(self.t)]):
+            yield slice(first, end)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.low_pass import butterworth_sections
 
 _STOP_DECIBEL = 80.0
 _WIDTH = 4.0
@@ -75,29 +76,28 @@ class KinematicFilter:
         self,
         t: FloatArray,
         q: FloatArray,
-        v: FloatArray,
+        v: FloatArray | None,
         tau: FloatArray,
-        measured_velocity: bool,
         spoiled: NDArray[np.bool_] | None = None,
     ) -> SmoothMotion | None:
         """The smooth motion of a stretch; None where it is shorter than the filter.
 
         Args:
-            t: shape (N,). q, v, tau: shape (N, n). measured_velocity: take v, where it is measured throughout, in place of the
-                derivative of q, and its derivative as the acceleration. spoiled: what must not be used, shape (N, n).
+            t: shape (N,). q: shape (N, n). tau: shape (N, c). v: measured velocities, shape (N, n), to take in place of the
+                derivative of q, with their derivative as the acceleration; None for q's. spoiled: what must not be used, shape
+                (N, n).
         """
-        even, channels = on_even_grid(t, np.hstack([q, v, tau]), self.period)
+        even, channels = on_even_grid(t, np.hstack([q, tau] if v is None else [q, tau, v]), self.period)
         if len(even) < 2 * self.half + 1:
             return None
         n = q.shape[1]
-        position, velocity, torque = channels[:, :n], channels[:, n : 2 * n], channels[:, 2 * n :]
-        measured = measured_velocity and not np.isnan(velocity).any()
+        position, torque, velocity = np.split(channels, [n, n + tau.shape[1]], axis=1)
         grid = even[self.half : len(even) - self.half : self.step]
         return SmoothMotion(
             t=grid,
             q=self._convolve(position, self._smooth),
-            v=self._convolve(velocity, self._smooth) if measured else self._convolve(position, self._slope),
-            a=self._convolve(velocity, self._slope) if measured else self._convolve(position, self._bend),
+            v=self._convolve(velocity, self._smooth) if v is not None else self._convolve(position, self._slope),
+            a=self._convolve(velocity, self._slope) if v is not None else self._convolve(position, self._bend),
             tau=self._convolve(torque, self._smooth),
             spoiled=self._spoiled(t, grid, spoiled, n),
         )
@@ -154,6 +154,22 @@ class GaussianLowPass:
     def half(self) -> int:
         """Rows on each side of the middle."""
         return len(self.kernel) // 2
+
+
+def low_passed(x: FloatArray, cutoff_hz: float, period: float, order: int = 4, padding: float | None = None) -> FloatArray:
+    """Channels (N, ...) on an even grid through the Butterworth low-pass of :mod:`.low_pass`, forward and backward: half the
+    amplitude at the cut-off, no phase.
+
+    Args:
+        cutoff_hz: [Hz]. period: of the grid [s]. order: of one pass. padding: time by which the ends go on, mirrored at
+            themselves [s]; None for a few samples.
+    """
+    from scipy import signal
+
+    sections = butterworth_sections(order, cutoff_hz, 1.0 / period)
+    length = None if padding is None else min(len(x) - 1, int(padding / period))
+    smooth: FloatArray = signal.sosfiltfilt(sections, x, axis=0, padlen=length)
+    return smooth
 
 
 def on_even_grid(t: FloatArray, channels: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:

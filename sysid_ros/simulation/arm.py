@@ -9,6 +9,7 @@ import numpy as np
 import pybullet
 
 from sysid_ros.sample import FloatArray
+from sysid_ros.simulation.bullet_joints import BulletJoints
 from sysid_ros.simulation.carried_body import CarriedBody
 from sysid_ros.simulation.payload import Payload
 
@@ -50,17 +51,12 @@ class ArmWorld:
             self._arm: int = pybullet.loadURDF(
                 str(path), useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=self._client
             )
-        infos = [
-            pybullet.getJointInfo(self._arm, j, physicsClientId=self._client)
-            for j in range(pybullet.getNumJoints(self._arm, physicsClientId=self._client))
-        ]
-        movable = [info for info in infos if info[2] != pybullet.JOINT_FIXED]
-        self._joints = [int(info[0]) for info in movable]
-        self.joint_names: tuple[str, ...] = tuple(info[1].decode() for info in movable)
-        self._tip = next(int(info[0]) for info in infos if info[12].decode() == tip)
-        for link in range(-1, len(infos)):
+        self._joints = BulletJoints(self._arm, self._client)
+        self.joint_names = self._joints.names
+        self._tip = self._joints.links[tip]
+        for link in (-1, *self._joints.links.values()):
             self._undamp(self._arm, link)
-        self._joint_command(pybullet.VELOCITY_CONTROL, np.zeros(len(self._joints)))
+        self._joints.let_go()
         self._body = CarriedBody(self._client, self._arm, self._tip)
         self._read()
 
@@ -76,13 +72,12 @@ class ArmWorld:
 
     def reset(self, q: FloatArray, v: FloatArray) -> None:
         """Put the joints into a state, shape (n,) each."""
-        for joint, position, velocity in zip(self._joints, q, v, strict=True):
-            pybullet.resetJointState(self._arm, joint, position, velocity, physicsClientId=self._client)
+        self._joints.reset(q, v)
         self._read()
 
     def step(self, tau: FloatArray) -> None:
         """Apply joint torques (n,) [N m] for one step."""
-        self._joint_command(pybullet.TORQUE_CONTROL, tau)
+        self._joints.apply(tau)
         pybullet.stepSimulation(physicsClientId=self._client)
         self._read()
         self._body.step(STEP)
@@ -116,10 +111,5 @@ class ArmWorld:
     def _undamp(self, body: int, link: int) -> None:
         pybullet.changeDynamics(body, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, physicsClientId=self._client)
 
-    def _joint_command(self, mode: int, forces: FloatArray) -> None:
-        pybullet.setJointMotorControlArray(self._arm, self._joints, mode, forces=forces, physicsClientId=self._client)
-
     def _read(self) -> None:
-        states = pybullet.getJointStates(self._arm, self._joints, physicsClientId=self._client)
-        self.q: FloatArray = np.array([state[0] for state in states])
-        self.v: FloatArray = np.array([state[1] for state in states])
+        self.q, self.v = self._joints.read()

@@ -15,7 +15,7 @@ from sysid_ros.sample import FloatArray, Measurement
 from sysid_ros.simulation.arm import STEP, ArmWorld
 from sysid_ros.simulation.controller import ComputedTorque
 from sysid_ros.simulation.description import HOME, TIP_LINK, arm_description
-from sysid_ros.simulation.payload import Payload, urdf_with_payload
+from sysid_ros.simulation.payload import Payload, truth_of_payload, urdf_with_payload
 from sysid_ros.simulation.scenario import CONTROL_RATE, ArmScenario
 from sysid_ros.simulation.trajectory import ExcitingTrajectory
 
@@ -119,8 +119,7 @@ class ArmSimulation:
 
     def truth(self, start_time: float = 0.0) -> dict[str, Any]:
         """All that the recording hides, in plain types; times are stamps, ``start_time`` [s] is the first one."""
-        s, body = self.scenario, self.payload
-        first = {kind: start_time + t for t, kind in reversed(self.events)}
+        s = self.scenario
         return {
             "format": 1,
             "robot": self.robot.name,
@@ -130,26 +129,13 @@ class ArmSimulation:
             "duration": s.duration if math.isfinite(s.duration) else None,
             "rate": s.rate,
             "seed": s.seed,
-            "payload": None
-            if body is None
-            else {
-                "mass": body.mass,
-                "com": body.com.tolist(),
-                "inertia_com": body.inertia_com.tolist(),
-                "theta": body.theta.tolist(),
-            },
-            "pick_time": first.get("pick"),
-            "drop_time": first.get("drop"),
-            "events": [{"t": start_time + t, "kind": kind} for t, kind in self.events],
+            **truth_of_payload(self.payload, self.events, start_time),
             "noise": {
                 "encoder": s.encoder_noise,
                 "torque": s.torque_noise,
                 "velocity": s.velocity_noise if s.velocity else None,
             },
-            "effects": {
-                name: s.per_joint(name, self.robot.n).tolist()
-                for name in ("viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset")
-            },
+            "effects": {x.name: s.per_joint(x.name, self.robot.n).tolist() for x in s.joint_settings()},
             "controller_knows_payload": s.controller_knows_payload,
             "timing": "q, velocity and effort belong to the header stamp; the effort is the torque of the 1 ms that begins there",
         }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -59,6 +60,23 @@ def box(
     rotation = rotation_of(rpy)
     inertia = rotation @ np.diag(mass / 12.0 * (squares.sum() - squares)) @ rotation.T
     return Payload(float(mass), np.asarray(com, dtype=float), inertia)
+
+
+def truth_of_payload(payload: Payload | None, events: Sequence[tuple[float, str]], start_time: float) -> dict[str, Any]:
+    """What a recording says of its body, in plain types: ``events`` are (time since the start [s], pick or drop)."""
+    first = {kind: start_time + t for t, kind in reversed(events)}
+    body = payload and {
+        "mass": payload.mass,
+        "com": payload.com.tolist(),
+        "inertia_com": payload.inertia_com.tolist(),
+        "theta": payload.theta.tolist(),
+    }
+    return {
+        "payload": body,
+        "pick_time": first.get("pick"),
+        "drop_time": first.get("drop"),
+        "events": [{"t": start_time + t, "kind": kind} for t, kind in events],
+    }
 
 
 def urdf_with_payload(urdf: str, link: str, payload: Payload) -> str:

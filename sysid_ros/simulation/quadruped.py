@@ -12,6 +12,7 @@ import pybullet
 
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.arm import STEP
+from sysid_ros.simulation.bullet_joints import BulletJoints
 from sysid_ros.simulation.carried_body import CarriedBody
 from sysid_ros.simulation.payload import Payload
 
@@ -67,20 +68,16 @@ class QuadrupedWorld:
             path = Path(folder) / "robot.urdf"
             path.write_text(urdf)
             self._robot: int = pybullet.loadURDF(str(path), flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=client)
-        count = pybullet.getNumJoints(self._robot, physicsClientId=client)
-        infos = [pybullet.getJointInfo(self._robot, j, physicsClientId=client) for j in range(count)]
-        movable = [info for info in infos if info[2] != pybullet.JOINT_FIXED]
-        self._joints = [int(info[0]) for info in movable]
-        self.joint_names: tuple[str, ...] = tuple(info[1].decode() for info in movable)
-        links = {info[12].decode(): int(info[0]) for info in infos}
+        self._joints = BulletJoints(self._robot, client)
+        self.joint_names, links = self._joints.names, self._joints.links
         self._feet = [links[name] for name in feet]
         self.trunk_link = links.get(trunk, -1)
-        for link in range(-1, count):
+        for link in (-1, *links.values()):
             pybullet.changeDynamics(
                 self._robot, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, lateralFriction=friction,
                 rollingFriction=0.0, spinningFriction=0.0, restitution=0.0, physicsClientId=client,
             )  # fmt: skip
-        self._command(pybullet.VELOCITY_CONTROL, np.zeros(len(self._joints)))
+        self._joints.let_go()
         com = pybullet.getDynamicsInfo(self._robot, -1, physicsClientId=client)
         self._com, self._com_rotation = np.array(com[3]), _matrix(com[4])
         self.body = CarriedBody(client, self._robot, -1)
@@ -99,13 +96,12 @@ class QuadrupedWorld:
         quaternion = CarriedBody.quaternion(rotation @ self._com_rotation)
         pybullet.resetBasePositionAndOrientation(self._robot, com.tolist(), quaternion, physicsClientId=self._client)
         pybullet.resetBaseVelocity(self._robot, [0.0] * 3, [0.0] * 3, physicsClientId=self._client)
-        for joint, angle in zip(self._joints, q, strict=True):
-            pybullet.resetJointState(self._robot, joint, angle, 0.0, physicsClientId=self._client)
+        self._joints.reset(q, np.zeros_like(q))
         self._read()
 
     def step(self, tau: FloatArray) -> None:
         """Apply joint torques (n,) [N m] for one step."""
-        self._command(pybullet.TORQUE_CONTROL, tau)
+        self._joints.apply(tau)
         pybullet.stepSimulation(physicsClientId=self._client)
         self._read()
         self._read_contacts()
@@ -125,13 +121,8 @@ class QuadrupedWorld:
         """Untie the body and take it out of the world."""
         self.body.untie(remove=True)
 
-    def _command(self, mode: int, forces: FloatArray) -> None:
-        pybullet.setJointMotorControlArray(self._robot, self._joints, mode, forces=forces, physicsClientId=self._client)
-
     def _read(self) -> None:
-        states = pybullet.getJointStates(self._robot, self._joints, physicsClientId=self._client)
-        self.q: FloatArray = np.array([state[0] for state in states])
-        self.v: FloatArray = np.array([state[1] for state in states])
+        self.q, self.v = self._joints.read()
         com, quaternion = pybullet.getBasePositionAndOrientation(self._robot, physicsClientId=self._client)
         velocity, omega = pybullet.getBaseVelocity(self._robot, physicsClientId=self._client)
         rotation = _matrix(quaternion) @ self._com_rotation.T

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 
-from sysid_ros.exceptions import SettingsError
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.payload import Payload, box
 from sysid_ros.simulation.quadruped_description import FEET
 from sysid_ros.simulation.quadruped_motion import GAITS
-from sysid_ros.simulation.scenario import CONTROL_RATE
+from sysid_ros.simulation.scenario import CONTROL_RATE, require, require_numbers
 
 SETTLE_TIME = 0.5
 """The robot stands for so long before the recording begins [s]."""
@@ -76,9 +74,7 @@ class QuadrupedScenario:
     contact_error: float = 0.0
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            if any(isinstance(x, float) and math.isnan(x) for x in _flat(getattr(self, field.name))):
-                raise SettingsError(f"{field.name} is {getattr(self, field.name)}; it must be a number.")
+        require_numbers({field.name: getattr(self, field.name) for field in fields(self)})
         self._require(self.seed >= 0, "seed", "0 or more")
         self._require(self.duration >= 1.0, "duration", "1 s or more")
         self._require(
@@ -125,8 +121,7 @@ class QuadrupedScenario:
             self._require(pick < self.drop_time < self.duration, "drop_time", f"after the pick at {pick:g} s and before the end")
 
     def _require(self, condition: bool, name: str, allowed: str) -> None:
-        if not condition:
-            raise SettingsError(f"{name} is {getattr(self, name)}; it must be {allowed}.")
+        require(condition, name, getattr(self, name), allowed)
 
     @property
     def payload(self) -> Payload | None:
@@ -142,7 +137,3 @@ class QuadrupedScenario:
         axis = np.array([math.sin(heading), -math.cos(heading), 0.0])
         cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
         return np.asarray(np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross)
-
-
-def _flat(value: Any) -> tuple[Any, ...]:
-    return value if isinstance(value, tuple) else (value,)

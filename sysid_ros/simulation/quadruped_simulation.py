@@ -16,7 +16,7 @@ from sysid_ros.robot.rotation import rotation_of
 from sysid_ros.sample import FREE, FloatArray
 from sysid_ros.simulation.arm import STEP
 from sysid_ros.simulation.hoist import Hoist
-from sysid_ros.simulation.payload import Payload
+from sysid_ros.simulation.payload import Payload, truth_of_payload
 from sysid_ros.simulation.quadruped import QuadrupedWorld, TrunkState
 from sysid_ros.simulation.quadruped_controller import QuadrupedController
 from sysid_ros.simulation.quadruped_description import FEET, IMU_LINK, TRUNK, quadruped_description
@@ -247,8 +247,7 @@ class QuadrupedSimulation:
 
     def truth(self, start_time: float = 0.0) -> dict[str, Any]:
         """All that the recording hides, in plain types; times are stamps, ``start_time`` [s] is the first one."""
-        s, body = self.scenario, self.payload
-        first = {kind: start_time + t for t, kind in reversed(self.events)}
+        s = self.scenario
         return {
             "format": 1,
             "robot": self.base.legs.name,
@@ -264,17 +263,7 @@ class QuadrupedSimulation:
             "slope": s.slope,
             "slope_heading": s.slope_heading,
             "lifted_foot": s.lifted_foot or None,
-            "payload": None
-            if body is None
-            else {
-                "mass": body.mass,
-                "com": body.com.tolist(),
-                "inertia_com": body.inertia_com.tolist(),
-                "theta": body.theta.tolist(),
-            },
-            "pick_time": first.get("pick"),
-            "drop_time": first.get("drop"),
-            "events": [{"t": start_time + t, "kind": kind} for t, kind in self.events],
+            **truth_of_payload(self.payload, self.events, start_time),
             "noise": {
                 "encoder": s.encoder_noise,
                 "velocity": s.velocity_noise,

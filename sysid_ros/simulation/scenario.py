@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import Field, dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ from sysid_ros.simulation.payload import Payload, box
 
 CONTROL_RATE = 1000
 """Steps of the physics and of the controller a second."""
+_ALIKE = (0.0,)
+"""Default of a setting that has one value for all joints or one a joint."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,59 +60,57 @@ class ArmScenario:
     torque_noise: float = 0.1
     velocity: bool = True
     velocity_noise: float = 1e-3
-    viscous_friction: tuple[float, ...] = (0.0,)
-    coulomb_friction: tuple[float, ...] = (0.0,)
-    rotor_inertia: tuple[float, ...] = (0.0,)
-    torque_offset: tuple[float, ...] = (0.0,)
+    viscous_friction: tuple[float, ...] = _ALIKE
+    coulomb_friction: tuple[float, ...] = _ALIKE
+    rotor_inertia: tuple[float, ...] = _ALIKE
+    torque_offset: tuple[float, ...] = field(default=_ALIKE, metadata={"signed": True})
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if any(math.isnan(x) for x in _numbers(value)):
-                raise SettingsError(f"{field.name} is {value}; it must be a number.")
-        _require(self.seed >= 0, "seed", self.seed, "0 or more")
-        _require(self.duration >= 1.0, "duration", self.duration, "1 s or more")
-        _require(
+        require_numbers({setting.name: getattr(self, setting.name) for setting in fields(self)})
+        require(self.seed >= 0, "seed", self.seed, "0 or more")
+        require(self.duration >= 1.0, "duration", self.duration, "1 s or more")
+        require(
             self.rate > 0 and CONTROL_RATE % self.rate == 0,
             "rate",
             self.rate,
             "a divisor of 1000 Hz: 1000, 500, 250, 200, 125, 100, ...",
         )
         for name in ("encoder_noise", "torque_noise", "velocity_noise"):
-            _require(0.0 <= getattr(self, name) < math.inf, name, getattr(self, name), "0 or more")
-        for name in ("viscous_friction", "coulomb_friction", "rotor_inertia"):
-            _require(min(getattr(self, name)) >= 0.0, name, getattr(self, name), "0 or more")
-        _require(0.01 <= self.base_frequency <= 1.0, "base_frequency", self.base_frequency, "from 0.01 to 1 Hz")
+            require(0.0 <= getattr(self, name) < math.inf, name, getattr(self, name), "0 or more")
+        for setting in self.joint_settings():
+            values = getattr(self, setting.name)
+            require("signed" in setting.metadata or min(values) >= 0.0, setting.name, values, "0 or more")
+        require(0.01 <= self.base_frequency <= 1.0, "base_frequency", self.base_frequency, "from 0.01 to 1 Hz")
         self._check_payload()
 
     def _check_payload(self) -> None:
         for name in ("payload_com", "payload_rpy", "payload_size"):
             value = getattr(self, name)
-            _require(value is None or (len(value) == 3 and all(map(math.isfinite, value))), name, value, "three finite numbers")
+            require(value is None or (len(value) == 3 and all(map(math.isfinite, value))), name, value, "three finite numbers")
         if self.payload_mass is None:
-            _require(
+            require(
                 self.pick_time is None and self.drop_time is None,
                 "payload_mass",
                 "missing",
                 "given where pick_time or drop_time is",
             )
             return
-        _require(
+        require(
             0.0 < self.payload_mass <= 20.0,
             "payload_mass",
             self.payload_mass,
             "above 0 and up to 20 kg; leave it out for an empty arm",
         )
-        _require(max(map(abs, self.payload_com)) <= 1.0, "payload_com", self.payload_com, "within 1 m of the tip link's origin")
-        _require(
+        require(max(map(abs, self.payload_com)) <= 1.0, "payload_com", self.payload_com, "within 1 m of the tip link's origin")
+        require(
             self.payload_size is None or min(self.payload_size) > 0.0, "payload_size", self.payload_size, "three positive edges"
         )
         pick = 0.0 if self.pick_time is None else self.pick_time
-        _require(pick >= 0.0, "pick_time", pick, "0 s or later")
-        _require(pick < self.duration or math.isinf(pick), "pick_time", pick, f"before the end at {self.duration:g} s")
+        require(pick >= 0.0, "pick_time", pick, "0 s or later")
+        require(pick < self.duration or math.isinf(pick), "pick_time", pick, f"before the end at {self.duration:g} s")
         if self.drop_time is not None and math.isfinite(self.drop_time):
-            _require(self.drop_time > pick, "drop_time", self.drop_time, f"after the pick at {pick:g} s")
-            _require(self.drop_time < self.duration, "drop_time", self.drop_time, f"before the end at {self.duration:g} s")
+            require(self.drop_time > pick, "drop_time", self.drop_time, f"after the pick at {pick:g} s")
+            require(self.drop_time < self.duration, "drop_time", self.drop_time, f"before the end at {self.duration:g} s")
 
     @property
     def payload(self) -> Payload | None:
@@ -119,6 +119,11 @@ class ArmScenario:
             return None
         return box(self.payload_mass, self.payload_com, self.payload_size, self.payload_rpy)
 
+    @classmethod
+    def joint_settings(cls) -> list[Field[Any]]:
+        """Settings with one value for all joints or one a joint."""
+        return [setting for setting in fields(cls) if setting.default == _ALIKE]
+
     def per_joint(self, name: str, n: int) -> FloatArray:
         """One of the four joint settings as an array of shape (n,).
 
@@ -126,16 +131,26 @@ class ArmScenario:
             SettingsError: neither 1 nor n values were given.
         """
         values: tuple[float, ...] = getattr(self, name)
-        _require(len(values) in (1, n), name, values, f"1 value for all joints or {n}, one a joint")
+        require(len(values) in (1, n), name, values, f"1 value for all joints or {n}, one a joint")
         return np.broadcast_to(np.asarray(values, dtype=float), (n,)).copy()
 
 
-def _numbers(value: Any) -> Sequence[float]:
-    if isinstance(value, tuple):
-        return value
-    return () if value is None else (float(value),)
+def require_numbers(settings: Mapping[str, object]) -> None:
+    """No setting, and nothing in one that is a tuple, is NaN.
+
+    Raises:
+        SettingsError: one is.
+    """
+    for name, value in settings.items():
+        for x in value if isinstance(value, tuple) else (value,):
+            require(not (isinstance(x, float) and math.isnan(x)), name, value, "a number")
 
 
-def _require(condition: bool, name: str, value: object, allowed: str) -> None:
+def require(condition: bool, name: str, value: object, allowed: str) -> None:
+    """What is allowed of a setting holds.
+
+    Raises:
+        SettingsError: it does not.
+    """
     if not condition:
         raise SettingsError(f"{name} is {value}; it must be {allowed}.")

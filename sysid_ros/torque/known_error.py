@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid_ros.effects import Effect, JointEffect, LinkInertia
+from sysid_ros.effects import Effect
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -29,7 +29,6 @@ class KnownError:
     """
 
     def __init__(self, robot: RobotModel, known: Sequence[KnownEffect], directions: FloatArray | None) -> None:
-        n = robot.n
         count = sum(k.effect.p for k in known)
         if directions is not None and directions.shape[0] != count:
             raise ModelFileError(
@@ -37,8 +36,7 @@ class KnownError:
                 "Write the model again with 'sysid identify'."
             )
         self.c = 0 if directions is None else directions.shape[1]
-        self._links = np.zeros((10 * n, self.c))
-        self._joints: list[tuple[JointEffect, FloatArray]] = []
+        self._links = np.zeros((10 * robot.n, self.c))
         self._others: list[tuple[Effect, FloatArray]] = []
         if directions is None:
             return
@@ -46,19 +44,14 @@ class KnownError:
         for k in known:
             rows = directions[start : start + k.effect.p]
             start += k.effect.p
-            if isinstance(k.effect, LinkInertia):
-                self._links.reshape(n, 10, self.c)[k.effect.joints] = rows.reshape(-1, 10, self.c)
-            elif isinstance(k.effect, JointEffect):
-                spread = np.zeros((n, self.c))
-                spread[k.effect.joints] = rows
-                self._joints.append((k.effect, spread))
+            if k.effect.replaces_links:
+                nothing = k.effect.as_links(np.zeros(k.effect.p))
+                self._links += np.stack([(k.effect.as_links(d) - nothing).ravel() for d in rows.T], axis=1)
             else:
                 self._others.append((k.effect, rows))
 
     def fill(self, sample: Sample, regressor: FloatArray, out: FloatArray) -> None:
         """Write Z into ``out`` of shape (n, c), given the links' regressor (n, 10 n) at the sample."""
         out[:] = regressor @ self._links
-        for effect, spread in self._joints:
-            out += effect.curve(sample)[:, None] * spread
-        for other, rows in self._others:
-            out += other.columns(sample) @ rows
+        for effect, rows in self._others:
+            effect.add_spread(sample, rows, out)

@@ -3,18 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sysid_ros.effects import Effect, JointEffect, LinkInertia
+from sysid_ros.effects import Acts, Depends, Effect, JointEffect, Motion
 from sysid_ros.exceptions import SysidError
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.known_error import KnownError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TorquesAlong:
+    """Torques along a motion, shape (N, n) each [N m].
+
+    Attributes:
+        link: on the link side of the gears, also where the measured torque is free of it. drive: on the motor side, referred to
+            the joints. total: as it is measured. jumps: the part of it that jumps where a velocity changes its sign.
+    """
+
+    link: FloatArray
+    drive: FloatArray
+    total: FloatArray
+    jumps: FloatArray
 
 
 class TorqueModel:
@@ -23,11 +40,12 @@ class TorqueModel:
     Args:
         robot: the model whose joint order the rows have.
         free: effects whose parameters are to be found; their columns stand side by side in this order.
-        known: effects whose parameters are given. Without a ``link_inertia`` among them or among the free ones, and unless
+        known: effects whose parameters are given. Without the links' inertials among them or among the free ones, and unless
             ``links`` is False, the URDF's links and its ``<dynamics>`` (damping, friction) are known.
         links: False where the measured torque is already free of the robot's own torque.
-
         uncertainty: of the known effects, see :class:`sysid_ros.torque.known_error.KnownError`.
+        turns: speed at which the dry friction of the URDF's ``<dynamics>`` has turned, which no URDF says, shape () or (n,)
+            [rad/s].
 
     Attributes:
         p, parameter_names, units: of the free effects. slices: where each of them stands.
@@ -44,6 +62,7 @@ class TorqueModel:
         known: Sequence[KnownEffect] = (),
         links: bool = True,
         uncertainty: FloatArray | None = None,
+        turns: float | FloatArray = TURNS,
     ) -> None:
         self.robot = robot
         self.free = tuple(free)
@@ -57,48 +76,88 @@ class TorqueModel:
         self.parameter_names = tuple(name for e in self.free for name in e.parameter_names)
         self.units = tuple(unit for e in self.free for unit in e.units)
         self._write_joint_effects_together()
-        inertia_known = [k for k in self.known if isinstance(k.effect, LinkInertia)]
-        inertia_free = any(isinstance(e, LinkInertia) for e in self.free)
-        if inertia_known and inertia_free:
-            raise SysidError("effect 'link_inertia' is both known and free; it can be one of them.")
-        self._urdf_links = links and not inertia_free
-        self._dynamics = self._urdf_links and not inertia_known and bool(np.any(robot.damping) or np.any(robot.friction))
-        self._link_correction = self._correction(inertia_known) if self._urdf_links else None
+        replaced = [k for k in self.known if k.effect.replaces_links]
+        links_free = [e.id for e in self.free if e.replaces_links]
+        if replaced and links_free:
+            raise SysidError(f"effect '{links_free[0]}' is both known and free; it can be one of them.")
+        self._urdf_links = links and not links_free
+        self._dynamics = self._urdf_links and not replaced
+        self._rubs, self._turns = bool(np.any(robot.damping) or np.any(robot.friction)), turns
+        correction = sum((k.effect.as_links(k.theta).ravel() for k in replaced), np.zeros(10 * robot.n))
+        self._correction = correction if self._urdf_links and np.any(correction) else None
         self.error = KnownError(robot, self.known, uncertainty if self._urdf_links else None)
-        self._others = tuple(k for k in self.known if not isinstance(k.effect, LinkInertia))
+        self._others = tuple(k for k in self.known if not k.effect.replaces_links)
 
     def _write_joint_effects_together(self) -> None:
         """Find the effects with one column a joint: at the robot's rate an assignment for each would cost more than its curve."""
-        n = self.robot.n
         self._joint_effects: list[JointEffect] = []
         self._blocks: list[tuple[Effect, slice]] = []
         starts = []
         for effect, where in zip(self.free, self.slices, strict=True):
-            if isinstance(effect, JointEffect) and len(effect.joints) == n:
-                self._joint_effects.append(effect)
+            if (diagonal := effect.diagonal) is not None:
+                self._joint_effects.append(diagonal)
                 starts.append(where.start)
             else:
                 self._blocks.append((effect, where))
         self._starts = np.array(starts, dtype=np.intp)
-        self._curves = np.zeros((len(starts), n))
+        self._curves = np.zeros((len(starts), self.robot.n))
 
-    @staticmethod
-    def _correction(inertia_known: list[KnownEffect]) -> FloatArray | None:
-        if not inertia_known:
-            return None
-        correction = np.zeros_like(inertia_known[0].effect.robot.pi).reshape(-1, 10)
-        for k in inertia_known:
-            assert isinstance(k.effect, LinkInertia)
-            correction[k.effect.joints] += (k.theta - k.effect.nominal).reshape(-1, 10)
-        return correction.ravel() if np.any(correction) else None
+    # What a robot's description could hold of all that is known: the URDF's own, where it is known, and the effects' sums.
 
-    def known_theta(self, effect: str) -> FloatArray:
-        """Known parameters of an effect with one parameter a joint, shape (n,); 0 where it is not known."""
-        theta = np.zeros(self.robot.n)
-        for k in self.known:
-            if k.effect.id == effect:
-                theta[k.effect.joints] += k.theta
-        return theta
+    def links(self) -> FloatArray:
+        """Link inertials, shape (10 n,)."""
+        return self.robot.pi if self._correction is None else self.robot.pi + self._correction
+
+    def armature(self) -> FloatArray:
+        """Inertia that turns with each joint alone, beside the URDF's, shape (n,) [kg m^2]."""
+        return np.asarray(sum((k.effect.as_armature(k.theta) for k in self.known), np.zeros(self.robot.n)))
+
+    def damping(self) -> FloatArray:
+        """Viscous friction of each joint, shape (n,) [N m s/rad]."""
+        own = self.robot.damping if self._dynamics else np.zeros(self.robot.n)
+        return np.asarray(sum((k.effect.as_damping(k.theta) for k in self.known), own))
+
+    def dry_friction(self) -> FloatArray:
+        """Level of the dry friction of each joint, shape (n,) [N m]."""
+        own = self.robot.friction if self._dynamics else np.zeros(self.robot.n)
+        return np.asarray(sum((k.effect.as_dry_friction(k.theta) for k in self.known), own))
+
+    def mass_along(self, q: FloatArray) -> FloatArray:
+        """Mass matrix of the known links without rotors at postures q (N, n), shape (N, n, n) [kg m^2]."""
+        robot, nothing = self.robot, np.zeros_like(q)
+        mass = robot.rnea_derivatives_along(q, nothing, nothing)[2] - np.diag(np.array(robot.model.armature))
+        if self._correction is not None:
+            still = robot.link_torque_along(q, nothing, nothing, self._correction)
+            for j, unit in enumerate(np.eye(robot.n)):
+                mass[:, :, j] += robot.link_torque_along(q, nothing, nothing + unit, self._correction) - still
+        return mass
+
+    def torque_along(self, motion: Motion) -> FloatArray:
+        """Torque of what is known along a whole motion, shape (N, n) [N m]."""
+        return self.torques_along(motion).total
+
+    def torques_along(self, motion: Motion) -> TorquesAlong:
+        """The same with its parts.
+
+        Effects are worked out in the order in which torque goes from the links to the message: those of the links, of the
+        drives, of the measurement, and what makes it late at last. Each sees what has been added up before it.
+        """
+        robot, nothing = self.robot, np.zeros_like(motion.q)
+        link = motion.rigid_torque if self._urdf_links else motion.link_torque
+        if self._correction is not None:
+            link = link + robot.link_torque_along(motion.q, motion.v, motion.a, self._correction)
+        damping = robot.damping * motion.v if self._dynamics else nothing
+        jumps = robot.friction * smoothed_sign(motion.v, self._turns) if self._dynamics else nothing
+        drive, own = link + damping + jumps, link + nothing if self._urdf_links else nothing
+        total = own + damping + jumps
+        for k in sorted(self._others, key=_from_link_to_message):
+            late, acts = k.effect.as_delay(k.theta) != 0.0, k.effect.acts
+            torque = k.effect.torque_along(motion.with_torques(link, total if late else drive), k.theta)
+            total = total + torque
+            jumps = jumps + torque if k.effect.jumps else jumps
+            link = link + torque if acts is Acts.LINK else link
+            drive = drive + torque if acts is not Acts.MEASUREMENT else drive
+        return TorquesAlong(link, drive, total, jumps)
 
     def known_torque(self, sample: Sample) -> FloatArray:
         """Torque of what is known, shape (n,) [N m]."""
@@ -109,15 +168,15 @@ class TorqueModel:
         tau = robot.rnea(sample.q, sample.v, sample.a)
         if not self._urdf_links:
             tau[:] = 0.0
-        elif self._link_correction is not None or self.error.c > 0:
+        elif self._correction is not None or self.error.c > 0:
             regressor = robot.regressor(sample.q, sample.v, sample.a)
-            if self._link_correction is not None:
-                tau += regressor @ self._link_correction
+            if self._correction is not None:
+                tau += regressor @ self._correction
             if considered is not None:
                 self.error.fill(sample, regressor, considered)
             robot.rnea(sample.q, sample.v, sample.a)
-        if self._dynamics:
-            tau += robot.damping * sample.v + robot.friction * np.tanh(sample.v / 0.02)
+        if self._dynamics and self._rubs:
+            tau += robot.damping * sample.v + robot.friction * smoothed_sign(sample.v, self._turns)
         for k in self._others:
             tau += k.effect.torque(sample, k.theta)
         return tau
@@ -142,6 +201,11 @@ class TorqueModel:
             for k, effect in enumerate(self._joint_effects):
                 self._curves[k] = effect.curve(sample)
             _write_diagonals(self._curves, self._starts, columns)
+
+
+def _from_link_to_message(k: KnownEffect) -> tuple[bool, int, bool]:
+    """Where in the order of :meth:`TorqueModel.torques_along` an effect comes."""
+    return k.effect.as_delay(k.theta) != 0.0, list(Acts).index(k.effect.acts), Depends.DRIVE in k.effect.depends_on
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]

@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from sysid_ros.effects import LinkInertia
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.sample import FloatArray
+from sysid_ros.robot.rotation import rotation_of
+from sysid_ros.robot.smoothed_sign import smoothed_sign
+from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.torque.model_file import ModelFile
+from sysid_ros.torque.torque_model import TorqueModel
 
 _AXES = ("ixx", "ixy", "iyy", "ixz", "iyz", "izz")
 _MOVABLE = ("revolute", "continuous", "prismatic")
@@ -52,7 +54,8 @@ def identified_urdf(robot: RobotModel, model: ModelFile) -> tuple[str, list[str]
     Raises:
         ModelFileError: the model belongs to another robot or a link of it is no body.
     """
-    links, damping, friction = _known(robot, model)
+    known = TorqueModel(robot, [], model.known_effects(robot))
+    links, damping, friction = known.links(), known.damping(), known.dry_friction()
     root = ElementTree.fromstring(robot.urdf, ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True)))
     by_name = {str(link.get("name")): link for link in root.findall("link")}
     notes = []
@@ -86,12 +89,7 @@ def identified_urdf(robot: RobotModel, model: ModelFile) -> tuple[str, list[str]
     for word, values in (("Damping", damping), ("Friction", friction)):
         if below := [f"{name} ({values[j]:.3g})" for j, name in enumerate(robot.joint_names) if values[j] < 0.0]:
             notes.append(f"{word} below zero is no friction; the URDF has 0 for {', '.join(below)}.")
-    held = {"link_inertia", "viscous_friction", "coulomb_friction"}
-    lost = dict.fromkeys(block.effect for block in model.effects if block.effect not in held and np.any(block.theta))
-    if lost:
-        notes.append(f"A URDF can't hold {', '.join(lost)}; model.yaml does.")
-    if levels := [name for name in lost if any(b.effect == name and "Fc" in "".join(b.names) for b in model.effects)]:
-        notes.append(f"The <dynamics> friction holds the level Fc of {', '.join(levels)} alone.")
+    notes += _lost(known)
     comments = re.match(r"\s*(?:<\?xml.*?\?>)?\s*((?:<!--.*?-->\s*)*)", robot.urdf, re.DOTALL)
     head = '<?xml version="1.0" encoding="utf-8"?>\n' + (comments.group(1) if comments else "")
     return head + ElementTree.tostring(root, encoding="unicode") + "\n", notes
@@ -103,15 +101,16 @@ def check_urdf(robot: RobotModel, model: ModelFile, text: str) -> None:
     Raises:
         ModelFileError: they differ by more than rounding.
     """
-    links, damping, friction = _known(robot, model)
+    known = TorqueModel(robot, [], model.known_effects(robot))
+    links, damping, friction = known.links(), np.maximum(known.damping(), 0.0), np.maximum(known.dry_friction(), 0.0)
     again = RobotModel.from_urdf(text, robot.joint_names, tuple(robot.gravity))
     rng = np.random.default_rng(0)
     low, high = np.maximum(robot.position_lower, -np.pi), np.minimum(robot.position_upper, np.pi)
     worst = 0.0
     for _ in range(20):
         q, v, a = rng.uniform(low, high), rng.normal(size=robot.n), 3.0 * rng.normal(size=robot.n)
-        expected = robot.regressor(q, v, a) @ links + np.maximum(damping, 0.0) * v + np.maximum(friction, 0.0) * np.tanh(v)
-        found = again.rnea(q, v, a) + again.damping * v + again.friction * np.tanh(v)
+        expected = robot.regressor(q, v, a) @ links + damping * v + friction * smoothed_sign(v)
+        found = TorqueModel(again, []).known_torque(Sample(0.0, q, v, a, np.zeros(robot.n)))
         worst = max(worst, float(np.max(np.abs(found - expected)) / np.max(np.abs(expected))))
     if again.joint_names != robot.joint_names or not worst < _ROUNDING:
         raise ModelFileError(
@@ -128,28 +127,19 @@ def check_model_file(robot: RobotModel, model: ModelFile, path: Path) -> None:
     """
     again = ModelFile.read(path)
     for before, after in zip(model.known_effects(robot), again.known_effects(robot), strict=True):
-        if before.effect.id != after.effect.id or not np.array_equal(before.theta, after.theta):
+        if before.effect.parameter_names != after.effect.parameter_names or not np.array_equal(before.theta, after.theta):
             raise ModelFileError(f"'{path}' read back holds other parameters of {before.effect.id} than were written.")
 
 
-def _known(robot: RobotModel, model: ModelFile) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Link inertials (10 n,), damping (n,) and level of the dry friction (n,) of a model; the URDF's where it says nothing.
-
-    Effects of one kind add up, as in a :class:`TorqueModel`, and the URDF's ``<dynamics>`` hold unless the model has links.
-    """
-    known = model.known_effects(robot)
-    replaced = any(isinstance(k.effect, LinkInertia) for k in known)
-    damping, friction = (np.zeros(robot.n) if replaced else x.copy() for x in (robot.damping, robot.friction))
-    links = robot.pi.copy().reshape(-1, 10)
-    for k in known:
-        if isinstance(k.effect, LinkInertia):
-            links[k.effect.joints] += (k.theta - k.effect.nominal).reshape(-1, 10)
-        elif k.effect.id == "viscous_friction":
-            damping[k.effect.joints] += k.theta
-        for j, joint in enumerate(robot.joint_names):
-            if (level := f"Fc[{joint}]") in k.effect.parameter_names:
-                friction[j] += k.theta[k.effect.parameter_names.index(level)]
-    return links.ravel(), damping, friction
+def _lost(model: TorqueModel) -> list[str]:
+    """What a URDF can't hold of a model, in words."""
+    lost = [k for k in model.known if not k.effect.in_urdf and np.any(k.theta)]
+    if not lost:
+        return []
+    notes = [f"A URDF can't hold {', '.join(dict.fromkeys(k.effect.id for k in lost))}; model.yaml does."]
+    if levels := dict.fromkeys(k.effect.id for k in lost if np.any(k.effect.as_dry_friction(k.theta))):
+        notes.append(f"The <dynamics> friction holds the level Fc of {', '.join(levels)} alone.")
+    return notes
 
 
 def _attached(robot: RobotModel, root: ElementTree.Element, joint: int) -> list[_Attached]:
@@ -191,18 +181,9 @@ def _inertial(link: ElementTree.Element) -> FloatArray | None:
     values = [float(tensor.get(a, "0")) if tensor is not None else 0.0 for a in _AXES]
     if not float(mass.get("value", "0")) > 0.0 and not any(values):
         return None
-    rotation = _rotation(*rpy)
+    rotation = rotation_of(rpy)
     inertia = rotation @ inertial_parameters.inertia_matrix(np.array([0.0] * 4 + values)) @ rotation.T
     return inertial_parameters.from_com(float(mass.get("value", "0")), np.array(xyz), inertia)
-
-
-def _rotation(roll: float, pitch: float, yaw: float) -> FloatArray:
-    """Rotation (3, 3) of a URDF's rpy: about the fixed axes x, y, z in turn."""
-    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(x), np.sin(x)) for x in (roll, pitch, yaw))
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
-    about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
-    about_z = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(about_z @ about_y @ about_x)
 
 
 def _set_inertial(link: ElementTree.Element, theta: FloatArray | None) -> None:

@@ -13,17 +13,18 @@ from exam.arms import ARMS, Arm, arm, with_dynamics
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation.hidden_effects import (
-    DRAWS,
-    OUTSIDE,
+    CAUSES,
     Circumstances,
     DiagnosisMotion,
     HiddenEffect,
     HiddenRecording,
     Noise,
     TrueRobot,
+    cause_of,
     move,
     nominal_residual,
     publish,
+    realise,
     shown,
     shown_as_itself,
     stiffening_for,
@@ -40,26 +41,6 @@ _ATTEMPTS = 60
 # what stays below the noise after so many attempts is drawn larger and larger
 _PATIENCE = 15
 _GROWTH = 1.03
-# what is not seen in the torque, or not as something added to it
-_NOT_IN_TORQUE = {"velocity_lag", "torque_quantisation"}
-# what acts on its joints alone, and so must show on each of them
-_LOCAL = {
-    "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction", "asymmetric_coulomb_friction",
-    "load_dependent_friction", "quadratic_friction", "presliding_hysteresis", "friction_drift", "torque_offset",
-    "torque_offset_drift", "torque_scale", "torque_sign", "spring", "cogging", "joint_coupling", "torque_saturation",
-}  # fmt: skip
-_FRICTION = {id_ for id_ in _LOCAL if "friction" in id_} | {"presliding_hysteresis"}
-# they change what every other effect looks like; a pair with them has one answer only after they are undone
-_WHOLE_INPUT = {
-    "torque_unit",
-    "joint_order",
-    "joint_sign",
-    "torque_sign",
-    "velocity_lag",
-    "torque_quantisation",
-    "gravity_compensated_effort",
-}
-_BACKGROUND = ("coulomb_friction", "viscous_friction")
 
 
 @dataclass(frozen=True)
@@ -132,20 +113,21 @@ def _draw(seed: int, level: str, effect: str | None, simulator: str | None, rng:
     noise = _noise(level, seed, robot, motion, rng)
     usual = Circumstances(robot, motion, rng, min(settings.scale * larger, 1.0), noise.torque)
     if level == "healthy" and seed % 2 == 1 and not np.any(noise.coloured):
-        declared = _friction_of_all(usual)
-        nominal = with_dynamics(nominal, declared["viscous_friction"], declared["coulomb_friction"])
+        declared = realise(robot, _background(usual)).joints
+        nominal = with_dynamics(nominal, declared.viscous, declared.coulomb_forward)
         robot = nominal.model()
         usual.robot = robot
     hidden = _hidden(level, seed, effect, usual)
     background = _background(usual) if level == "hard" else ()
-    true = TrueRobot(robot, (*_without(background, hidden), *hidden))
+    true = realise(robot, (*_without(background, hidden), *hidden))
     if level == "hard":
         true.scale_masses(1.0 + rng.choice([-0.02, 0.02], size=robot.n))
     stiffening = stiffening_for(usual.torque)
     for e in hidden:
         _require_visible(e, robot, motion, settings.rate, stiffening, noise)
     train = publish("train", true, _physics(simulator)(true, motion, settings.rate, stiffening), noise, rng)
-    true_then = TrueRobot(robot, tuple(_at_another_time(e, other, rng) for e in true.effects))
+    then = [cause_of(e.id).at_another_time(e, other.duration, rng) for e in true.effects]
+    true_then = realise(robot, then)
     true_then.scale_masses(true.mass_factors)
     validate = publish("validate", true_then, _physics(simulator)(true_then, other, settings.rate, stiffening), noise, rng)
     truth = truth_of(true, noise, settings.rate, simulator, seed=seed, level=level, hidden=[e.id for e in hidden], arm=name)
@@ -174,28 +156,17 @@ def _noise(level: str, seed: int, robot: RobotModel, motion: DiagnosisMotion, rn
     return Noise(white, coloured, memory, position=0.2 * resolution, resolution=resolution)
 
 
-def _friction_of_all(usual: Circumstances) -> dict[str, np.ndarray]:
-    n = usual.robot.n
-    level = np.array([usual.uniform(0.1, 0.4) for _ in range(n)]) * usual.torque
-    viscous = np.array([usual.uniform(0.05, 0.3) for _ in range(n)]) * usual.torque / usual.speed
-    return {"coulomb_friction": level, "viscous_friction": viscous}
-
-
 def _background(usual: Circumstances) -> tuple[HiddenEffect, ...]:
-    """Coulomb and viscous friction of every joint."""
-    joints, values = list(range(usual.robot.n)), _friction_of_all(usual)
-    symbols = {"coulomb_friction": ("Fc", "N m"), "viscous_friction": ("b", "N m s/rad")}
-    return tuple(
-        usual.effect(id_, joints, {symbol: (dict(enumerate(values[id_])), unit)}) for id_, (symbol, unit) in symbols.items()
-    )
+    """What every joint of a usual robot has."""
+    return tuple(CAUSES[id_].draw_everywhere(usual) for id_ in sorted(CAUSES) if CAUSES[id_].everywhere)
 
 
 def _without(background: tuple[HiddenEffect, ...], hidden: tuple[HiddenEffect, ...]) -> tuple[HiddenEffect, ...]:
     """The background, less the dry friction of joints whose hidden friction stands in its place."""
-    taken = {j for e in hidden if e.id in _FRICTION - {"viscous_friction", "quadratic_friction"} for j in e.joints}
+    taken = {j for e in hidden if cause_of(e.id).dry for j in e.joints}
     out = []
     for e in background:
-        kept = tuple(p for p in e.parameters if e.id != "coulomb_friction" or p.joint not in taken)
+        kept = tuple(p for p in e.parameters if not cause_of(e.id).dry or p.joint not in taken)
         out.append(HiddenEffect(e.id, tuple(p.joint for p in kept), kept))  # type: ignore[misc]
     return tuple(out)
 
@@ -203,41 +174,26 @@ def _without(background: tuple[HiddenEffect, ...], hidden: tuple[HiddenEffect, .
 def _hidden(level: str, seed: int, effect: str | None, usual: Circumstances) -> tuple[HiddenEffect, ...]:
     if level == "healthy":
         return ()
-    if level == "outside":
-        ids = sorted(OUTSIDE)
-        return (OUTSIDE[effect or ids[seed % len(ids)]](usual),)
     if level == "pairs":
         return _pair(effect, usual)
-    ids = [id_ for id_ in DRAWS if level != "hard" or id_ not in _BACKGROUND]
-    return (DRAWS[effect or ids[(seed // 2) % len(ids)]](usual),)
+    if level == "outside":
+        ids, turn = sorted(id_ for id_, cause in CAUSES.items() if cause.outside), seed
+    else:
+        inside = {id_: cause for id_, cause in CAUSES.items() if not cause.outside}
+        ids, turn = [id_ for id_, cause in inside.items() if level != "hard" or not cause.everywhere], seed // 2
+    return (cause_of(effect or ids[turn % len(ids)]).draw(usual),)
 
 
 def _pair(effect: str | None, usual: Circumstances) -> tuple[HiddenEffect, ...]:
-    """Two effects that don't describe the same joint's friction twice."""
-    ids = [id_ for id_ in DRAWS if id_ not in _WHOLE_INPUT]
-    first = DRAWS[effect or str(usual.rng.choice(ids))](usual)
+    """Two effects that don't describe one thing of the same joint twice."""
+    ids = [id_ for id_, cause in CAUSES.items() if not (cause.outside or cause.changes_input)]
+    one = cause_of(effect or str(usual.rng.choice(ids)))
+    first = one.draw(usual)
     while True:
-        second = DRAWS[str(usual.rng.choice([id_ for id_ in ids if id_ != first.id]))](usual)
-        both = {first.id, second.id}
-        overlap = set(first.joints) & set(second.joints)
-        if both <= _FRICTION and overlap:
-            continue
-        if (
-            both in ({"payload", "payload_change"}, {"joint_elasticity", "backlash"}, {"torque_offset", "torque_offset_drift"})
-            and overlap
-        ):
-            continue
-        return (first, second)
-
-
-def _at_another_time(effect: HiddenEffect, motion: DiagnosisMotion, rng: np.random.Generator) -> HiddenEffect:
-    """The same effect in the recording that judges: what happened at a time happens at another."""
-    if effect.id != "payload_change":
-        return effect
-    from dataclasses import replace
-
-    t0 = float(rng.uniform(0.3, 0.7) * motion.duration)
-    return replace(effect, parameters=tuple(replace(p, value=t0) if p.name == "t0" else p for p in effect.parameters))
+        other = CAUSES[str(usual.rng.choice([id_ for id_ in ids if id_ != first.id]))]
+        second = other.draw(usual)
+        if not (one.family and one.family == other.family and set(first.joints) & set(second.joints)):
+            return (first, second)
 
 
 def _require_visible(
@@ -248,18 +204,19 @@ def _require_visible(
     Raises:
         SettingsError: it does not.
     """
-    if effect.id in _NOT_IN_TORQUE:
+    cause = cause_of(effect.id)
+    if not cause.in_torque:
         return
-    true = TrueRobot(robot, (effect,))
+    true = realise(robot, (effect,))
     exact = move(true, motion, rate, stiffening)
     for channel in true.channels:
         exact = channel(exact, exact)
-    t, v, residual = nominal_residual(robot, exact)
+    _, v, residual = nominal_residual(robot, exact)
     floor = noise.floor(rate)
     if not told_apart(true, motion, floor):
         raise SettingsError(f"{effect.id} can't be told from another cause in this motion. Hide something else.")
-    seen, itself = shown(residual, floor), shown_as_itself(t, v, residual, floor, {effect.id})
+    seen, itself = shown(residual, floor), shown_as_itself(v, residual, floor, cause.plain)
     good = (seen >= _VISIBLE) & (itself >= _VISIBLE_ITSELF)
-    needed = [robot.joint_names.index(j) for j in effect.joints[: 1 if effect.id == "joint_coupling" else None]]
-    if not (np.all(good[needed]) if effect.id in _LOCAL else np.any(good)):
+    needed = [robot.joint_names.index(j) for j in cause.shows_on(effect)]
+    if not (np.all(good[needed]) if needed else np.any(good)):
         raise SettingsError(f"{effect.id} does not show: at most {seen.max():.1f} floors. Hide something larger.")

@@ -6,30 +6,8 @@ from typing import Any
 
 import numpy as np
 
-# What a hidden cause brings along, so that naming it beside the cause is no false alarm, and why.
-COMPANIONS = {
-    "joint_elasticity": {"rotor_inertia"},  # the motor behind the spring turns, and the URDF has no motors
-    "backlash": {"rotor_inertia"},
-    "friction_drift": {"coulomb_friction", "viscous_friction"},  # what drifts is these two
-}
-# Two names for one thing: right where the diagnosis names one and says that it can't be told from the other, and why.
-EQUIVALENT = {
-    frozenset(("asymmetric_coulomb_friction", "coulomb_friction")),  # with an offset, the same while the joint moves
-    frozenset(("asymmetric_coulomb_friction", "torque_offset")),
-    frozenset(("payload", "link_inertia")),  # a body on the last link is a part of the last link
-    frozenset(("link_inertia", "spring")),  # a link's weight about a horizontal axis is a balancer there
-    frozenset(("rotor_inertia", "link_inertia")),  # about a vertical first axis only the sum of inertias shows
-    frozenset(("backlash", "joint_offset")),  # one flank bears all the time: half the gap is an offset
-    frozenset(("torque_scale", "torque_sign")),  # a gain of -1
-}
-BACKGROUND = {"coulomb_friction", "viscous_friction"}
-# Where `joints` says nothing: these belong to the whole arm.
-WHOLE_ARM = {
-    "payload", "payload_change", "base_tilt", "gravity_compensated_effort", "external_force", "time_delay", "torque_unit",
-    "velocity_lag",
-}  # fmt: skip
-# No sizes: what they are is said by the name.
-DISCRETE = {"torque_sign", "joint_sign", "joint_order"}
+from sysid_ros.simulation.hidden_effects import CAUSES, cause_of
+
 ROBUST = 1e-9
 
 
@@ -41,10 +19,10 @@ def score(truth: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
     """
     hidden, level = list(truth["hidden"]), truth["level"]
     effects = document["effects"]
-    friction = BACKGROUND if level == "hard" else set()
-    beyond = [e for e in effects if e["name"] not in friction]
+    background = {id_ for id_, cause in CAUSES.items() if cause.everywhere} if level == "hard" else set()
+    beyond = [e for e in effects if e["name"] not in background]
     named = [e["name"] for e in beyond]
-    tolerated = set().union(*(COMPANIONS.get(h, set()) for h in hidden))
+    tolerated = {x for h in hidden for x in cause_of(h).companions}
     out: dict[str, Any] = {
         "verdict": document["verdict"],
         "named": [e["name"] for e in effects],
@@ -62,7 +40,7 @@ def score(truth: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
         x for x in named if x not in hidden and x not in tolerated and not any(_same(x, h) for h in hidden if h not in named)
     ]
     joints = {h: _joints_right(_true_effect(truth, h), effects) for h in hidden if h in named}
-    covered = [c for h in hidden if joints.get(h) and h not in DISCRETE for c in _covered(_true_effect(truth, h), effects)]
+    covered = [c for h in hidden if joints.get(h) and cause_of(h).sized for c in _covered(_true_effect(truth, h), effects)]
     return {
         **out,
         "right": first,
@@ -77,7 +55,7 @@ def score(truth: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
 
 
 def _same(one: str, other: str) -> bool:
-    return one == other or frozenset((one, other)) in EQUIVALENT
+    return one == other or any(b in CAUSES[a].equivalent for a, b in ((one, other), (other, one)) if a in CAUSES)
 
 
 def _is_one_of(effect: dict[str, Any], hidden: list[str]) -> bool:
@@ -95,20 +73,22 @@ def _entries(id_: str, effects: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _joints_right(true: dict[str, Any], effects: list[dict[str, Any]]) -> bool:
-    if true["name"] in WHOLE_ARM:
+    cause = cause_of(true["name"])
+    if cause.whole_arm:
         return True
     named = [j for e in _entries(true["name"], effects) for j in e["joints"]]
-    return named == true["joints"] if true["name"] == "joint_coupling" else set(named) == set(true["joints"])
+    return named == true["joints"] if cause.ordered else set(named) == set(true["joints"])
 
 
 def _covered(true: dict[str, Any], effects: list[dict[str, Any]]) -> list[tuple[str, bool]]:
     """Is the true size inside the interval, for every number that the diagnosis states."""
+    counted = cause_of(true["name"]).counted
     stated = [p for e in _entries(true["name"], effects) for p in e["parameters"]]
     out = []
     for p in true["parameters"]:
         match = [s for s in stated if s["name"] == p["name"] and (p["joint"] is None or s["joint"] in (p["joint"], None))]
         for s in match[:1] if p["joint"] is not None else match:
-            if isinstance(p["value"], str) or p["name"] == "harmonic":
+            if isinstance(p["value"], str) or p["name"] in counted:
                 continue
             low, high = (np.atleast_1d(np.asarray(x, dtype=float)) for x in s["ci95"])
             value = np.atleast_1d(np.asarray(p["value"], dtype=float))

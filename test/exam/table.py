@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.simulation.hidden_effects import CAUSES
+
 # what must hold: level -> (measure, at least, at most)
 TARGETS = {
     "single": (
@@ -44,7 +46,7 @@ def measures(level: str, rows: list[dict[str, Any]]) -> dict[str, float]:
         "after": float(np.median(after)) if after else float("nan"),
     }
     if level == "single":
-        by_id = {id_: share(of, "right") for id_, of in grouped(rows).items() if id_ != "backlash"}
+        by_id = {id_: share(of, "right") for id_, of in grouped(rows).items() if id_ not in CAUSES or not CAUSES[id_].rattles}
         out["worst id"] = min(by_id.values()) if by_id else float("nan")
     return out
 

@@ -1,7 +1,9 @@
-"""Robots that hide something their URDF lacks: every effect of a diagnosis, from its own equation, with the truth beside it."""
+"""Robots that hide something their URDF lacks: one cause a file, with all that the simulation and the exam know of it, and the
+physics that moves the robot that has it."""
 
-from sysid_ros.simulation.hidden_effects.catalogue import DRAWS, OUTSIDE
+from sysid_ros.simulation.hidden_effects.catalogue import cause_of, hideable, realise
 from sysid_ros.simulation.hidden_effects.circumstances import Circumstances, torque_scale
+from sysid_ros.simulation.hidden_effects.hidden_cause import CAUSES, HiddenCause, register_hidden
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
 from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
 from sysid_ros.simulation.hidden_effects.run import HiddenRecording, move, publish, stiffening_for, truth_of
@@ -10,18 +12,22 @@ from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
 from sysid_ros.simulation.hidden_effects.visibility import nominal_residual, shown, shown_as_itself
 
 __all__ = [
-    "DRAWS",
-    "OUTSIDE",
+    "CAUSES",
     "Circumstances",
     "DiagnosisMotion",
+    "HiddenCause",
     "HiddenEffect",
     "HiddenRecording",
     "Noise",
     "TrueParameter",
     "TrueRobot",
+    "cause_of",
+    "hideable",
     "move",
     "nominal_residual",
     "publish",
+    "realise",
+    "register_hidden",
     "shown",
     "shown_as_itself",
     "stiffening_for",

@@ -12,19 +12,13 @@ from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.arm import STEP, ArmWorld
 from sysid_ros.simulation.hidden_effects.chain import chain_of
 from sysid_ros.simulation.hidden_effects.channels import Signals
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
 from sysid_ros.simulation.hidden_effects.integrator import solve_step, state_at
 from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
 from sysid_ros.simulation.hidden_effects.run import check_followed
-from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
-from sysid_ros.simulation.payload import Payload, urdf_with_payload
+from sysid_ros.simulation.hidden_effects.true_robot import LinkChange, TrueRobot
+from sysid_ros.simulation.payload import urdf_with_payload
 
 _PUSH = 2
-
-
-def pybullet_can(true: TrueRobot) -> bool:
-    """False where PyBullet's step of a millisecond is too long: bristles, elastic joints, play."""
-    return not (np.any(true.joints.stiffness) or np.any(true.joints.presliding))
 
 
 def move_in_pybullet(
@@ -40,7 +34,7 @@ def move_in_pybullet(
     Raises:
         SettingsError: the arm does not follow the motion, or something is hidden that needs shorter steps.
     """
-    if not pybullet_can(true):
+    if true.needs_short_steps:
         raise SettingsError(
             "PyBullet's step of 1 ms is too long for presliding, elastic joints and backlash. Use the compiled physics."
         )
@@ -56,8 +50,8 @@ def move_in_pybullet(
         out = np.zeros((3, count, robot.n))
         for k in range(count * stride):
             t = k * STEP
-            if t >= true.change_time and not world.carries:
-                world.pick(_picked_up(true))
+            if true.picked_up is not None and t >= true.change_time and not world.carries:
+                world.pick(true.picked_up)
             state.q[:] = state.angle[:] = world.q
             state.v[:] = state.rate[:] = world.v
             links = after if world.carries else before
@@ -74,38 +68,28 @@ def move_in_pybullet(
     return Signals(t_rows, *out)
 
 
-def _picked_up(true: TrueRobot) -> Payload:
-    return _body(next(e for e in true.effects if e.id == "payload_change"))
-
-
-def _body(effect: HiddenEffect) -> Payload:
-    return Payload(float(effect.vector("mass")[0]), effect.vector("com"), np.array(effect.settings["inertia_com"]))
-
-
 def _true_urdf(true: TrueRobot) -> str:
     """The URDF with what is carried from the start, and with links that weigh what they really weigh."""
     urdf = true.robot.urdf
-    for effect in true.effects:
-        if effect.id == "payload":
-            urdf = urdf_with_payload(urdf, true.robot.default_frame, _body(effect))
-        elif effect.id == "link_inertia":
-            link = true.robot.body_names[true.index(effect.joints[0])]
-            urdf = _with_changed_link(urdf, link, effect.settings["mass_factor"], effect.settings["com_shift"])
+    for body in true.carried:
+        urdf = urdf_with_payload(urdf, true.robot.default_frame, body)
+    for change in true.link_changes:
+        urdf = _with_changed_link(urdf, true.robot.body_names[change.joint], change)
     return urdf
 
 
-def _with_changed_link(urdf: str, link: str, factor: float, shift: list[float]) -> str:
+def _with_changed_link(urdf: str, link: str, change: LinkChange) -> str:
     root = ElementTree.fromstring(urdf)
     inertial = next(element for element in root.findall("link") if element.get("name") == link).find("inertial")
     if inertial is None:
         raise SettingsError(f"link '{link}' has no <inertial> that could be wrong. Hide link_inertia on another joint.")
     for element in inertial:
         if element.tag == "mass":
-            element.set("value", repr(float(element.get("value", "0")) * factor))
+            element.set("value", repr(float(element.get("value", "0")) * change.mass_factor))
         elif element.tag == "origin":
-            moved = np.array(element.get("xyz", "0 0 0").split(), dtype=float) + shift
+            moved = np.array(element.get("xyz", "0 0 0").split(), dtype=float) + change.com_shift
             element.set("xyz", " ".join(repr(float(x)) for x in moved))
         elif element.tag == "inertia":
             for name, value in element.attrib.items():
-                element.set(name, repr(float(value) * factor))
+                element.set(name, repr(float(value) * change.mass_factor))
     return ElementTree.tostring(root, encoding="unicode")

@@ -1,61 +1,85 @@
-"""Every effect that can be hidden, by its id."""
+"""Every cause that can be hidden. A new one is a new file and a line here; the exam's seeds draw in this order."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 
-from sysid_ros.simulation.hidden_effects import draw_bodies, draw_friction, draw_messages, draw_outside, draw_transmission
-from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
+from sysid_ros.effects import EFFECTS
+from sysid_ros.exceptions import SettingsError
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.simulation.hidden_effects.hidden_cause import CAUSES, HiddenCause
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
+from sysid_ros.simulation.hidden_effects.regressed_cause import RegressedCause
+from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
 
-Draw = Callable[[Circumstances], HiddenEffect]
+# isort: off
+from sysid_ros.simulation.hidden_effects import (  # noqa: F401
+    payload,
+    link_inertia,
+    rotor_inertia,
+    viscous_friction,
+    coulomb_friction,
+    stribeck_friction,
+    asymmetric_coulomb_friction,
+    load_dependent_friction,
+    quadratic_friction,
+    presliding_hysteresis,
+    torque_offset,
+    torque_scale,
+    torque_sign,
+    torque_unit,
+    joint_offset,
+    joint_sign,
+    joint_order,
+    base_tilt,
+    gravity_compensated_effort,
+    time_delay,
+    velocity_lag,
+    joint_elasticity,
+    backlash,
+    spring,
+    cogging,
+    joint_coupling,
+    friction_drift,
+    torque_offset_drift,
+    torque_saturation,
+    torque_quantisation,
+    external_force,
+    payload_change,
+    outside_hum,
+    outside_neighbour_damping,
+    outside_neighbour_friction,
+    outside_wobbling_gain,
+)
+# isort: on
 
-DRAWS: dict[str, Draw] = {
-    draw.__name__: draw
-    for draw in (
-        draw_bodies.payload,
-        draw_bodies.link_inertia,
-        draw_friction.rotor_inertia,
-        draw_friction.viscous_friction,
-        draw_friction.coulomb_friction,
-        draw_friction.stribeck_friction,
-        draw_friction.asymmetric_coulomb_friction,
-        draw_friction.load_dependent_friction,
-        draw_friction.quadratic_friction,
-        draw_friction.presliding_hysteresis,
-        draw_messages.torque_offset,
-        draw_messages.torque_scale,
-        draw_messages.torque_sign,
-        draw_messages.torque_unit,
-        draw_messages.joint_offset,
-        draw_messages.joint_sign,
-        draw_messages.joint_order,
-        draw_bodies.base_tilt,
-        draw_messages.gravity_compensated_effort,
-        draw_messages.time_delay,
-        draw_messages.velocity_lag,
-        draw_transmission.joint_elasticity,
-        draw_transmission.backlash,
-        draw_transmission.spring,
-        draw_transmission.cogging,
-        draw_transmission.joint_coupling,
-        draw_friction.friction_drift,
-        draw_messages.torque_offset_drift,
-        draw_transmission.torque_saturation,
-        draw_messages.torque_quantisation,
-        draw_bodies.external_force,
-        draw_bodies.payload_change,
-    )
-}
-"""Effects that a diagnosis should name."""
 
-OUTSIDE: dict[str, Draw] = {
-    draw.__name__: draw
-    for draw in (
-        draw_outside.outside_neighbour_friction,
-        draw_outside.outside_neighbour_damping,
-        draw_outside.outside_hum,
-        draw_outside.outside_wobbling_gain,
-    )
-}
-"""Causes that no effect of the library describes."""
+def hideable() -> list[str]:
+    """Ids of the library's effects and of the channels' faults, each of which a simulated robot can hide, sorted."""
+    return sorted({*EFFECTS, *(id_ for id_, cause in CAUSES.items() if not cause.outside)})
+
+
+def cause_of(id_: str) -> HiddenCause:
+    """The cause with an id; an effect of the library that has no cause of its own is hidden by its columns.
+
+    Raises:
+        SettingsError: nothing has this id.
+    """
+    if id_ in CAUSES:
+        return CAUSES[id_]
+    if id_ in EFFECTS:
+        return RegressedCause(EFFECTS[id_])
+    raise SettingsError(f"effect is '{id_}'; it must be one of {', '.join(sorted({*CAUSES, *EFFECTS}))}.")
+
+
+def realise(robot: RobotModel, effects: Sequence[HiddenEffect] = ()) -> TrueRobot:
+    """The robot as it really is, with everything that it hides.
+
+    Raises:
+        SettingsError: an effect has an id that nothing has.
+    """
+    true = TrueRobot(robot)
+    true.effects = tuple(effects)
+    for effect in effects:
+        cause_of(effect.id).realise(effect, true)
+    return true

@@ -122,20 +122,10 @@ def place(chain: Chain, q: FloatArray, rotation: FloatArray, offset: FloatArray)
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def inverse_dynamics(
-    chain: Chain,
-    rotation: FloatArray,
-    offset: FloatArray,
-    v: FloatArray,
-    a: FloatArray,
-    weight: float,
-    out: FloatArray,
-    work: FloatArray,
+def _outward(
+    chain: Chain, rotation: FloatArray, offset: FloatArray, v: FloatArray, a: FloatArray, weight: float, work: FloatArray
 ) -> None:
-    """Joint torques (n,) [N m] for v and a at the placed posture, where :func:`place` put it.
-
-    ``weight``: 1.0 with gravity, 0.0 without. ``work``: scratch, shape (6, n + 1, 3).
-    """
+    """Motion of each link from the base to the tips, and the force and moment that it needs."""
     n = v.size
     omega, alpha, linear, force, moment, scratch = work[0], work[1], work[2], work[3], work[4], work[5]
     one, two = scratch[0], scratch[1]
@@ -172,6 +162,26 @@ def inverse_dynamics(
         _cross(mc, linear[i], two)
         for r in range(3):
             moment[i, r] += one[r] + two[r]
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def inverse_dynamics(
+    chain: Chain,
+    rotation: FloatArray,
+    offset: FloatArray,
+    v: FloatArray,
+    a: FloatArray,
+    weight: float,
+    out: FloatArray,
+    work: FloatArray,
+) -> None:
+    """Joint torques (n,) [N m] for v and a at the placed posture, where :func:`place` put it.
+
+    ``weight``: 1.0 with gravity, 0.0 without. ``work``: scratch, shape (6, n + 1, 3).
+    """
+    n = v.size
+    _outward(chain, rotation, offset, v, a, weight, work)
+    force, moment, one, two = work[3], work[4], work[5][0], work[5][1]
     for i in range(n - 1, -1, -1):
         carried = force[i] if chain.slides[i] > 0.0 else moment[i]
         out[i] = chain.axis[i, 0] * carried[0] + chain.axis[i, 1] * carried[1] + chain.axis[i, 2] * carried[2]

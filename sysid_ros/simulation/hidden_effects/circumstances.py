@@ -36,8 +36,8 @@ class Circumstances:
     only: int | None = None
 
     def __post_init__(self) -> None:
-        t = np.arange(0.0, self.motion.duration, _GRID)
-        self.q, self.v, self.a = self.motion.sample(t)
+        self.t = np.arange(0.0, self.motion.duration, _GRID)
+        self.q, self.v, self.a = self.motion.sample(self.t)
         self.tau = self.robot.rnea_along(self.q, self.v, self.a)
         self.torque = torque_scale(self.tau)
         self.speed = np.sqrt(np.mean(self.v**2, axis=0))
@@ -105,9 +105,10 @@ class Circumstances:
         )
         return HiddenEffect(id_, tuple(names[j] for j in joints), parameters, kind, settings)
 
-    def whole_arm(self, id_: str, parameters: list[TrueParameter], kind: str = "", **settings: object) -> HiddenEffect:
-        """An effect that belongs to no joint."""
-        return HiddenEffect(id_, self.robot.joint_names, tuple(parameters), kind, settings)
+    def whole_arm(self, id_: str, values: dict[str, tuple[float | tuple[float, ...], str]], **settings: object) -> HiddenEffect:
+        """An effect that belongs to no joint; ``values`` is name -> (value, unit)."""
+        parameters = tuple(TrueParameter(name, None, value, unit) for name, (value, unit) in values.items())
+        return HiddenEffect(id_, self.robot.joint_names, parameters, "", settings)
 
 
 def torque_scale(tau: FloatArray) -> FloatArray:

@@ -49,6 +49,10 @@ class HiddenEffect:
         value = next(p.value for p in self.parameters if p.name == name)
         return np.atleast_1d(np.asarray(value, dtype=float))
 
+    def number(self, name: str) -> float:
+        """A single parameter that belongs to the whole arm."""
+        return float(self.vector(name)[0])
+
     def per_joint(self, name: str) -> dict[str, float]:
         """A parameter by joint."""
         return {p.joint: float(p.value) for p in self.parameters if p.name == name and p.joint is not None}  # type: ignore[arg-type]

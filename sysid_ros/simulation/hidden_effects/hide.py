@@ -10,14 +10,13 @@ import numpy as np
 
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.simulation.hidden_effects.bullet_run import move_in_pybullet, pybullet_can
-from sysid_ros.simulation.hidden_effects.catalogue import DRAWS
+from sysid_ros.simulation.hidden_effects.bullet_run import move_in_pybullet
+from sysid_ros.simulation.hidden_effects.catalogue import cause_of, hideable, realise
 from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
 from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
 from sysid_ros.simulation.hidden_effects.run import HiddenRecording, move, publish, require_rate, stiffening_for, truth_of
 from sysid_ros.simulation.hidden_effects.sensor_noise import Noise
-from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
 from sysid_ros.simulation.hidden_effects.visibility import nominal_residual, shown
 
 _REST = 0.8
@@ -54,8 +53,8 @@ class HiddenScenario:
 
     def __post_init__(self) -> None:
         for id_, _ in self.hide:
-            if id_ not in DRAWS:
-                raise SettingsError(f"hide is '{id_}'; it must be one of {', '.join(sorted(DRAWS))}.")
+            if id_ not in (ids := hideable()):
+                raise SettingsError(f"hide is '{id_}'; it must be one of {', '.join(ids)}.")
         require_rate(self.rate)
         # written so that NaN does not pass
         if not _SHORTEST <= self.duration < np.inf:
@@ -89,17 +88,17 @@ def hide_in_arm(
     )
     # sizes come from a motion of their own, so that they are the same in every motion
     usual = Circumstances(robot, DiagnosisMotion(robot, draw, *parts), draw, 1.0, noise.torque)
-    true = TrueRobot(robot, [_drawn(id_, joint, usual, scenario.values) for id_, joint in scenario.hide])
+    true = realise(robot, [_drawn(id_, joint, usual, scenario.values) for id_, joint in scenario.hide])
     _require_used(scenario.values, true.effects)
     rng = np.random.default_rng([scenario.seed, 2])
     motion = DiagnosisMotion(robot, rng, *parts)
     stiffening = stiffening_for(usual.torque)
-    if pybullet_can(true):
-        simulator = "pybullet"
-        moved = move_in_pybullet(true, motion, scenario.rate, stiffening, progress)
-    else:
+    if true.needs_short_steps:
         simulator = "compiled"
         moved = move(true, motion, scenario.rate, stiffening)
+    else:
+        simulator = "pybullet"
+        moved = move_in_pybullet(true, motion, scenario.rate, stiffening, progress)
     recording = publish("hidden", true, moved, noise, rng, start)
     seen = shown(nominal_residual(robot, recording.exact)[2], noise.floor(scenario.rate)) if scenario.torque_noise else None
     truth = truth_of(
@@ -122,7 +121,7 @@ def _drawn(id_: str, joint: str | None, usual: Circumstances, values: Values) ->
     names = usual.robot.joint_names
     if joint is not None and joint not in names:
         raise SettingsError(f"hide is '{id_}@{joint}'; the joint must be one of {', '.join(names)}.")
-    effect = DRAWS[id_](replace(usual, only=None if joint is None else names.index(joint)))
+    effect = cause_of(id_).draw(replace(usual, only=None if joint is None else names.index(joint)))
     if joint is not None and (joint not in effect.joints or effect.joints == names):
         raise SettingsError(f"hide is '{id_}@{joint}', but {id_} can't be hidden on that joint. Name another, or none.")
     parameters = []

@@ -68,6 +68,61 @@ def state_at(links: FloatArray, motors: FloatArray) -> State:
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
+def _control(joints: Joints, stiffening: FloatArray, wanted: FloatArray, state: State) -> None:
+    """Torque asked of each motor and, in place of the feedforward, what it gives; with the damping of the feedback."""
+    angle, rate, command, n = state.angle, state.rate, state.command, state.q.size
+    feedforward, u, damping, mass = state.vectors[1], state.vectors[3], state.vectors[5], state.matrices[0]
+    for j in range(n):
+        u[j] = FREQUENCY**2 * (wanted[0, j] - angle[j]) + 2.0 * DAMPING * FREQUENCY * (wanted[1, j] - rate[j])
+    for j in range(n):
+        command[j] = feedforward[j] + (joints.rotor[j] + stiffening[j]) * u[j]
+        for i in range(n):
+            command[j] += mass[j, i] * u[i]
+        bound = COMMAND_MARGIN * joints.limit[j]
+        command[j] = min(max(command[j], -bound), bound)
+        torque = min(max(command[j], -joints.limit[j]), joints.limit[j])
+        # no damping of the feedback at the step's end where the motor is at its limit
+        damping[j] = 2.0 * DAMPING * FREQUENCY * stiffening[j] if torque == command[j] else 0.0
+        feedforward[j] = torque
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def _load_joint(joints: Joints, j: int, t: float, h: float, state: State) -> None:
+    """What joint j puts on its link: its row of the system, the right-hand side in place of the velocity, levels of friction."""
+    q, v, angle, rate, n = state.q, state.v, state.angle, state.rate, state.q.size
+    bias, motor, push, rhs = state.vectors[0], state.vectors[1], state.vectors[2], state.vectors[4]
+    damping, forward, backward = state.vectors[5], state.vectors[6], state.vectors[7]
+    mass, system = state.matrices[0], state.matrices[1]
+    # friction belongs to the mean of the velocities before and after the step, which is what a row says
+    speed = rate[j] if joints.stiffness[j] > 0.0 else rhs[j]
+    level_forward, level_backward = dry_levels(joints, j, t, q, speed, state.link_torque[j])
+    viscous = smooth_damping(joints, j, t, q)
+    slope = 0.5 * viscous + joints.quadratic[j] * abs(rate[j]) + damping[j]
+    drive = motor[j] - viscous * rate[j] - joints.quadratic[j] * abs(rate[j]) * rate[j]
+    drive -= motor_side_torque(joints, j, t, angle[j])
+    if joints.presliding[j] > 0.0:
+        z_s = joints.presliding[j]
+        state.bristle[j] = (state.bristle[j] + h * rate[j]) / (1.0 + h * abs(rate[j]) / z_s)
+        drive -= level_forward * state.bristle[j] / z_s
+        level_forward = level_backward = 0.0
+    forward[j], backward[j] = level_forward, level_backward
+    for i in range(n):
+        system[j, i] = mass[j, i]
+    rhs[j] = push[j] - spring_torque(joints, j, q[j]) - bias[j]
+    if joints.stiffness[j] > 0.0:
+        carried = compliance_torque(joints, j, angle[j] - q[j], rate[j] - v[j])
+        rhs[j] += carried
+        inertia = joints.rotor[j] + joints.motor_inertia[j] + h * slope
+        free = rate[j] + h * (drive - carried) / inertia
+        dry = min(max(free * inertia / h, -level_backward), level_forward)
+        state.rate_next[j] = free - h * dry / inertia
+        forward[j] = backward[j] = 0.0
+    else:
+        rhs[j] += drive
+        system[j, j] += joints.rotor[j] + h * slope
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
 def solve_step(
     believed: Chain,
     links: Chain,
@@ -86,8 +141,8 @@ def solve_step(
     """
     q, v, angle, rate, command = state.q, state.v, state.angle, state.rate, state.command
     rotation, offset, work, n = state.rotation, state.offset, state.work, state.q.size
-    bias, feedforward, push, u = state.vectors[0], state.vectors[1], state.vectors[2], state.vectors[3]
-    rhs, damping, forward, backward = state.vectors[4], state.vectors[5], state.vectors[6], state.vectors[7]
+    bias, feedforward, push, rhs = state.vectors[0], state.vectors[1], state.vectors[2], state.vectors[4]
+    damping, forward, backward = state.vectors[5], state.vectors[6], state.vectors[7]
     mass, system, response = state.matrices[0], state.matrices[1], state.matrices[2]
     place(believed, angle, rotation, offset)
     inverse_dynamics(believed, rotation, offset, rate, wanted[2], 1.0, feedforward, work)
@@ -100,44 +155,9 @@ def solve_step(
     inverse_dynamics(links, rotation, offset, rhs, push, 1.0, bias, work)
     if np.any(force != 0.0):
         force_torque(links, rotation, offset, force, push)
+    _control(joints, stiffening, wanted, state)
     for j in range(n):
-        u[j] = FREQUENCY**2 * (wanted[0, j] - angle[j]) + 2.0 * DAMPING * FREQUENCY * (wanted[1, j] - rate[j])
-    for j in range(n):
-        command[j] = feedforward[j] + (joints.rotor[j] + stiffening[j]) * u[j]
-        for i in range(n):
-            command[j] += mass[j, i] * u[i]
-        bound = COMMAND_MARGIN * joints.limit[j]
-        command[j] = min(max(command[j], -bound), bound)
-        torque = min(max(command[j], -joints.limit[j]), joints.limit[j])
-        # no damping of the feedback at the step's end where the motor is at its limit
-        damping[j] = 2.0 * DAMPING * FREQUENCY * stiffening[j] if torque == command[j] else 0.0
-        # friction belongs to the mean of the velocities before and after the step, which is what a row says
-        speed = rate[j] if joints.stiffness[j] > 0.0 else rhs[j]
-        level_forward, level_backward = dry_levels(joints, j, t, q, speed, state.link_torque[j])
-        viscous = smooth_damping(joints, j, t, q)
-        slope = 0.5 * viscous + joints.quadratic[j] * abs(rate[j]) + damping[j]
-        drive = torque - viscous * rate[j] - joints.quadratic[j] * abs(rate[j]) * rate[j]
-        drive -= motor_side_torque(joints, j, t, angle[j])
-        if joints.presliding[j] > 0.0:
-            z_s = joints.presliding[j]
-            state.bristle[j] = (state.bristle[j] + h * rate[j]) / (1.0 + h * abs(rate[j]) / z_s)
-            drive -= level_forward * state.bristle[j] / z_s
-            level_forward = level_backward = 0.0
-        forward[j], backward[j] = level_forward, level_backward
-        for i in range(n):
-            system[j, i] = mass[j, i]
-        rhs[j] = push[j] - spring_torque(joints, j, q[j]) - bias[j]
-        if joints.stiffness[j] > 0.0:
-            carried = compliance_torque(joints, j, angle[j] - q[j], rate[j] - v[j])
-            rhs[j] += carried
-            inertia = joints.rotor[j] + joints.motor_inertia[j] + h * slope
-            free = rate[j] + h * (drive - carried) / inertia
-            dry = min(max(free * inertia / h, -level_backward), level_forward)
-            state.rate_next[j] = free - h * dry / inertia
-            forward[j] = backward[j] = 0.0
-        else:
-            rhs[j] += drive
-            system[j, j] += joints.rotor[j] + h * slope
+        _load_joint(joints, j, t, h, state)
     invert(system, response)
     for i in range(n):
         state.v_next[i] = v[i]

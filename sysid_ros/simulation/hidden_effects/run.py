@@ -57,8 +57,7 @@ def move(true: TrueRobot, motion: DiagnosisMotion, rate: int, stiffening: FloatA
     """
     require_rate(rate)
     joints = true.joints
-    fast = bool(np.any(joints.stiffness) or np.any(joints.presliding))
-    steps = _STEPS_OF_FAST_PHYSICS if fast else _STEPS
+    steps = _STEPS_OF_FAST_PHYSICS if true.needs_short_steps else _STEPS
     count = int(motion.duration * rate)
     grid = np.arange(int(motion.duration / _REFERENCE_PERIOD) + 1002) * _REFERENCE_PERIOD
     reference = np.stack(motion.sample(grid), axis=1)

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Collection
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.motion import Motion
+from sysid_ros.signals.zero_phase import low_passed
 from sysid_ros.simulation.hidden_effects.channels import Signals
 from sysid_ros.simulation.hidden_effects.sensor_noise import BAND
+from sysid_ros.torque.torque_model import TorqueModel
 
 _SLOW = 0.015
 _GRID = 100.0
-# a level forward and another backward are a Coulomb friction and a constant: the constant may not be taken from it
-_CONTAINS = {"asymmetric_coulomb_friction": {"torque_offset"}}
-_PLAIN = {"torque_offset": 0, "coulomb_friction": 1, "viscous_friction": 2}
+_PLAIN = ("constant", "sign", "velocity")
 
 
 def nominal_residual(robot: RobotModel, exact: Signals) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -29,12 +29,12 @@ def nominal_residual(robot: RobotModel, exact: Signals) -> tuple[FloatArray, Flo
     period = float(exact.t[1] - exact.t[0])
     v = (exact.q[2:] - exact.q[:-2]) / (2.0 * period)
     a = (exact.q[2:] - 2.0 * exact.q[1:-1] + exact.q[:-2]) / period**2
-    low = butter(4, BAND, fs=1.0 / period, output="sos")
     every = max(round(1.0 / period / _GRID), 1)
     # inverse dynamics at 100 Hz of a motion below BAND
-    q_s, v_s, a_s, tau_s = (sosfiltfilt(low, x, axis=0)[::every] for x in (exact.q[1:-1], v, a, exact.tau[1:-1]))
-    nominal = robot.rnea_along(q_s, v_s, a_s) + robot.damping * v_s + robot.friction * np.tanh(v_s / _SLOW)
-    return exact.t[1:-1][::every], v_s, tau_s - nominal
+    q_s, v_s, a_s, tau_s = (low_passed(x, BAND, period)[::every] for x in (exact.q[1:-1], v, a, exact.tau[1:-1]))
+    t = exact.t[1:-1][::every]
+    nominal = TorqueModel(robot, [], turns=_SLOW).torque_along(Motion(robot, t, q_s, v_s, a_s, tau_s))
+    return t, v_s, tau_s - nominal
 
 
 def shown(residual: FloatArray, floor: FloatArray) -> FloatArray:
@@ -42,14 +42,14 @@ def shown(residual: FloatArray, floor: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.mean(residual**2, axis=0)) / floor)
 
 
-def shown_as_itself(t: FloatArray, v: FloatArray, residual: FloatArray, floor: FloatArray, ids: Collection[str]) -> FloatArray:
-    """As :func:`shown`, after a constant, Coulomb and viscous friction took what they can, unless they are hidden themselves.
+def shown_as_itself(v: FloatArray, residual: FloatArray, floor: FloatArray, own: Collection[str]) -> FloatArray:
+    """As :func:`shown`, after a constant, Coulomb and viscous friction took what they can, unless they are hidden themselves:
+    ``own`` names which of ``constant``, ``sign`` and ``velocity`` are.
 
     A Stribeck friction whose bump is below the noise is a Coulomb friction in this recording; this tells them apart.
     """
     out = np.empty(residual.shape[1])
-    own = set(ids).union(*(_CONTAINS.get(id_, set()) for id_ in ids))
-    keep = [column for name, column in _PLAIN.items() if name not in own]
+    keep = [column for column, name in enumerate(_PLAIN) if name not in own]
     for j in range(residual.shape[1]):
         moving = np.abs(v[:, j]) > _SLOW
         if moving.sum() < 20:

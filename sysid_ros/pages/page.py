@@ -1,0 +1,85 @@
+"""Pages: every HTML file comes from one family of templates, is escaped by it, and holds all that it needs."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from sysid_ros.exceptions import SettingsError
+from sysid_ros.pages.figure import Figure, legends
+from sysid_ros.pages.plotly_renderer import specification
+
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+PAGE_SUFFIXES = (".html", ".htm")
+
+
+def check_plot_path(path: Path) -> None:
+    """Fails early where a figure can't be written to ``path``.
+
+    Raises:
+        SettingsError: its suffix is not known, or its folder is not there.
+    """
+    if path.suffix.lower() not in FIGURE_SUFFIXES + PAGE_SUFFIXES:
+        raise SettingsError(
+            f"The plot '{path}' ends in '{path.suffix}'; it must end in {', '.join(FIGURE_SUFFIXES + PAGE_SUFFIXES[:1])}. "
+            "Choose .png for a report, .html to zoom in a browser."
+        )
+    if not path.parent.is_dir():
+        raise SettingsError(f"The folder of the plot '{path}' does not exist. Create it: mkdir -p '{path.parent}'.")
+
+
+def write_plot(path: Path, figure: Figure, template: str = "figure.html", **words: object) -> None:
+    """Write a figure as a picture, or as a page by a template with what else it tells.
+
+    Args:
+        path: .png, .svg or .pdf for a report; .html for a page that holds all it needs.
+        template: of the page; it gets ``figure`` and ``words``.
+
+    Raises:
+        SettingsError: the suffix is not known, or the folder is not there.
+    """
+    check_plot_path(path)
+    if path.suffix.lower() in PAGE_SUFFIXES:
+        path.write_text(page(template, figure=figure, **words), encoding="utf-8")
+    else:
+        # takes a part of a second to import
+        from sysid_ros.pages.matplotlib_renderer import drawn
+
+        drawn(figure).savefig(path, dpi=150)
+
+
+def page(template: str, **words: object) -> str:
+    """HTML of a page; what it is told is text, and is escaped."""
+    from plotly.offline import get_plotlyjs
+
+    return _environment().get_template(template).render(plotly=get_plotlyjs, **words)
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number for people; a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return "∞" if value == math.inf else "–"
+    return f"{value:.{digits}g}".replace("e-0", "e-").replace("e+0", "e")
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
+    environment.filters |= {
+        "number": number,
+        "specification": specification,
+        "legends": legends,
+        "unit": lambda unit: unit.replace("^2", "²"),
+        "file_name": lambda path: Path(path).name,
+    }
+    return environment

@@ -1,0 +1,50 @@
+"""What bodies on the tip and changed links have in common when they are hidden."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid_ros.sample import FloatArray
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot
+from sysid_ros.simulation.payload import Payload, box
+
+
+class Inertial(HiddenCause):
+    """What adds to the inertials of one link."""
+
+    def changed_link(self, effect: HiddenEffect, true: TrueRobot) -> int:
+        """The link that is not what the URDF says, by its joint."""
+        return true.robot.n - 1
+
+    def rivals(
+        self, effect: HiddenEffect, true: TrueRobot, q: FloatArray, v: FloatArray, a: FloatArray
+    ) -> tuple[FloatArray, list[FloatArray]]:
+        """Each other link's ten inertials, a constant pull at the tip, a balancer on each joint."""
+        robot, n = true.robot, true.robot.n
+        regressor = robot.regressor_along(q, v, a)
+        torque = regressor @ (true.pi_after - robot.pi.reshape(n, 10)).reshape(-1)
+        changed = self.changed_link(effect, true)
+        others = [regressor[:, :, 10 * k : 10 * k + 10] for k in range(n) if k != changed]
+        balancers = np.zeros((n, len(q), n, 2))
+        for j in range(n):
+            balancers[j, :, j] = np.column_stack([np.sin(q[:, j]), np.cos(q[:, j])])
+        return torque, [*others, true.tip_columns(q), *balancers]
+
+
+class TipBody(Inertial):
+    """A box on the tip link."""
+
+    family = "body"
+    whole_arm = True
+
+    def drawn_box(self, c: Circumstances) -> tuple[dict[str, tuple[float | tuple[float, ...], str]], list[list[float]]]:
+        """Its mass and centre of mass, and its inertia about that."""
+        direction = c.rng.normal(size=3)
+        com = direction / np.linalg.norm(direction) * c.uniform(0.03, 0.12)
+        mass = c.share(0.025, 0.08) * c.mass
+        body = box(mass, com.tolist(), rpy=c.rng.uniform(-np.pi, np.pi, 3).tolist())
+        return {"mass": (mass, "kg"), "com": (tuple(com.tolist()), "m")}, body.inertia_com.tolist()
+
+    def body_of(self, effect: HiddenEffect) -> Payload:
+        """The body itself."""
+        return Payload(effect.number("mass"), effect.vector("com"), np.array(effect.settings["inertia_com"]))

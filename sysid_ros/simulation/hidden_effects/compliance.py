@@ -1,0 +1,28 @@
+"""What a spring and a play between motor and link have in common when they are hidden."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from sysid_ros.simulation.hidden_effects.hidden_cause import HiddenCause, HiddenEffect, TrueRobot
+
+
+class Compliance(HiddenCause):
+    """A motor, whose position is measured, and a link that follows it through a spring.
+
+    Attributes:
+        damping_ratio: of motor and spring, over the critical one.
+    """
+
+    family = "compliance"
+    companions = ("rotor_inertia",)  # the motor behind the spring turns, and the URDF has no motors
+    damping_ratio: ClassVar[float]
+
+    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
+        stiffness = effect.per_joint("stiffness") or dict(zip(effect.joints, effect.settings["stiffness"], strict=True))
+        motor = dict(zip(effect.joints, effect.settings["motor_inertia"], strict=True))
+        true.put("stiffness", stiffness)
+        true.put("motor_inertia", motor)
+        true.put("compliance_damping", {j: 2.0 * self.damping_ratio * np.sqrt(k * motor[j]) for j, k in stiffness.items()})

@@ -1,0 +1,29 @@
+"""Joints under each other's names, hidden."""
+
+from __future__ import annotations
+
+from sysid_ros.simulation.hidden_effects.channels import Exchanged
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.hidden_effect import TrueParameter
+
+
+@register_hidden
+class JointOrder(HiddenCause):
+    """Two joints under each other's names, in the efforts alone or in all channels."""
+
+    id = "joint_order"
+    changes_input = True
+    sized = False
+
+    def draw(self, c: Circumstances) -> HiddenEffect:
+        one = c.one_joint()
+        other = int(c.rng.choice([j for j in range(c.robot.n) if j != one]))
+        first, second = (c.robot.joint_names[j] for j in sorted((one, other)))
+        parameters = (TrueParameter("takes_from", first, second, ""), TrueParameter("takes_from", second, first, ""))
+        kind = "effort" if c.uniform(0.0, 1.0) < 0.5 else "all"
+        return HiddenEffect(self.id, (first, second), parameters, kind)
+
+    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
+        source = {p.joint: str(p.value) for p in effect.parameters if p.name == "takes_from"}
+        order = tuple(true.index(source.get(joint, joint)) for joint in true.robot.joint_names)
+        true.channels.append(Exchanged(order, effect.kind == "effort"))

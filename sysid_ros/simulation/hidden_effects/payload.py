@@ -1,0 +1,21 @@
+"""A body on the tip link, hidden."""
+
+from __future__ import annotations
+
+from sysid_ros.simulation.hidden_effects.bodies import TipBody
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
+
+
+@register_hidden
+class Payload(TipBody):
+    """A box on the tip link."""
+
+    id = "payload"
+    equivalent = ("link_inertia",)  # a body on the last link is a part of the last link
+
+    def draw(self, c: Circumstances) -> HiddenEffect:
+        values, inertia = self.drawn_box(c)
+        return c.whole_arm(self.id, values, inertia_com=inertia)
+
+    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
+        true.carry(self.body_of(effect))

@@ -1,0 +1,38 @@
+"""A motor at its limit, or its sensor, hidden."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid_ros.simulation.hidden_effects.channels import Clipped
+from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+
+_HOLDING = 1.1
+
+
+@register_hidden
+class TorqueSaturation(HiddenCause):
+    """A motor, or the sensor of one, that can do no more; the published effort is what was asked for, or ends at the limit.
+
+    A motor's limit holds the arm against gravity with some room: else the arm would fall, and not only lag behind.
+    """
+
+    id = "torque_saturation"
+    local = True
+
+    def draw(self, c: Circumstances) -> HiddenEffect:
+        motor = c.uniform(0.0, 1.0) > 0.35
+        low = np.abs(c.tau).max(axis=0) * (1.0 - c.uniform(0.15, 0.45) * c.scale)
+        held = _HOLDING * np.abs(c.gravity).max(axis=0) < low
+        j = c.one_joint(held if motor else None)
+        if motor and held[j]:
+            return c.effect(self.id, [j], {"limit": ({j: float(low[j])}, "N m")}, "motor")
+        limit = float(np.quantile(np.abs(c.tau[:, j]), 1.0 - c.uniform(0.05, 0.15) * c.scale))
+        return c.effect(self.id, [j], {"limit": ({j: limit}, "N m")}, "sensor")
+
+    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
+        limit = effect.per_joint("limit")
+        if effect.kind == "sensor":
+            true.channels.append(Clipped(true.per_joint(limit, np.inf)))
+        else:
+            true.put("limit", limit)

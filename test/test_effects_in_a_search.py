@@ -1,0 +1,89 @@
+"""What every effect answers to whoever searches for causes, and what a robot's description holds of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from motions import Motion as Motion_
+from robots import random_body, random_sample, robot
+
+from sysid_ros.effects import EFFECTS, CoulombFriction, Effect, Motion, Payload, Scope, forms_of
+from sysid_ros.robot import inertial_parameters
+
+ARM = "small_arm"
+every_effect = pytest.mark.parametrize("effect_id", EFFECTS)
+
+
+@every_effect
+def test_the_forms_that_a_search_starts_from_can_be_made_and_reported(effect_id: str) -> None:
+    """On each joint, or on the whole arm: columns, prior, possible values and parameters fit one another."""
+    kind, model = EFFECTS[effect_id], robot(ARM)
+    t = np.asarray(0.01 * np.arange(300.0))
+    q, v, a = Motion_(model, 0)(t)
+    recording = Motion(model, t, q, v, a, model.rnea_along(q, v, a))
+    for joint in (None,) if kind.scope is Scope.ARM else range(model.n):
+        for candidate in kind.candidates([recording], joint)[::10]:
+            effect = kind.from_settings(model, () if joint is None else (model.joint_names[joint],), dict(candidate.settings))
+            p = effect.p if candidate.basis is None else candidate.basis.shape[1]
+            assert candidate.basis is None or candidate.basis.shape[0] == effect.p
+            assert kind.scope is not Scope.JOINT or candidate.basis is None
+            assert joint is None or effect.concerned[0] == joint
+            assert np.all(effect.prior_std(candidate.form) > 0.0)
+            torque = effect.reference_torque([recording])
+            answers = [effect.possible(sign * np.ones(p), 0.1 * np.ones(p), candidate.form, torque) for sign in (1.0, -1.0)]
+            assert all(isinstance(x, bool) for x in answers)
+            values = np.append(0.1 * np.ones(p), [float(effect.settings.get(k.name, 1.0)) for k in kind.knobs])
+            found = effect.as_parameters(values, 1e-6 * np.eye(len(values)), candidate.basis)
+            assert found
+            assert len({x.name for x in found}) == len(found)
+            assert all(x.joint is None if joint is None else x.joint == model.joint_names[joint] for x in found)
+            assert all(np.all(np.asarray(x.low) <= x.value) and np.all(x.value <= np.asarray(x.high)) for x in found if x.unit)
+
+
+@every_effect
+def test_effects_exclude_one_another_both_ways_but_for_what_they_include(effect_id: str) -> None:
+    model = robot(ARM)
+    one = EFFECTS[effect_id](model, model.joint_names[:1])
+    assert one.excludes(EFFECTS[effect_id](model, model.joint_names[:1]))
+    for other_id in EFFECTS:
+        other = EFFECTS[other_id](model, model.joint_names[:1])
+        if other_id not in one.includes and effect_id not in other.includes:
+            assert one.excludes(other) == other.excludes(one)
+    named = {one.companion, one.simpler, one.changes, *one.includes, *one.sum_of} - {""}
+    assert named <= set(EFFECTS)
+
+
+def test_the_forms_of_dry_friction_stand_in_order_the_simplest_first() -> None:
+    forms = forms_of(CoulombFriction.family)
+    assert forms[0] is CoulombFriction
+    assert all(f.jumps for f in forms)
+    assert forms_of("") == ()
+
+
+def test_curves_of_an_effect_that_writes_columns_only_are_those_columns() -> None:
+    model = robot(ARM)
+    t = np.asarray(0.01 * np.arange(50.0))
+    q, v, a = Motion_(model, 0)(t)
+    recording = Motion(model, t, q, v, a, np.zeros_like(q))
+    for effect in (EFFECTS["spring"](model), EFFECTS["viscous_friction"](model)):
+        np.testing.assert_array_equal(Effect.curves_along(effect, recording), effect.curves_along(recording))
+
+
+def test_a_payload_is_a_part_of_the_link_that_carries_it() -> None:
+    model = robot(ARM)
+    rng = np.random.default_rng(5)
+    mass, com, inertia = random_body(rng)
+    theta = inertial_parameters.from_com(mass, com, inertia)
+    payload = Payload(model)
+    sample = random_sample(model, rng)
+    carried = model.regressor(sample.q, sample.v, sample.a) @ payload.as_links(theta).ravel()
+    np.testing.assert_allclose(carried, payload.torque(sample, theta), atol=1e-9)
+    assert not EFFECTS["payload_change"](model).as_links(theta).any()
+
+
+def test_parameters_of_a_combination_are_those_of_the_effect() -> None:
+    effect = EFFECTS["spring"](robot(ARM), ["lift"])
+    basis = np.array([[1.0], [2.0]])
+    slope, level = Effect.as_parameters(effect, np.array([3.0]), np.array([[0.01]]), basis)
+    assert (slope.name, slope.value, level.name, level.value) == ("along", 3.0, "across", 6.0)
+    assert level.std == pytest.approx(0.2)
