@@ -30,10 +30,10 @@ def choose_effects(
     Each effect that is asked for becomes free on the joints, or for the whole arm, where it predicts what was not fitted better
     than the model does without it, see :func:`~sysid_ros.identification.effect_choice.those_that_gain`.
 
-    Where several are asked for, each is asked for again beside what was chosen of the others, until that changes no more. The knobs minimise the weighted sum of squares that
-    is left when all linear parameters are solved for (variable projection: Golub, Pereyra 1973), first on a grid over their
-    range, then on finer ones around the best. Joints whose columns share no row are searched in turn until none changes, others
-    each by itself.
+    Where several are asked for, each is asked for again beside what was chosen of the others, until that changes no more. The
+    knobs minimise the weighted sum of squares that is left when all linear parameters are solved for (variable projection: Golub,
+    Pereyra 1973), first on a grid over their range, then on finer ones around the best. Joints whose columns share no row are
+    searched in turn until none changes, others each by itself.
 
     Args:
         friction, effects: as of :func:`~sysid_ros.identification.free_effects.wishes`. method: of the least squares.
