@@ -86,4 +86,4 @@ def test_parameters_of_a_combination_are_those_of_the_effect() -> None:
     basis = np.array([[1.0], [2.0]])
     slope, level = Effect.as_parameters(effect, np.array([3.0]), np.array([[0.01]]), basis)
     assert (slope.name, slope.value, level.name, level.value) == ("along", 3.0, "across", 6.0)
-    assert level.std == pytest.approx(0.2)
+    assert level.std == pytest.approx(np.hypot(0.2, 1e-3 * 6.0))

@@ -59,7 +59,7 @@ WITHOUT_SIZE = {"torque_sign", "joint_sign", "joint_order", "gravity_compensated
 AS_SURE_AS_BEFORE = {"torque_quantisation", "payload_change", "joint_elasticity", "backlash"}
 # what these equations leave of a large deflection is no noise: it scatters from one stretch of time to the next, and evidence
 # that scatters counts for less
-SCATTERS_WITH_SIZE = {"joint_elasticity", "backlash"}
+SCATTERS_WITH_SIZE = {"joint_elasticity", "backlash", "payload_change"}
 
 INSIDE = [id_ for id_, cause in CAUSES.items() if not cause.outside]
 """Causes that a diagnosis can name."""

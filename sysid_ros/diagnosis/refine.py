@@ -15,7 +15,7 @@ from sysid_ros.diagnosis.term import Term
 from sysid_ros.diagnosis.torque_noise import Noise
 from sysid_ros.effects import Knob
 
-_STEPS = 10
+_STEPS = 8
 _FIXED_POINTS = 3
 _SCAN = 13
 _NEAR, _APART = 8, 0.015
