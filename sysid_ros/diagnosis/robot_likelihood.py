@@ -42,18 +42,32 @@ _OWN = 0.3
 """Standard deviation of a friction, an offset, a rotor's torque, as a part of the usual torque; of a gain, as a part of it."""
 
 
+_USUALLY_RIGHT = 0.99
+"""Probability that a URDF that somebody gives is the robot's, before any data."""
+_CORRELATED = 1.0
+"""Time within which what a model leaves keeps its sign [s]: that many seconds count as one row."""
+
+
 @dataclass(frozen=True)
 class Likelihoods:
-    """Mean log-likelihood of a left-out row of each joint, shape (n,): with the URDF, with free bodies, with no robot."""
+    """Mean log-likelihood of a left-out row of each joint, shape (n,): with the URDF, with free bodies, with no robot; and for
+    how long that was seen [s]."""
 
     urdf: FloatArray
     free: FloatArray
     no_robot: FloatArray
+    seconds: float
 
     @property
-    def speaks_for_the_urdf(self) -> float:
-        """By how much the URDF is likelier than the better one of the others, a row of all joints; below 0 it is not."""
+    def gain(self) -> float:
+        """Log-likelihood of the URDF over the better one of the others, a row of all joints."""
         return float(self.urdf.sum() - max(self.free.sum(), self.no_robot.sum()))
+
+    @property
+    def probability(self) -> float:
+        """That the URDF is the robot's rather than that one of the others holds."""
+        odds = np.log(_USUALLY_RIGHT / (1.0 - _USUALLY_RIGHT)) + self.gain * self.seconds / _CORRELATED
+        return float(1.0 / (1.0 + np.exp(-np.clip(odds, -700.0, 700.0))))
 
 
 def wrong_robot(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
@@ -63,13 +77,13 @@ def wrong_robot(robot: RobotModel, recordings: Sequence[Recording]) -> str | Non
         recordings: after the faults of units, signs and order were undone.
     """
     found = robot_likelihood(robot, recordings)
-    if found is None or found.speaks_for_the_urdf > 0.0:
+    if found is None or found.probability > 0.5:
         return None
     no_robot = found.no_robot.sum() >= found.free.sum()
     other = "functions of the joint angles that know no robot" if no_robot else "the same joints with any other bodies on them"
     return (
         f"The URDF '{robot.name}' does not explain these torques: on left-out motion {other} predict them better (by a factor of "
-        f"{np.exp(-found.speaks_for_the_urdf):.3g} in the likelihood of each instant), whatever friction, offset and payload are "
+        f"{np.exp(-found.gain):.3g} in the likelihood of each instant), whatever friction, offset and payload are "
         "added to it. It is another robot's URDF, or the efforts are no joint torques; give the URDF of the robot that was "
         "recorded (--urdf)."
     )
@@ -77,9 +91,10 @@ def wrong_robot(robot: RobotModel, recordings: Sequence[Recording]) -> str | Non
 
 def robot_likelihood(robot: RobotModel, recordings: Sequence[Recording]) -> Likelihoods | None:
     """What the recordings say of a URDF; None where nothing of them can be used."""
-    parts = [_rows(robot, m) for r in recordings for m in motions(robot, r)]
-    if not parts:
+    found = [m for r in recordings for m in motions(robot, r)]
+    if not found:
         return None
+    parts = [_rows(robot, m) for m in found]
     q, links, payload, own, waves, tau = (np.concatenate(x) for x in zip(*parts, strict=True))
     regions = _regions(q)
     usual = np.maximum(np.sqrt(np.mean(tau**2, axis=0)), 1e-9)
@@ -97,7 +112,7 @@ def robot_likelihood(robot: RobotModel, recordings: Sequence[Recording]) -> Like
         size = usual[j] / np.maximum(np.sqrt(np.mean(waves**2, axis=0)), 1e-9)
         none = np.concatenate([waves * size, own[:, j, :-3] * of_joint[:-3]], axis=1)
         B[j] = _left_out(none, tau[:, j], regions)
-    return Likelihoods(U, F, B)
+    return Likelihoods(U, F, B, sum(len(m.t) * m.period for m in found))
 
 
 def _rows(robot: RobotModel, m: Motion) -> tuple[FloatArray, ...]:

@@ -13,7 +13,7 @@ from sysid_ros.sample import FloatArray
 _95 = 1.959964
 _CHAIN = 1e-3
 """What the chain itself is off by, as a part of a size, whatever the amount of data: even grid, filters, first order in angles.
-Of recordings without noise a tilt of 0.12 rad came out 0.09 % short, and no size further off; intervals hold it as a deviation."""
+Of recordings without noise a tilt of 0.12 rad came out 0.09 % short, and no size further off."""
 _NO_SIZES = ("t0", "q0", "harmonic")
 """Instants and origins, of which a part means nothing."""
 
