@@ -21,6 +21,11 @@ def positive(value: object, what: str, effect: str) -> float:
     return float(value)
 
 
+def of_slide(unit: str) -> str:
+    """What a unit of a revolute joint is on a prismatic one: N for N m, m for rad, kg for kg m^2."""
+    return unit.replace("(N m)", "N").replace("N m", "N").replace("kg m^2", "kg").replace("rad", "m")
+
+
 def carrying(robot: RobotModel, links: Sequence[float], effect: str) -> RobotModel:
     """The robot with a change of its links' inertials, shape (10 n,); the robot itself where that is empty.
 

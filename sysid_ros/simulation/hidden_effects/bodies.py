@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from sysid_ros.sample import FloatArray
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot
+from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenCause, HiddenEffect, Pairs, TrueRobot
 from sysid_ros.simulation.payload import Payload, box
 
 
@@ -34,16 +36,20 @@ class Inertial(HiddenCause):
 class TipBody(Inertial):
     """A box on the tip link."""
 
+    parameters: ClassVar[Pairs] = (("mass", "kg"), ("com", "m"))
     family = "body"
     whole_arm = True
 
-    def drawn_box(self, c: Circumstances) -> tuple[dict[str, tuple[float | tuple[float, ...], str]], list[list[float]]]:
-        """Its mass and centre of mass, and its inertia about that."""
+    def draw(self, c: Circumstances) -> HiddenEffect:
         direction = c.rng.normal(size=3)
         com = direction / np.linalg.norm(direction) * c.uniform(0.03, 0.12)
         mass = c.share(0.025, 0.08) * c.mass
         body = box(mass, com.tolist(), rpy=c.rng.uniform(-np.pi, np.pi, 3).tolist())
-        return {"mass": (mass, "kg"), "com": (tuple(com.tolist()), "m")}, body.inertia_com.tolist()
+        return self.of_arm(c, [mass, tuple(com.tolist()), *self.more(c)], inertia_com=body.inertia_com.tolist())
+
+    def more(self, c: Circumstances) -> list[float]:
+        """What it has beside its mass and its centre of mass."""
+        return []
 
     def body_of(self, effect: HiddenEffect) -> Payload:
         """The body itself."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from sysid_ros.effects import EFFECTS
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.simulation.hidden_effects.hidden_cause import CAUSES, HiddenCause
+from sysid_ros.simulation.hidden_effects.cause import CAUSES, HiddenCause
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
 from sysid_ros.simulation.hidden_effects.regressed_cause import RegressedCause
 from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot

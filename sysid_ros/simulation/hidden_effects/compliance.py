@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid_ros.simulation.hidden_effects.hidden_cause import HiddenCause, HiddenEffect, TrueRobot
+from sysid_ros.simulation.hidden_effects.cause import HiddenCause, HiddenEffect, Pairs, TrueRobot
 
 
 class Compliance(HiddenCause):
@@ -16,13 +16,12 @@ class Compliance(HiddenCause):
         damping_ratio: of motor and spring, over the critical one.
     """
 
+    puts: ClassVar[Pairs] = (("stiffness", "stiffness"), ("motor_inertia", "motor_inertia"))
     family = "compliance"
     companions = ("rotor_inertia",)  # the motor behind the spring turns, and the URDF has no motors
     damping_ratio: ClassVar[float]
 
     def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        stiffness = effect.per_joint("stiffness") or dict(zip(effect.joints, effect.settings["stiffness"], strict=True))
-        motor = dict(zip(effect.joints, effect.settings["motor_inertia"], strict=True))
-        true.put("stiffness", stiffness)
-        true.put("motor_inertia", motor)
+        super().realise(effect, true)
+        stiffness, motor = effect.per_joint("stiffness"), effect.per_joint("motor_inertia")
         true.put("compliance_damping", {j: 2.0 * self.damping_ratio * np.sqrt(k * motor[j]) for j, k in stiffness.items()})

@@ -54,7 +54,9 @@ class HiddenEffect:
         return float(self.vector(name)[0])
 
     def per_joint(self, name: str) -> dict[str, float]:
-        """A parameter by joint."""
+        """A parameter by joint, or a setting of which there is one a joint."""
+        if name in self.settings:
+            return dict(zip(self.joints, np.atleast_1d(self.settings[name]).tolist(), strict=True))
         return {p.joint: float(p.value) for p in self.parameters if p.name == name and p.joint is not None}  # type: ignore[arg-type]
 
     def as_dict(self) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sysid_ros.simulation.hidden_effects.bodies import Inertial
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
 from sysid_ros.simulation.hidden_effects.hidden_effect import TrueParameter
 
 

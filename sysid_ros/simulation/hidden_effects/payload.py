@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sysid_ros.simulation.hidden_effects.bodies import TipBody
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import HiddenEffect, TrueRobot, register_hidden
 
 
 @register_hidden
@@ -12,10 +12,6 @@ class Payload(TipBody):
 
     id = "payload"
     equivalent = ("link_inertia",)  # a body on the last link is a part of the last link
-
-    def draw(self, c: Circumstances) -> HiddenEffect:
-        values, inertia = self.drawn_box(c)
-        return c.whole_arm(self.id, values, inertia_com=inertia)
 
     def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
         true.carry(self.body_of(effect))

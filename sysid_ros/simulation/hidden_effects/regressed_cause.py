@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -12,9 +12,9 @@ from sysid_ros.effects import Acts, Effect, Knob, Motion
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.simulation.hidden_effects.cause import HiddenCause
 from sysid_ros.simulation.hidden_effects.channels import Signals
 from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
-from sysid_ros.simulation.hidden_effects.hidden_cause import HiddenCause
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
 from sysid_ros.simulation.hidden_effects.sensor_noise import BAND
 from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
@@ -22,18 +22,6 @@ from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
 _ATTEMPTS = 20
 _KEPT = 0.7
 """Part of the torque that lies below ``BAND`` where the knobs are well drawn: a ripple above it is hidden from everyone."""
-
-
-@dataclass(frozen=True)
-class Regressed:
-    """Effort plus ``Y(q, v, a) theta`` of an effect along the true motion; each term is one joint's, or the whole arm's."""
-
-    robot: TrueRobot
-    terms: tuple[tuple[Effect, FloatArray], ...]
-
-    def __call__(self, signals: Signals, true: Signals) -> Signals:
-        motion = self.robot.motion_of(true)
-        return replace(signals, tau=signals.tau + sum(term.torque_along(motion, theta) for term, theta in self.terms))
 
 
 class RegressedCause(HiddenCause):
@@ -68,7 +56,7 @@ class RegressedCause(HiddenCause):
             terms.append((term, np.array([own[_symbol(name, joint)] for name in term.parameter_names])))
         # the robot's own torque passes through what its messages hide, a fault of the messages does not
         at = len(true.channels) if self.effect.acts is Acts.MEASUREMENT else 0
-        true.channels.insert(at, Regressed(true, tuple(terms)))
+        true.channels.insert(at, partial(_with_terms, true, terms))
 
     def _term(self, robot: RobotModel, joints: Sequence[str], knobs: dict[str, float]) -> Effect:
         return self.effect.from_settings(robot, joints, knobs)
@@ -100,6 +88,12 @@ class RegressedCause(HiddenCause):
             *(TrueParameter(knob.name, joint, knobs[knob.name], knob.unit) for knob in self.effect.knobs),
             *(TrueParameter(_symbol(name, joint), joint, value, unit) for name, value, unit in linear),
         ]
+
+
+def _with_terms(robot: TrueRobot, terms: Sequence[tuple[Effect, FloatArray]], signals: Signals, true: Signals) -> Signals:
+    """Effort plus the effects' torque along the true motion; each term is one joint's, or the whole arm's."""
+    motion = robot.motion_of(true)
+    return signals.with_tau(signals.tau + sum(term.torque_along(motion, theta) for term, theta in terms))
 
 
 def _symbol(name: str, joint: str | None) -> str:
