@@ -1,11 +1,40 @@
-"""Dry friction."""
+"""Dry friction, and what every form of it has in common."""
 
 from __future__ import annotations
 
-from sysid_ros.effects.dry_friction import DryFriction
-from sysid_ros.effects.effect import JointEffect
+from collections.abc import Sequence
+from typing import ClassVar
+
+from sysid_ros.effects.effect import Effect, JointEffect, Knob, positive
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
+
+
+class DryFriction(Effect):
+    """Friction in proportion to ``s = tanh(v / width)``, the sign of the velocity without its jump.
+
+    Args:
+        robot: the model. joints: joints that rub; empty for all.
+        width: speed at which the sign function has turned, well above the noise of the velocity [rad/s].
+
+    Raises:
+        ModelFileError: the width is not a positive number.
+    """
+
+    family = "dry friction"
+    jumps = True
+    setting_names: ClassVar[tuple[str, ...]] = ("width",)
+    knobs = (Knob("width", 0.001, 0.1, "rad/s", reach=5.0, reported=False),)
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = TURNS) -> None:
+        super().__init__(robot, joints)
+        self.width = positive(width, "width", self.id)
+
+    def sign(self, state: Sample | Motion) -> FloatArray:
+        """s of every joint, as ``state.v``."""
+        return smoothed_sign(state.v, self.width)
 
 
 class CoulombFriction(DryFriction, JointEffect):

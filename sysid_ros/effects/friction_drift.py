@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.effects.dry_friction import DryFriction
+from sysid_ros.effects.coulomb_friction import DryFriction
 from sysid_ros.effects.effect import Depends, JointCurves
 from sysid_ros.effects.traits import Candidate
 from sysid_ros.exceptions import ModelFileError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid_ros.effects.dry_friction import DryFriction
+from sysid_ros.effects.coulomb_friction import DryFriction
 from sysid_ros.effects.effect import Depends, JointCurves
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion

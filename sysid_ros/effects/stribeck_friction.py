@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid_ros.effects.dry_friction import DryFriction
+from sysid_ros.effects.coulomb_friction import DryFriction
 from sysid_ros.effects.effect import JointCurves, Knob, positive
 from sysid_ros.effects.traits import Candidate
 from sysid_ros.robot.robot_model import RobotModel

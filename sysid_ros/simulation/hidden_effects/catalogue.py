@@ -46,10 +46,7 @@ from sysid_ros.simulation.hidden_effects import (  # noqa: F401
     torque_quantisation,
     external_force,
     payload_change,
-    outside_hum,
-    outside_neighbour_damping,
-    outside_neighbour_friction,
-    outside_wobbling_gain,
+    outside,
 )
 # isort: on
 

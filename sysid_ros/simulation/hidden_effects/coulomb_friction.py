@@ -1,7 +1,18 @@
-"""Coulomb friction, hidden."""
+"""Coulomb friction, hidden; and what every dry friction has in common."""
 
-from sysid_ros.simulation.hidden_effects.cause import register_hidden
-from sysid_ros.simulation.hidden_effects.dry_friction import DryFriction
+from typing import ClassVar
+
+from sysid_ros.simulation.hidden_effects.cause import Pairs, TorqueShare, register_hidden
+
+
+class DryFriction(TorqueShare):
+    """Friction with a level ``Fc`` in both directions, and with what its own kind adds."""
+
+    parameters: ClassVar[Pairs] = (("Fc", "N m"),)
+    adds: ClassVar[Pairs] = (("coulomb_forward", "Fc"), ("coulomb_backward", "Fc"))
+    family = "friction"
+    dry = True
+    share = (0.06, 0.35)
 
 
 @register_hidden

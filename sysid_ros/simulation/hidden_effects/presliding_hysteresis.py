@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, register_hidden
-from sysid_ros.simulation.hidden_effects.dry_friction import DryFriction
+from sysid_ros.simulation.hidden_effects.coulomb_friction import DryFriction
 
 
 @register_hidden

@@ -2,8 +2,25 @@
 
 from __future__ import annotations
 
-from sysid_ros.simulation.hidden_effects.cause import Circumstances, JointCause, register_hidden
-from sysid_ros.simulation.hidden_effects.gain import Gain
+from sysid_ros.simulation.hidden_effects.cause import (
+    Circumstances,
+    HiddenCause,
+    HiddenEffect,
+    JointCause,
+    Signals,
+    TrueRobot,
+    register_hidden,
+)
+
+
+class Gain(HiddenCause):
+    """Effort times its first parameter: another constant, unit or sign."""
+
+    in_messages = True
+
+    def publish(self, effect: HiddenEffect, robot: TrueRobot, signals: Signals, true: Signals) -> Signals:
+        gain = robot.per_joint(effect.per_joint(self.parameters[0][0]), 1.0)
+        return signals.with_tau(signals.tau * gain)
 
 
 @register_hidden

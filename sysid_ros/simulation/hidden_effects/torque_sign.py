@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, JointCause, register_hidden
-from sysid_ros.simulation.hidden_effects.gain import Gain
+from sysid_ros.simulation.hidden_effects.torque_scale import Gain
 
 
 @register_hidden

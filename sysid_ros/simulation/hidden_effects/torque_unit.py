@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, register_hidden
-from sysid_ros.simulation.hidden_effects.gain import Gain
+from sysid_ros.simulation.hidden_effects.torque_scale import Gain
 
 _UNITS = {"mN m": 1000.0, "N cm": 100.0, "lbf ft": 0.737562, "lbf in": 8.850746}
 
