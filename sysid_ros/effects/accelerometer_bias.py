@@ -1,7 +1,5 @@
 """An accelerometer that shows more than there is."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Checks of the arguments that several effects take."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Dry friction that differs with the direction of motion."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.effects.coulomb_friction import DryFriction

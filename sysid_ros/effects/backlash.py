@@ -1,7 +1,5 @@
 """Play in a gear."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

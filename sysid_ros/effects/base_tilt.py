@@ -1,7 +1,5 @@
 """A base that does not stand level."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Torque that repeats over a turn: cogging, gear mesh."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motion of a link behind a spring or a play, from the motion of its motor."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A steady force on the last link."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from sysid_ros.effects.effect import Acts, Effect

@@ -1,7 +1,5 @@
 """Friction that changes with time, as a gear that warms up, or with the temperature itself where that is measured."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """An effort from which the controller's own gravity torque was taken away, or to which it was added."""
 
-from __future__ import annotations
-
 from sysid_ros.effects.effect import Acts, Effect
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion

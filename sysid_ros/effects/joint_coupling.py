@@ -1,7 +1,5 @@
 """A joint whose torque holds a part of another joint's."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

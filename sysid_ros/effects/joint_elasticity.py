@@ -1,7 +1,5 @@
 """A gear that yields under the torque it carries."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

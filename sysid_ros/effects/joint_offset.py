@@ -1,7 +1,5 @@
 """A wrong zero of a joint's encoder."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

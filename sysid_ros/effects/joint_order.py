@@ -1,7 +1,5 @@
 """Channels that stand under the name of another joint."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A joint that counts backwards."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The inertials of the arm's own links."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Dry friction that grows with the load on the gear."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.effects.coulomb_friction import DryFriction

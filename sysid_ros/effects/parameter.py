@@ -1,7 +1,5 @@
 """Parameter: a number that an engineer knows, with its interval."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """A body that is picked up or put down during the recording."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Dry friction that builds up over a small displacement after each reversal."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Friction in proportion to the square of the speed."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.effects.effect import JointEffect

@@ -1,7 +1,5 @@
 """Inertia of the motors, seen through the gears."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.effects.effect import JointEffect

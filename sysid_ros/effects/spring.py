@@ -1,7 +1,5 @@
 """A torque that depends on the joint's position: a cable, a hose, a balancer."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

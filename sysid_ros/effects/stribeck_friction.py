@@ -1,7 +1,5 @@
 """Dry friction that falls from its breakaway value as the joint gets moving."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

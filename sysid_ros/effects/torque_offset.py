@@ -1,7 +1,5 @@
 """A constant error of the torque measurement."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.effects.effect import Acts, JointEffect

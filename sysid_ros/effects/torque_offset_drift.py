@@ -1,7 +1,5 @@
 """An error of the torque measurement that grows with time."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

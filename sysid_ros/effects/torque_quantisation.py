@@ -1,7 +1,5 @@
 """An effort in coarse steps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A torque that does not go beyond a limit."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

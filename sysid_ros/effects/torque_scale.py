@@ -1,7 +1,5 @@
 """A wrong gain of the torque measurement, as from a wrong torque constant."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.effects.effect import Acts, Depends, JointCurves

@@ -1,7 +1,5 @@
 """An effort with the wrong sign."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Efforts in another unit than newton metres."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

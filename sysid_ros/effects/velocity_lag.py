@@ -1,7 +1,5 @@
 """A velocity that the driver has filtered."""
 
-from __future__ import annotations
-
 from sysid_ros.effects.channel_effect import ChannelEffect, Channels
 
 

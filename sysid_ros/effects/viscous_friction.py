@@ -1,7 +1,5 @@
 """Friction in proportion to speed."""
 
-from __future__ import annotations
-
 from sysid_ros.effects.effect import JointEffect
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion

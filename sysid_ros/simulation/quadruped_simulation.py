@@ -146,7 +146,7 @@ class QuadrupedSimulation:
         """Put the box on now; False where there is none, or it is on already."""
         if self.payload is None or self.carries:
             return False
-        self.world.place(self.payload)
+        self.world.body.tie(self.payload)
         if self.scenario.controller_knows_payload:
             self._controller.load = self.payload.theta
         self.events.append((self.t, "pick"))
@@ -156,7 +156,7 @@ class QuadrupedSimulation:
         """Take the box off now; False where none is carried."""
         if not self.carries:
             return False
-        self.world.take_off()
+        self.world.body.untie(remove=True)
         self._controller.load = np.zeros(10)
         self.events.append((self.t, "drop"))
         return True

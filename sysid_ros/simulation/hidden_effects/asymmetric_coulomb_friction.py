@@ -1,7 +1,5 @@
 """Coulomb friction with a level for each direction, hidden."""
 
-from __future__ import annotations
-
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, register_hidden
 from sysid_ros.simulation.hidden_effects.coulomb_friction import DryFriction
 

@@ -1,7 +1,5 @@
 """Play in a joint, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, register_hidden

@@ -1,7 +1,5 @@
 """A base that does not stand upright, hidden."""
 
-from __future__ import annotations
-
 from sysid_ros.simulation.hidden_effects.cause import ArmCause, Circumstances, HiddenEffect, TrueRobot, register_hidden
 
 

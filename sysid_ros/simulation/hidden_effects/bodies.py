@@ -1,7 +1,5 @@
 """What bodies on the tip and changed links have in common when they are hidden."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

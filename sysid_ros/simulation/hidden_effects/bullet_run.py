@@ -1,7 +1,5 @@
 """The same true robot with PyBullet moving the links."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 
@@ -50,11 +48,11 @@ def move_in_pybullet(
         out = np.zeros((3, count, robot.n))
         for k in range(count * stride):
             t = k * STEP
-            if true.picked_up is not None and t >= true.change_time and not world.carries:
+            if true.picked_up is not None and t >= true.change_time and not world.body.tied:
                 world.pick(true.picked_up)
             state.q[:] = state.angle[:] = world.q
             state.v[:] = state.rate[:] = world.v
-            links = after if world.carries else before
+            links = after if world.body.tied else before
             solve_step(believed, links, true.joints, true.force, stiffening, wanted[k], t, STEP, state)
             world.step(state.link_torque + state.vectors[_PUSH])
             if k % stride == 0:

@@ -1,7 +1,5 @@
 """Every cause that can be hidden. A new one is a new file and a line here; the exam's seeds draw in this order."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from sysid_ros.effects import EFFECTS

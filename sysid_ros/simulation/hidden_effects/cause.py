@@ -1,7 +1,5 @@
 """HiddenCause: all that the simulation and the exam of the diagnosis know of one cause; and its usual kinds."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """Circumstances: what is usual for an arm in a motion, so that an effect can be drawn that shows and is not absurd."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Ripple over the position, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenCause, HiddenEffect, register_hidden

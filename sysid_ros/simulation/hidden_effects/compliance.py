@@ -1,7 +1,5 @@
 """What a spring and a play between motor and link have in common when they are hidden."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

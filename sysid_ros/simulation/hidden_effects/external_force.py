@@ -1,7 +1,5 @@
 """A pull at the tip, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.sample import FloatArray

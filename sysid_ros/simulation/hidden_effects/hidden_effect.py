@@ -1,7 +1,5 @@
 """HiddenEffect: what a simulated robot has and its URDF lacks, as plain values."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

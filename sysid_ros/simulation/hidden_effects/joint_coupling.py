@@ -1,7 +1,5 @@
 """A joint whose torque holds a part of its neighbour's, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.simulation.hidden_effects.cause import (

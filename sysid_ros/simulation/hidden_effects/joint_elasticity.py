@@ -1,7 +1,5 @@
 """An elastic joint, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, register_hidden

@@ -1,7 +1,5 @@
 """An encoder with its zero elsewhere, hidden."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, JointCause, Signals, TrueRobot, register_hidden

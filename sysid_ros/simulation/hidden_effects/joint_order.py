@@ -1,7 +1,5 @@
 """Joints under each other's names, hidden."""
 
-from __future__ import annotations
-
 from sysid_ros.simulation.hidden_effects.cause import (
     Circumstances,
     HiddenCause,

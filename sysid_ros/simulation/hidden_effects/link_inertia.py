@@ -1,7 +1,5 @@
 """A link that is not what the URDF says, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.simulation.hidden_effects.bodies import Inertial

@@ -1,7 +1,5 @@
 """Friction that grows with the load, hidden."""
 
-from __future__ import annotations
-
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, register_hidden
 from sysid_ros.simulation.hidden_effects.coulomb_friction import DryFriction
 

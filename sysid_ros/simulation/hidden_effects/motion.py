@@ -1,7 +1,5 @@
 """DiagnosisMotion: fast, then slow, with rests: what a diagnosis needs to see."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

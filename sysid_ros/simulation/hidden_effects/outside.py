@@ -1,7 +1,5 @@
 """Causes that no effect of the library describes: a diagnosis is to say that something is left."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.simulation.hidden_effects.cause import (

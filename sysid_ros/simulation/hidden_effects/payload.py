@@ -1,7 +1,5 @@
 """A body on the tip link, hidden."""
 
-from __future__ import annotations
-
 from sysid_ros.simulation.hidden_effects.bodies import TipBody
 from sysid_ros.simulation.hidden_effects.cause import HiddenEffect, TrueRobot, register_hidden
 

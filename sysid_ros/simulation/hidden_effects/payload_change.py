@@ -1,7 +1,5 @@
 """A body that is picked up during the motion, hidden."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Dry friction of a bristle, hidden."""
 
-from __future__ import annotations
-
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, register_hidden
 from sysid_ros.simulation.hidden_effects.coulomb_friction import DryFriction
 

@@ -1,7 +1,5 @@
 """A cable or a balancer, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden

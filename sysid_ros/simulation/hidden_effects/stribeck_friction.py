@@ -1,7 +1,5 @@
 """Stribeck friction, hidden."""
 
-from __future__ import annotations
-
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
 from sysid_ros.simulation.hidden_effects.coulomb_friction import DryFriction
 

@@ -1,7 +1,5 @@
 """Efforts that come late, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.simulation.hidden_effects.cause import ArmCause, Circumstances, HiddenEffect, Signals, TrueRobot, register_hidden

@@ -1,7 +1,5 @@
 """A constant in the efforts, hidden."""
 
-from __future__ import annotations
-
 from sysid_ros.simulation.hidden_effects.cause import HiddenEffect, Signals, TorqueShare, TrueRobot, register_hidden
 
 

@@ -1,7 +1,5 @@
 """A ramp in the efforts, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.simulation.hidden_effects.cause import (

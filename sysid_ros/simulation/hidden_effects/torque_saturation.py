@@ -1,7 +1,5 @@
 """A motor at its limit, or its sensor, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.simulation.hidden_effects.cause import (

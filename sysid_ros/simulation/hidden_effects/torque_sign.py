@@ -1,7 +1,5 @@
 """An effort counted the other way, hidden."""
 
-from __future__ import annotations
-
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, JointCause, register_hidden
 from sysid_ros.simulation.hidden_effects.torque_scale import Gain
 

@@ -1,7 +1,5 @@
 """Efforts in another unit, hidden."""
 
-from __future__ import annotations
-
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, register_hidden
 from sysid_ros.simulation.hidden_effects.torque_scale import Gain
 

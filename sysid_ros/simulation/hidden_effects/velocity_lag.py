@@ -1,7 +1,5 @@
 """Velocities behind a low-pass, hidden."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Viscous friction, hidden."""
 
-from __future__ import annotations
-
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, TorqueShare, register_hidden
 
 
