@@ -30,10 +30,9 @@ class Backlash(Compliance):
 
     Args:
         robot: the model. joints: joints with play; empty for all. width: torque at which the side has changed [N m].
-        around: gap at which the columns are those of the flying link, torque over gap [rad].
+        around: gap at which the columns are exact [rad].
         flank: frequency at which the link swings on a flank, its stiffness [Hz]. damping: of that over its critical value.
         side: flank at the start of a recording: 1, -1, or 0 for the one that the load pushes to.
-        exact: False for the links' torque to first order in x.
     """
 
     id = "backlash"

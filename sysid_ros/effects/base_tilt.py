@@ -42,11 +42,7 @@ class BaseTilt(Effect):
     separated_by = "a sweep of the first joint over 90 degrees or more with the arm stretched out"
 
     def __init__(
-        self,
-        robot: RobotModel,
-        joints: Sequence[str] = (),
-        around: Sequence[float] = (0.0, 0.0),
-        links: Sequence[float] = (),
+        self, robot: RobotModel, joints: Sequence[str] = (), around: Sequence[float] = (0.0, 0.0), links: Sequence[float] = ()
     ) -> None:
         super().__init__(robot, joints)
         self.links = [float(x) for x in links]

@@ -116,7 +116,7 @@ def own_torque(motion: Motion, joint: int, x: FloatArray) -> FloatArray:
 
 
 class Compliance(Effect):
-    """``tau = ID(q - x, v - x', a - x'') - ID(q, v, a)``: the encoder stands on the motor's side and the link lags behind by x.
+    """A joint whose encoder stands on the motor's side, and whose link lags behind the motor by x.
 
     Attributes:
         around: size at which the columns are those of the moving link, torque over size; 0: of a link that follows its load at

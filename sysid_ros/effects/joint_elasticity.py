@@ -20,8 +20,8 @@ _YIELDS = 0.2
 
 
 class JointElasticity(Compliance):
-    """``tau = ID(q - x, v - x', a - x'') - ID(q, v, a)``: the encoder stands on the motor's side and the link lags by the
-    spring's deflection x, ``M x'' + d x' + k x = ID_j`` (Spong 1987). The linear parameter is the compliance 1 / k.
+    """``tau = ID(q - x, v - x', a - x'') - ID(q, v, a)``: the link lags by the spring's deflection x, ``M x'' + d x' + k x =
+    ID_j`` (Spong 1987). The linear parameter is the compliance 1 / k.
 
     One sample alone has the deflection under its load, without the derivatives; so have columns around a compliance of zero.
 
@@ -30,7 +30,6 @@ class JointElasticity(Compliance):
         around: compliance at which the columns are those of the oscillating link, torque over compliance [rad/(N m)]; 0: of a
             link that follows its load at once.
         damping: of the spring over its critical value, with the link's mean inertia.
-        exact: False for the links' torque to first order in x.
     """
 
     id = "joint_elasticity"
@@ -45,12 +44,7 @@ class JointElasticity(Compliance):
     separated_by = "heavy load in both directions, and fast parts near the resonance"
 
     def __init__(
-        self,
-        robot: RobotModel,
-        joints: Sequence[str] = (),
-        around: float = 0.0,
-        damping: float = 0.05,
-        exact: bool = True,
+        self, robot: RobotModel, joints: Sequence[str] = (), around: float = 0.0, damping: float = 0.05, exact: bool = True
     ) -> None:
         super().__init__(robot, joints)
         self.around, self.damping, self.exact = float(around), positive(damping, "damping", self.id), bool(exact)

@@ -39,12 +39,7 @@ class Parameter:
 
 
 def by_delta_method(
-    name: str,
-    joint: str | None,
-    unit: str,
-    f: Callable[[FloatArray], float],
-    values: FloatArray,
-    covariance: FloatArray,
+    name: str, joint: str | None, unit: str, f: Callable[[FloatArray], float], values: FloatArray, covariance: FloatArray
 ) -> Parameter:
     """A function of estimated values, to first order in their errors.
 

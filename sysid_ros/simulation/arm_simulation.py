@@ -130,11 +130,7 @@ class ArmSimulation:
             "rate": s.rate,
             "seed": s.seed,
             **truth_of_payload(self.payload, self.events, start_time),
-            "noise": {
-                "encoder": s.encoder_noise,
-                "torque": s.torque_noise,
-                "velocity": s.velocity_noise if s.velocity else None,
-            },
+            "noise": {"encoder": s.encoder_noise, "torque": s.torque_noise, "velocity": s.velocity_noise if s.velocity else None},
             "effects": {x.name: s.per_joint(x.name, self.robot.n).tolist() for x in s.joint_settings()},
             "controller_knows_payload": s.controller_knows_payload,
             "timing": "q, velocity and effort belong to the header stamp; the effort is the torque of the 1 ms that begins there",

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, register_hidden
-from sysid_ros.simulation.hidden_effects.compliance import Compliance
+from sysid_ros.simulation.hidden_effects.joint_elasticity import Compliance
 
 _FLANK_FREQUENCY = 300.0
 _REVERSAL = 0.15

@@ -20,11 +20,7 @@ _PUSH = 2
 
 
 def move_in_pybullet(
-    true: TrueRobot,
-    motion: DiagnosisMotion,
-    rate: int,
-    stiffening: FloatArray,
-    progress: Callable[[int], None] = lambda n: None,
+    true: TrueRobot, motion: DiagnosisMotion, rate: int, stiffening: FloatArray, progress: Callable[[int], None] = lambda n: None
 ) -> Signals:
     """As :func:`.run.move`: PyBullet moves the links, a body that is picked up is tied to the tip, and what the joints hide is in
     the torque that the links get at each step.

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from sysid_ros.simulation.hidden_effects.bodies import Inertial
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
 from sysid_ros.simulation.hidden_effects.hidden_effect import TrueParameter
+from sysid_ros.simulation.hidden_effects.payload import Inertial
 
 
 @register_hidden

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid_ros.simulation.hidden_effects.bodies import TipBody
 from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.payload import TipBody
 
 _WHEN = (0.3, 0.7)
 
