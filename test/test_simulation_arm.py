@@ -113,7 +113,7 @@ def test_the_pick_is_no_impact_and_the_tied_body_does_not_slip() -> None:
         assert state.v is not None
         velocities.append(state.v)
         if simulation.carries:
-            assert simulation.world.slip(body) < 1e-4
+            assert simulation.world.body.slip(body) < 1e-4
     simulation.close()
     assert np.abs(np.diff(velocities, axis=0)).max() < 0.2
 

@@ -1,9 +1,6 @@
 """An accelerometer that shows more than there is."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
 
 import numpy as np
 
@@ -29,12 +26,13 @@ class AccelerometerBias(Effect):
             links are.
     """
 
-    id: ClassVar[str] = "accelerometer_bias"
-    label: ClassVar[str] = "bias of the accelerometer"
-    acts: ClassVar[Acts] = Acts.LINK
-    signature: ClassVar[str] = "a force that keeps its direction in the base while the base turns, on all links by their mass"
-    look_alikes: ClassVar[tuple[str, ...]] = ("base_tilt", "payload", "external_force")
-    separated_by: ClassVar[str] = "rolling and pitching the base, by which gravity turns against the bias"
+    id = "accelerometer_bias"
+    label = "bias of the accelerometer"
+    setting_names = ("frame",)
+    acts = Acts.LINK
+    signature = "a force that keeps its direction in the base while the base turns, on all links by their mass"
+    look_alikes = ("base_tilt", "payload", "external_force")
+    separated_by = "rolling and pitching the base, by which gravity turns against the bias"
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), frame: str = "") -> None:
         super().__init__(robot, joints)
@@ -42,10 +40,6 @@ class AccelerometerBias(Effect):
         self._frame_index = robot.frame_id(frame) if frame else None
         self.load: FloatArray = np.zeros(10)
         self.parameter_names, self.units = ("bias_x", "bias_y", "bias_z"), ("m/s^2",) * 3
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        return {"frame": self.frame}
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         out[:] = -self.robot.base_acceleration_columns(sample.q)

@@ -1,7 +1,5 @@
 """Checks of the arguments that several effects take."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,6 +17,11 @@ def positive(value: object, what: str, effect: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < np.inf:
         raise ModelFileError(f"effect '{effect}' has {what} {value!r}; it must be a positive number.")
     return float(value)
+
+
+def of_slide(unit: str) -> str:
+    """What a unit of a revolute joint is on a prismatic one: N for N m, m for rad, kg for kg m^2."""
+    return unit.replace("(N m)", "N").replace("N m", "N").replace("kg m^2", "kg").replace("rad", "m")
 
 
 def carrying(robot: RobotModel, links: Sequence[float], effect: str) -> RobotModel:

@@ -1,16 +1,13 @@
 """Play in a gear."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.compliance import deflection, own_torque, torque_of
-from sysid_ros.effects.effect import Depends, Effect, Knob, positive
+from sysid_ros.effects.compliance import Compliance, deflection
+from sysid_ros.effects.effect import Knob, positive
 from sysid_ros.effects.parameter import Parameter, by_delta_method
-from sysid_ros.effects.traits import Candidate, DeflectionSearch, Scope
+from sysid_ros.effects.traits import Candidate, DeflectionSearch
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign
@@ -24,7 +21,7 @@ ONE_SIDED = 0.02
 _GAPS = np.geomspace(2e-3, WIDEST, 8)
 
 
-class Backlash(Effect):
+class Backlash(Compliance):
     """``tau = ID(q - x, v - x', a - x'') - ID(q, v, a)``: the link lags behind the motor by x, half the gap while a flank
     bears it, and flies free in between (Nordin, Gutman 2002). The linear parameter is the gap [rad].
 
@@ -33,30 +30,26 @@ class Backlash(Effect):
 
     Args:
         robot: the model. joints: joints with play; empty for all. width: torque at which the side has changed [N m].
-        around: gap at which the columns are those of the flying link, torque over gap [rad].
+        around: gap at which the columns are exact [rad].
         flank: frequency at which the link swings on a flank, its stiffness [Hz]. damping: of that over its critical value.
         side: flank at the start of a recording: 1, -1, or 0 for the one that the load pushes to.
-        exact: False for the links' torque to first order in x.
     """
 
-    id: ClassVar[str] = "backlash"
-    label: ClassVar[str] = "backlash"
-    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.LOAD})
-    family: ClassVar[str] = "compliance"
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("flank", 8.0, 60.0, "Hz"), Knob("damping", 0.05, 2.0, "1"))
-    scope: ClassVar[Scope] = Scope.LINK
-    between: ClassVar[tuple[float, float]] = (0.0, np.inf)
-    companion: ClassVar[str] = "rotor_inertia"
-    deflection: ClassVar[DeflectionSearch] = DeflectionSearch(
+    id = "backlash"
+    label = "backlash"
+    setting_names = ("width", "around", "flank", "damping", "side", "exact")
+    knobs = (Knob("flank", 8.0, 60.0, "Hz"), Knob("damping", 0.05, 2.0, "1"))
+    between = (0.0, np.inf)
+    deflection = DeflectionSearch(
         scanned=1.5,
         steps=(("flank", 0.0), ("damping", 0.0), ("around", 1.3), ("flank", 1.5), ("around", 1.05)),
         sides=(-1, 0, 1),
         smooth=False,
         form_error=0.04,
     )
-    signature: ClassVar[str] = "a wrong zero that changes its sign with the load, and a link that flies free in between"
-    look_alikes: ClassVar[tuple[str, ...]] = ("joint_offset", "joint_elasticity")
-    separated_by: ClassVar[str] = "motion in which the load on the joint changes its sign"
+    signature = "a wrong zero that changes its sign with the load, and a link that flies free in between"
+    look_alikes = ("joint_offset", "joint_elasticity")
+    separated_by = "motion in which the load on the joint changes its sign"
 
     def __init__(
         self,
@@ -75,22 +68,9 @@ class Backlash(Effect):
         if side not in (-1, 0, 1):
             raise ModelFileError(f"effect '{self.id}' has side {side!r}; it must be -1, 0 or 1.")
         self.side = int(side)
-        self.parameter_names = tuple(f"gap[{name}]" for name in self.joint_names)
-        self.units = tuple("m" if robot.is_prismatic[j] else "rad" for j in self.joints)
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        return {
-            "width": self.width,
-            "around": self.around,
-            "flank": self.flank,
-            "damping": self.damping,
-            "side": self.side,
-            "exact": self.exact,
-        }
+        self.name_joints(("gap",), ("rad",))
 
     def lag(self, motion: Motion, joint: int) -> FloatArray:
-        """x of a joint with its two derivatives along a recording, shape (N, 3)."""
         stiffness = float(np.mean(motion.sensitivity[2][:, joint, joint])) * (2.0 * np.pi * self.flank) ** 2
         return deflection(motion, joint, stiffness, self.damping, self.around, self.side, self.exact)
 
@@ -100,24 +80,16 @@ class Backlash(Effect):
         side = smoothed_sign(self.robot.rnea_along(*state)[0], self.width)
         out[:] = -0.5 * (by_q[0] * side)[:, self.joints]
 
-    def columns_along(self, motion: Motion) -> FloatArray:
-        if not self.around:
-            side = smoothed_sign(motion.link_torque, self.width)
-            return np.asarray(-0.5 * (motion.sensitivity[0] * side[:, None])[:, :, self.joints])
-        out = []
-        for j in self.joints:
-            out.append(torque_of(motion, int(j), self.lag(motion, int(j)), self.exact) / self.around)
-        return np.stack(out, axis=-1)
+    def columns_at_once(self, motion: Motion) -> FloatArray:
+        side = smoothed_sign(motion.link_torque, self.width)
+        return np.asarray(-0.5 * (motion.sensitivity[0] * side[:, None])[:, :, self.joints])
 
     @classmethod
     def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
         return [Candidate({"around": float(gap), "side": side, "exact": False}) for gap in _GAPS for side in (-1, 1)]
 
-    def own_curve(self, motion: Motion) -> FloatArray:
-        joint = int(self.joints[0])
-        lag = self.lag(motion, joint)
-        reverses = min(np.mean(lag[:, 0] > 0.0), np.mean(lag[:, 0] < 0.0)) > ONE_SIDED
-        return own_torque(motion, joint, lag) / self.around * reverses
+    def clear(self, lag: FloatArray) -> bool:
+        return bool(min(np.mean(lag[:, 0] > 0.0), np.mean(lag[:, 0] < 0.0)) > ONE_SIDED)
 
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         (joint,) = self.joint_names

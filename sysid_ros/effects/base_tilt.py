@@ -1,9 +1,7 @@
 """A base that does not stand level."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -34,21 +32,17 @@ class BaseTilt(Effect):
         links: what the links' inertials, with all that they carry, differ by from the URDF's, shape (10 n,); empty for nothing.
     """
 
-    id: ClassVar[str] = "base_tilt"
-    label: ClassVar[str] = "tilted base"
-    acts: ClassVar[Acts] = Acts.LINK
-    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.LINKS})
-    between: ClassVar[tuple[float, float]] = (-_STEEPEST, _STEEPEST)
-    signature: ClassVar[str] = "like gravity on all joints, and on a vertical first joint too"
-    look_alikes: ClassVar[tuple[str, ...]] = ("joint_offset", "external_force", "link_inertia")
-    separated_by: ClassVar[str] = "a sweep of the first joint over 90 degrees or more with the arm stretched out"
+    id = "base_tilt"
+    label = "tilted base"
+    acts = Acts.LINK
+    depends_on = frozenset({Depends.LINKS})
+    between = (-_STEEPEST, _STEEPEST)
+    signature = "like gravity on all joints, and on a vertical first joint too"
+    look_alikes = ("joint_offset", "external_force", "link_inertia")
+    separated_by = "a sweep of the first joint over 90 degrees or more with the arm stretched out"
 
     def __init__(
-        self,
-        robot: RobotModel,
-        joints: Sequence[str] = (),
-        around: Sequence[float] = (0.0, 0.0),
-        links: Sequence[float] = (),
+        self, robot: RobotModel, joints: Sequence[str] = (), around: Sequence[float] = (0.0, 0.0), links: Sequence[float] = ()
     ) -> None:
         super().__init__(robot, joints)
         self.links = [float(x) for x in links]

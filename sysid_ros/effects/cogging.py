@@ -1,9 +1,6 @@
 """Torque that repeats over a turn: cogging, gear mesh."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,23 +19,19 @@ class Cogging(JointCurves):
         robot: the model. joints: joints that cog; empty for all. harmonic: periods a turn, n.
     """
 
-    id: ClassVar[str] = "cogging"
-    label: ClassVar[str] = "cogging"
-    symbols: ClassVar[tuple[str, ...]] = ("s", "c")
-    symbol_units: ClassVar[tuple[str, ...]] = ("N m", "N m")
-    slide_units: ClassVar[tuple[str, ...]] = ("N", "N")
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("harmonic", 3.0, 120.0, "1/rev", False, reach=0.6, bumpy=True),)
-    signature: ClassVar[str] = "a line at the joint's speed times the harmonic: visible over the position, not over time"
-    look_alikes: ClassVar[tuple[str, ...]] = ("spring",)
-    separated_by: ClassVar[str] = "slow motion of changing speed, so that the harmonic stays below the band of the torque"
+    id = "cogging"
+    label = "cogging"
+    setting_names = ("harmonic",)
+    symbols = ("s", "c")
+    symbol_units = ("N m", "N m")
+    knobs = (Knob("harmonic", 3.0, 120.0, "1/rev", False, reach=0.6, bumpy=True),)
+    signature = "a line at the joint's speed times the harmonic: visible over the position, not over time"
+    look_alikes = ("spring",)
+    separated_by = "slow motion of changing speed, so that the harmonic stays below the band of the torque"
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), harmonic: float = 12.0) -> None:
         super().__init__(robot, joints)
         self.harmonic = positive(harmonic, "harmonic", self.id)
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        return {"harmonic": self.harmonic}
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         return np.stack([np.sin(self.harmonic * state.q), np.cos(self.harmonic * state.q)])

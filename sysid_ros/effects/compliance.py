@@ -1,10 +1,12 @@
 """Motion of a link behind a spring or a play, from the motion of its motor."""
 
-from __future__ import annotations
+from abc import abstractmethod
 
 import numpy as np
 from numba import njit
 
+from sysid_ros.effects.effect import Depends, Effect
+from sysid_ros.effects.traits import Scope
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.motion import Motion
 
@@ -111,3 +113,43 @@ def own_torque(motion: Motion, joint: int, x: FloatArray) -> FloatArray:
     """As :func:`torque_of` on the joint itself alone, to first order, shape (N,) [N m]."""
     own = np.stack([s[:, joint, joint] for s in motion.sensitivity], axis=1)
     return np.asarray(-np.sum(own * x, axis=1))
+
+
+class Compliance(Effect):
+    """A joint whose encoder stands on the motor's side, and whose link lags behind the motor by x.
+
+    Attributes:
+        around: size at which the columns are those of the moving link, torque over size; 0: of a link that follows its load at
+            once, as one sample alone has it too.
+        exact: False for the links' torque to first order in x.
+    """
+
+    depends_on = frozenset({Depends.LOAD})
+    family = "compliance"
+    scope = Scope.LINK
+    companion = "rotor_inertia"
+    around: float
+    exact: bool
+
+    @abstractmethod
+    def lag(self, motion: Motion, joint: int) -> FloatArray:
+        """x of a joint with its two derivatives along a recording, shape (N, 3)."""
+
+    @abstractmethod
+    def columns_at_once(self, motion: Motion) -> FloatArray:
+        """Columns around 0, shape (N, n, p)."""
+
+    def columns_along(self, motion: Motion) -> FloatArray:
+        if not self.around:
+            return self.columns_at_once(motion)
+        torques = [torque_of(motion, int(j), self.lag(motion, int(j)), self.exact) for j in self.joints]
+        return np.stack(torques, axis=-1) / self.around
+
+    def own_curve(self, motion: Motion) -> FloatArray:
+        joint = int(self.joints[0])
+        lag = self.lag(motion, joint)
+        return own_torque(motion, joint, lag) / self.around * self.clear(lag)
+
+    def clear(self, lag: FloatArray) -> bool:
+        """False for a lag, as of :meth:`lag`, that something simpler explains as well."""
+        return True

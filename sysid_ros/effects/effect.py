@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.arguments import carrying, positive
+from sysid_ros.effects.arguments import carrying, of_slide, positive
 from sysid_ros.effects.searched import Searched
 from sysid_ros.effects.traits import Acts, Depends, Knob, Scope
 from sysid_ros.exceptions import ModelFileError
@@ -70,6 +70,11 @@ class Effect(Searched):
             )
         self.robot = robot
         self.joints = np.array([i for i, name in enumerate(robot.joint_names) if not joints or name in joints], dtype=np.intp)
+
+    def name_joints(self, symbols: Sequence[str], units: Sequence[str]) -> None:
+        """Name the parameters: joint after joint, each with all of the symbols, in units as a revolute joint has them."""
+        self.parameter_names = tuple(f"{symbol}[{name}]" for name in self.joint_names for symbol in symbols)
+        self.units = tuple(of_slide(unit) if self.robot.is_prismatic[j] else unit for j in self.joints for unit in units)
 
     @property
     def p(self) -> int:
@@ -179,12 +184,10 @@ class JointEffect(Effect):
     alone: ClassVar[bool] = True
     symbol: ClassVar[str]
     unit: ClassVar[str]
-    slide_unit: ClassVar[str]
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
         super().__init__(robot, joints)
-        self.parameter_names = tuple(f"{self.symbol}[{name}]" for name in self.joint_names)
-        self.units = tuple(self.slide_unit if robot.is_prismatic[j] else self.unit for j in self.joints)
+        self.name_joints((self.symbol,), (self.unit,))
         self._columns = np.arange(len(self.joints))
 
     @property
@@ -238,14 +241,10 @@ class JointCurves(Effect):
     alone: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]]
     symbol_units: ClassVar[tuple[str, ...]]
-    slide_units: ClassVar[tuple[str, ...]]
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
         super().__init__(robot, joints)
-        self.parameter_names = tuple(f"{symbol}[{name}]" for name in self.joint_names for symbol in self.symbols)
-        self.units = tuple(
-            unit for j in self.joints for unit in (self.slide_units if robot.is_prismatic[j] else self.symbol_units)
-        )
+        self.name_joints(self.symbols, self.symbol_units)
 
     def of_symbol(self, symbol: str, theta: FloatArray) -> FloatArray:
         """The parameters of one symbol as one value a joint of the robot, shape (n,), 0 where it has none."""
@@ -258,11 +257,12 @@ class JointCurves(Effect):
         """C of every joint, shape (c, n) or (c, N, n).
 
         Args:
-            state: one sample or a whole motion. load: torque on the link side of the joints, as ``state.q`` [N m].
+            state: one sample or a whole motion. load: torque on the link side of the joints, as ``state.q`` [N m]; along a motion
+                that of the drives where it depends on that.
         """
 
     def curves_along(self, motion: Motion) -> FloatArray:
-        return self.curves(motion, motion.link_torque)
+        return self.curves(motion, motion.drive_torque if Depends.DRIVE in self.depends_on else motion.link_torque)
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         load = self.robot.rnea_along(sample.q[None], sample.v[None], sample.a[None])[0]

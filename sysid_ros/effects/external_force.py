@@ -1,9 +1,6 @@
 """A steady force on the last link."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
 
 from sysid_ros.effects.effect import Acts, Effect
 from sysid_ros.effects.parameter import Parameter, vector
@@ -19,22 +16,19 @@ class ExternalForce(Effect):
         robot: the model. joints: unused, every joint up to the frame feels it. frame: where it acts; empty for the default.
     """
 
-    id: ClassVar[str] = "external_force"
-    label: ClassVar[str] = "external force"
-    acts: ClassVar[Acts] = Acts.LINK
-    signature: ClassVar[str] = "as a weight that keeps its direction in the world, without any inertia"
-    look_alikes: ClassVar[tuple[str, ...]] = ("payload", "base_tilt", "payload_change")
-    separated_by: ClassVar[str] = "changes of the wrist's orientation, and accelerations, which only a mass answers"
+    id = "external_force"
+    label = "external force"
+    setting_names = ("frame",)
+    acts = Acts.LINK
+    signature = "as a weight that keeps its direction in the world, without any inertia"
+    look_alikes = ("payload", "base_tilt", "payload_change")
+    separated_by = "changes of the wrist's orientation, and accelerations, which only a mass answers"
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), frame: str = "") -> None:
         super().__init__(robot, joints)
         self.frame = frame or robot.default_frame
         self._frame_index = robot.frame_id(self.frame)
         self.parameter_names, self.units = ("force_x", "force_y", "force_z"), ("N", "N", "N")
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        return {"frame": self.frame}
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         out[:] = -self.robot.frame_jacobian_along(sample.q[None], self._frame_index)[0].T

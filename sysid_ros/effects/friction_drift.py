@@ -1,17 +1,16 @@
 """Friction that changes with time, as a gear that warms up, or with the temperature itself where that is measured."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from sysid_ros.effects.effect import Depends, JointCurves, Knob, positive
+from sysid_ros.effects.coulomb_friction import DryFriction
+from sysid_ros.effects.effect import Depends, JointCurves
 from sysid_ros.effects.traits import Candidate
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
+from sysid_ros.robot.smoothed_sign import TURNS
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -35,7 +34,7 @@ def usual_temperature(motions: Sequence[Motion], joint: int) -> float | None:
     return round(float(values.mean()), 1)
 
 
-class FrictionDrift(JointCurves):
+class FrictionDrift(DryFriction, JointCurves):
     """``tau_j = s (Fc + rate_Fc x) + v (b + rate_b x)``, s = tanh(v / width) [N m]; x is the time from ``start`` [s], or how much
     warmer joint j is than ``reference`` [K] (Bittencourt, Axelsson 2014: friction of a gear against its temperature).
 
@@ -46,21 +45,17 @@ class FrictionDrift(JointCurves):
         start: time from which it drifts [s]. over: "time" or "temperature". reference: temperature of Fc and b [degrees Celsius].
     """
 
-    id: ClassVar[str] = "friction_drift"
-    label: ClassVar[str] = "friction that drifts"
-    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.TEMPERATURE, Depends.TIME})
-    family: ClassVar[str] = "dry friction"
-    usual: ClassVar[float] = 0.2
-    includes: ClassVar[tuple[str, ...]] = ("coulomb_friction", "viscous_friction")
-    times: ClassVar[tuple[str, ...]] = ("start",)
-    jumps: ClassVar[bool] = True
-    symbols: ClassVar[tuple[str, ...]] = ("Fc", "rate_Fc", "b", "rate_b")
-    symbol_units: ClassVar[tuple[str, ...]] = ("N m", "N m/s", "N m s/rad", "N m/rad")
-    slide_units: ClassVar[tuple[str, ...]] = ("N", "N/s", "N s/m", "N/m")
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("width", 0.001, 0.1, "rad/s", reach=5.0, reported=False),)
-    signature: ClassVar[str] = "the ribbon of the residual against the speed narrows or widens with time"
-    look_alikes: ClassVar[tuple[str, ...]] = ("coulomb_friction", "viscous_friction", "torque_offset_drift")
-    separated_by: ClassVar[str] = "the same motion early and late in a recording of minutes"
+    id = "friction_drift"
+    label = "friction that drifts"
+    depends_on = frozenset({Depends.TEMPERATURE, Depends.TIME})
+    usual = 0.2
+    includes = ("coulomb_friction", "viscous_friction")
+    times = ("start",)
+    symbols = ("Fc", "rate_Fc", "b", "rate_b")
+    symbol_units = ("N m", "N m/s", "N m s/rad", "N m/rad")
+    signature = "the ribbon of the residual against the speed narrows or widens with time"
+    look_alikes = ("coulomb_friction", "viscous_friction", "torque_offset_drift")
+    separated_by = "the same motion early and late in a recording of minutes"
 
     def __init__(
         self,
@@ -71,14 +66,12 @@ class FrictionDrift(JointCurves):
         over: str = "time",
         reference: float = 25.0,
     ) -> None:
-        super().__init__(robot, joints)
+        super().__init__(robot, joints, width)
         if over not in _OVER:
             raise ModelFileError(f"effect '{self.id}' drifts over '{over}'; it must be one of {', '.join(_OVER)}.")
-        self.width, self.start = positive(width, "width", self.id), float(start)
-        self.over, self.reference = over, float(reference)
+        self.start, self.over, self.reference = float(start), over, float(reference)
         if over == "temperature":
-            levels = ("N m", "N m/K", "N m s/rad", "N m s/(rad K)"), ("N", "N/K", "N s/m", "N s/(m K)")
-            self.units = tuple(unit for j in self.joints for unit in levels[int(robot.is_prismatic[j])])
+            self.name_joints(self.symbols, ("N m", "N m/K", "N m s/rad", "N m s/(rad K)"))
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -87,7 +80,7 @@ class FrictionDrift(JointCurves):
         return {"width": self.width, "start": self.start}
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
-        s = smoothed_sign(state.v, self.width)
+        s = self.sign(state)
         if self.over == "time":
             x = (np.asarray(state.t) - self.start)[..., None]
         elif state.temperature is None:

@@ -1,12 +1,6 @@
 """An effort from which the controller's own gravity torque was taken away, or to which it was added."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-from typing import ClassVar
-
 from sysid_ros.effects.effect import Acts, Effect
-from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -15,22 +9,15 @@ _COMPENSATED = 0.15
 
 
 class GravityCompensatedEffort(Effect):
-    """``tau = coef g(q)``: -1 where gravity is missing from the effort, +1 where it stands in it twice [1].
+    """``tau = coef g(q)``: -1 where gravity is missing from the effort, +1 where it stands in it twice [1]."""
 
-    Args:
-        robot: the model. joints: unused, the whole arm is concerned.
-    """
-
-    id: ClassVar[str] = "gravity_compensated_effort"
-    label: ClassVar[str] = "effort with gravity already compensated"
-    acts: ClassVar[Acts] = Acts.MEASUREMENT
-    signature: ClassVar[str] = "the whole gravity torque, in all joints at once, with a factor of -1 or +1"
-    look_alikes: ClassVar[tuple[str, ...]] = ("torque_scale", "link_inertia", "base_tilt")
-    separated_by: ClassVar[str] = "fast motion in several postures: the inertial part of the torque is then right"
-
-    def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
-        super().__init__(robot, joints)
-        self.parameter_names, self.units = ("coef",), ("1",)
+    id = "gravity_compensated_effort"
+    label = "effort with gravity already compensated"
+    parameter_names, units = ("coef",), ("1",)
+    acts = Acts.MEASUREMENT
+    signature = "the whole gravity torque, in all joints at once, with a factor of -1 or +1"
+    look_alikes = ("torque_scale", "link_inertia", "base_tilt")
+    separated_by = "fast motion in several postures: the inertial part of the torque is then right"
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         still = sample.q[None] * 0.0

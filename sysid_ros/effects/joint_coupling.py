@@ -1,9 +1,6 @@
 """A joint whose torque holds a part of another joint's."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
 
 import numpy as np
 
@@ -24,16 +21,16 @@ class JointCoupling(JointCurves):
         follows: the other joint; empty for the neighbour towards the tip (of the last joint, towards the base).
     """
 
-    id: ClassVar[str] = "joint_coupling"
-    label: ClassVar[str] = "coupling of two joints"
-    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.DRIVE})
-    alone: ClassVar[bool] = False
-    symbols: ClassVar[tuple[str, ...]] = ("c",)
-    symbol_units: ClassVar[tuple[str, ...]] = ("1",)
-    slide_units: ClassVar[tuple[str, ...]] = ("1",)
-    signature: ClassVar[str] = "one joint's residual follows the torque of another"
-    look_alikes: ClassVar[tuple[str, ...]] = ("link_inertia", "torque_scale", "joint_order")
-    separated_by: ClassVar[str] = "moves of one of the two joints alone, with the other loaded"
+    id = "joint_coupling"
+    label = "coupling of two joints"
+    setting_names = ("follows",)
+    depends_on = frozenset({Depends.DRIVE})
+    alone = False
+    symbols = ("c",)
+    symbol_units = ("1",)
+    signature = "one joint's residual follows the torque of another"
+    look_alikes = ("link_inertia", "torque_scale", "joint_order")
+    separated_by = "moves of one of the two joints alone, with the other loaded"
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), follows: str = "") -> None:
         super().__init__(robot, joints)
@@ -43,13 +40,6 @@ class JointCoupling(JointCurves):
         neighbour = np.minimum(np.arange(robot.n) + 1, robot.n - 1)
         neighbour[-1] = max(robot.n - 2, 0)
         self._other = np.full(robot.n, robot.joint_names.index(follows)) if follows else neighbour
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        return {"follows": self.follows}
-
-    def curves_along(self, motion: Motion) -> FloatArray:
-        return self.curves(motion, motion.drive_torque)
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         return -load[..., self._other][None]

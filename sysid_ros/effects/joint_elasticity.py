@@ -1,16 +1,13 @@
 """A gear that yields under the torque it carries."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid_ros.effects.compliance import deflection, own_torque, torque_of
-from sysid_ros.effects.effect import Depends, Effect, Knob, positive
+from sysid_ros.effects.compliance import Compliance, deflection, torque_of
+from sysid_ros.effects.effect import Knob, positive
 from sysid_ros.effects.parameter import Parameter, by_delta_method
-from sysid_ros.effects.traits import Candidate, DeflectionSearch, Scope
+from sysid_ros.effects.traits import Candidate, DeflectionSearch
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
@@ -22,9 +19,9 @@ _YIELDS = 0.2
 """No gear yields by more under the loads of a recording [rad]."""
 
 
-class JointElasticity(Effect):
-    """``tau = ID(q - x, v - x', a - x'') - ID(q, v, a)``: the encoder stands on the motor's side and the link lags by the
-    spring's deflection x, ``M x'' + d x' + k x = ID_j`` (Spong 1987). The linear parameter is the compliance 1 / k.
+class JointElasticity(Compliance):
+    """``tau = ID(q - x, v - x', a - x'') - ID(q, v, a)``: the link lags by the spring's deflection x, ``M x'' + d x' + k x =
+    ID_j`` (Spong 1987). The linear parameter is the compliance 1 / k.
 
     One sample alone has the deflection under its load, without the derivatives; so have columns around a compliance of zero.
 
@@ -33,42 +30,27 @@ class JointElasticity(Effect):
         around: compliance at which the columns are those of the oscillating link, torque over compliance [rad/(N m)]; 0: of a
             link that follows its load at once.
         damping: of the spring over its critical value, with the link's mean inertia.
-        exact: False for the links' torque to first order in x.
     """
 
-    id: ClassVar[str] = "joint_elasticity"
-    label: ClassVar[str] = "elastic joint"
-    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.LOAD})
-    family: ClassVar[str] = "compliance"
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("damping", 0.003, 1.0, "1"),)
-    scope: ClassVar[Scope] = Scope.LINK
-    companion: ClassVar[str] = "rotor_inertia"
-    deflection: ClassVar[DeflectionSearch] = DeflectionSearch(
+    id = "joint_elasticity"
+    label = "elastic joint"
+    setting_names = ("around", "damping", "exact")
+    knobs = (Knob("damping", 0.003, 1.0, "1"),)
+    deflection = DeflectionSearch(
         scanned=1.1, steps=(("damping", 0.0), ("around", 1.05), ("damping", 1.5), ("around", 1.01)), form_error=0.01
     )
-    signature: ClassVar[str] = "a deflection in proportion to the load, in all joints around it; brings a rotor inertia with it"
-    look_alikes: ClassVar[tuple[str, ...]] = ("joint_offset", "link_inertia", "torque_scale", "backlash")
-    separated_by: ClassVar[str] = "heavy load in both directions, and fast parts near the resonance"
+    signature = "a deflection in proportion to the load, in all joints around it; brings a rotor inertia with it"
+    look_alikes = ("joint_offset", "link_inertia", "torque_scale", "backlash")
+    separated_by = "heavy load in both directions, and fast parts near the resonance"
 
     def __init__(
-        self,
-        robot: RobotModel,
-        joints: Sequence[str] = (),
-        around: float = 0.0,
-        damping: float = 0.05,
-        exact: bool = True,
+        self, robot: RobotModel, joints: Sequence[str] = (), around: float = 0.0, damping: float = 0.05, exact: bool = True
     ) -> None:
         super().__init__(robot, joints)
         self.around, self.damping, self.exact = float(around), positive(damping, "damping", self.id), bool(exact)
-        self.parameter_names = tuple(f"compliance[{name}]" for name in self.joint_names)
-        self.units = tuple("m/N" if robot.is_prismatic[j] else "rad/(N m)" for j in self.joints)
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        return {"around": self.around, "damping": self.damping, "exact": self.exact}
+        self.name_joints(("compliance",), ("rad/(N m)",))
 
     def lag(self, motion: Motion, joint: int) -> FloatArray:
-        """x of a joint with its two derivatives along a recording, shape (N, 3)."""
         return deflection(motion, joint, 1.0 / self.around, self.damping, exact=self.exact)
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
@@ -76,15 +58,12 @@ class JointElasticity(Effect):
         by_q, _, _ = self.robot.rnea_derivatives_along(*state)
         out[:] = -(by_q[0] * self.robot.rnea_along(*state)[0])[:, self.joints]
 
-    def columns_along(self, motion: Motion) -> FloatArray:
+    def columns_at_once(self, motion: Motion) -> FloatArray:
         out = []
         for j in self.joints:
-            if self.around:
-                out.append(torque_of(motion, int(j), self.lag(motion, int(j)), self.exact) / self.around)
-            else:
-                load = motion.link_torque[:, j]
-                rate = motion.rate_of(load)
-                out.append(torque_of(motion, int(j), np.stack([load, rate, motion.rate_of(rate)], axis=1), exact=False))
+            load = motion.link_torque[:, j]
+            rate = motion.rate_of(load)
+            out.append(torque_of(motion, int(j), np.stack([load, rate, motion.rate_of(rate)], axis=1), exact=False))
         return np.stack(out, axis=-1)
 
     @classmethod
@@ -92,10 +71,6 @@ class JointElasticity(Effect):
         inertia = max(float(np.mean([np.mean(m.sensitivity[2][:, joint, joint]) for m in motions])), 1e-9)
         sizes = [1.0 / (inertia * (2.0 * np.pi * float(f)) ** 2) for f in _RESONANCES]
         return [Candidate({"around": x, "damping": _DAMPING, "exact": False}) for x in sizes]
-
-    def own_curve(self, motion: Motion) -> FloatArray:
-        joint = int(self.joints[0])
-        return own_torque(motion, joint, self.lag(motion, joint)) / self.around
 
     def reference_torque(self, motions: Sequence[Motion]) -> float:
         return float(np.sqrt(np.mean([np.mean(m.link_torque[:, self.joints[0]] ** 2) for m in motions])))

@@ -1,9 +1,7 @@
 """A wrong zero of a joint's encoder."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -27,23 +25,22 @@ class JointOffset(Effect):
         links: what the links' inertials, with all that they carry, differ by from the URDF's, shape (10 n,); empty for nothing.
     """
 
-    id: ClassVar[str] = "joint_offset"
-    label: ClassVar[str] = "wrong zero of a joint"
-    acts: ClassVar[Acts] = Acts.LINK
-    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.LINKS})
-    scope: ClassVar[Scope] = Scope.LINK
-    between: ClassVar[tuple[float, float]] = (-_FARTHEST, _FARTHEST)
-    signature: ClassVar[str] = "the gradient of gravity along the joint's position, in all joints around it"
-    look_alikes: ClassVar[tuple[str, ...]] = ("base_tilt", "backlash", "link_inertia", "joint_elasticity")
-    separated_by: ClassVar[str] = "motion of the other joints over 60 degrees or more; on a vertical first joint nothing shows it"
+    id = "joint_offset"
+    label = "wrong zero of a joint"
+    acts = Acts.LINK
+    depends_on = frozenset({Depends.LINKS})
+    scope = Scope.LINK
+    between = (-_FARTHEST, _FARTHEST)
+    signature = "the gradient of gravity along the joint's position, in all joints around it"
+    look_alikes = ("base_tilt", "backlash", "link_inertia", "joint_elasticity")
+    separated_by = "motion of the other joints over 60 degrees or more; on a vertical first joint nothing shows it"
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), around: float = 0.0, links: Sequence[float] = ()) -> None:
         super().__init__(robot, joints)
         self.links = [float(x) for x in links]
         self._arm = carrying(robot, self.links, self.id)
         self.around = float(around)
-        self.parameter_names = tuple(f"delta[{name}]" for name in self.joint_names)
-        self.units = tuple("m" if robot.is_prismatic[j] else "rad" for j in self.joints)
+        self.name_joints(("delta",), ("rad",))
 
     @property
     def settings(self) -> dict[str, Any]:

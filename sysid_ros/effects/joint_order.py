@@ -1,9 +1,6 @@
 """Channels that stand under the name of another joint."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -18,12 +15,12 @@ class JointOrder(ChannelEffect):
         source: which joint each channel shows, a permutation. efforts_only: positions and velocities are right.
     """
 
-    id: ClassVar[str] = "joint_order"
-    label: ClassVar[str] = "joints in the wrong order"
-    signature: ClassVar[str] = "what one joint should show, another one does"
-    look_alikes: ClassVar[tuple[str, ...]] = ("joint_coupling", "joint_sign")
-    separated_by: ClassVar[str] = "joints that carry different loads"
-    stands_out: ClassVar[float] = 2.0
+    id = "joint_order"
+    label = "joints in the wrong order"
+    signature = "what one joint should show, another one does"
+    look_alikes = ("joint_coupling", "joint_sign")
+    separated_by = "joints that carry different loads"
+    stands_out = 2.0
 
     def __init__(self, source: Sequence[int], efforts_only: bool) -> None:
         self.source = list(source)

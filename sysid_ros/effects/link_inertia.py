@@ -1,9 +1,6 @@
 """The inertials of the arm's own links."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -26,17 +23,17 @@ class LinkInertia(Effect):
     Only the base parameters among them are determined by motion (Gautier, Khalil 1990).
     """
 
-    id: ClassVar[str] = "link_inertia"
-    label: ClassVar[str] = "link inertials"
-    signature: ClassVar[str] = "gravity and inertial torque of one link, in all joints that carry it, changing with the posture"
-    look_alikes: ClassVar[tuple[str, ...]] = ("payload", "spring", "torque_scale", "joint_offset")
-    separated_by: ClassVar[str] = "60 degrees or more of at least two joints before the link, with accelerations"
-    acts: ClassVar[Acts] = Acts.LINK
-    scope: ClassVar[Scope] = Scope.LINK
-    inertial: ClassVar[bool] = True
-    usual: ClassVar[float] = 0.9
-    replaces_links: ClassVar[bool] = True
-    in_urdf: ClassVar[bool] = True
+    id = "link_inertia"
+    label = "link inertials"
+    signature = "gravity and inertial torque of one link, in all joints that carry it, changing with the posture"
+    look_alikes = ("payload", "spring", "torque_scale", "joint_offset")
+    separated_by = "60 degrees or more of at least two joints before the link, with accelerations"
+    acts = Acts.LINK
+    scope = Scope.LINK
+    inertial = True
+    usual = 0.9
+    replaces_links = True
+    in_urdf = True
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
         super().__init__(robot, joints)

@@ -1,7 +1,5 @@
 """Parameter: a number that an engineer knows, with its interval."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -46,12 +44,7 @@ class Parameter:
 
 
 def by_delta_method(
-    name: str,
-    joint: str | None,
-    unit: str,
-    f: Callable[[FloatArray], float],
-    values: FloatArray,
-    covariance: FloatArray,
+    name: str, joint: str | None, unit: str, f: Callable[[FloatArray], float], values: FloatArray, covariance: FloatArray
 ) -> Parameter:
     """A function of estimated values, to first order in their errors.
 

@@ -1,7 +1,5 @@
 """A body that the robot carries, fixed to a frame."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, ClassVar
 

@@ -1,9 +1,7 @@
 """A body that is picked up or put down during the recording."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -30,18 +28,18 @@ class PayloadChange(Payload):
         recording: the one of several recordings in which it changes; empty where there is only one.
     """
 
-    id: ClassVar[str] = "payload_change"
-    label: ClassVar[str] = "change of the payload"
-    acts: ClassVar[Acts] = Acts.LINK
-    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.TIME})
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("t0", 0.0, 1e9, "s", False, reach=2.0, bumpy=True, step=0.05),)
-    instant: ClassVar[str] = "t0"
-    times: ClassVar[tuple[str, ...]] = ("t0",)
-    changes: ClassVar[str] = Payload.id
-    partial: ClassVar[bool] = True
-    signature: ClassVar[str] = "a step at one instant in all joints that carry the tool, then as a payload"
-    look_alikes: ClassVar[tuple[str, ...]] = ("external_force", "torque_offset_drift", "payload")
-    separated_by: ClassVar[str] = "the same motion before and after the change"
+    id = "payload_change"
+    label = "change of the payload"
+    acts = Acts.LINK
+    depends_on = frozenset({Depends.TIME})
+    knobs = (Knob("t0", 0.0, 1e9, "s", False, reach=2.0, bumpy=True, step=0.05),)
+    instant = "t0"
+    times = ("t0",)
+    changes = Payload.id
+    partial = True
+    signature = "a step at one instant in all joints that carry the tool, then as a payload"
+    look_alikes = ("external_force", "torque_offset_drift", "payload")
+    separated_by = "the same motion before and after the change"
 
     def __init__(
         self, robot: RobotModel, joints: Sequence[str] = (), frame: str = "", t0: float = 0.0, recording: str = ""

@@ -1,9 +1,6 @@
 """Dry friction that builds up over a small displacement after each reversal."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
 
 import numpy as np
 from numba import njit
@@ -39,27 +36,23 @@ class PreslidingHysteresis(JointCurves):
         robot: the model. joints: joints that rub; empty for all. z_s: displacement over which friction builds up [rad].
     """
 
-    id: ClassVar[str] = "presliding_hysteresis"
-    label: ClassVar[str] = "presliding hysteresis"
-    family: ClassVar[str] = "dry friction"
-    usual: ClassVar[float] = 0.3
-    between: ClassVar[tuple[float, float]] = (0.0, np.inf)
-    jumps: ClassVar[bool] = True
-    symbols: ClassVar[tuple[str, ...]] = ("Fc",)
-    symbol_units: ClassVar[tuple[str, ...]] = ("N m",)
-    slide_units: ClassVar[tuple[str, ...]] = ("N",)
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("z_s", 2e-3, 0.2, "rad"),)
-    signature: ClassVar[str] = "after a reversal the residual follows the displacement: a loop against the position"
-    look_alikes: ClassVar[tuple[str, ...]] = ("coulomb_friction", "stribeck_friction", "joint_elasticity")
-    separated_by: ClassVar[str] = "slow reversals with strokes of a few hundredths of a radian"
+    id = "presliding_hysteresis"
+    label = "presliding hysteresis"
+    setting_names = ("z_s",)
+    family = "dry friction"
+    usual = 0.3
+    between = (0.0, np.inf)
+    jumps = True
+    symbols = ("Fc",)
+    symbol_units = ("N m",)
+    knobs = (Knob("z_s", 2e-3, 0.2, "rad"),)
+    signature = "after a reversal the residual follows the displacement: a loop against the position"
+    look_alikes = ("coulomb_friction", "stribeck_friction", "joint_elasticity")
+    separated_by = "slow reversals with strokes of a few hundredths of a radian"
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), z_s: float = 0.01) -> None:
         super().__init__(robot, joints)
         self.z_s = positive(z_s, "z_s", self.id)
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        return {"z_s": self.z_s}
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         if isinstance(state, Motion):

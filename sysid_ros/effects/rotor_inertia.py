@@ -1,9 +1,5 @@
 """Inertia of the motors, seen through the gears."""
 
-from __future__ import annotations
-
-from typing import ClassVar
-
 import numpy as np
 
 from sysid_ros.effects.effect import JointEffect
@@ -14,19 +10,16 @@ from sysid_ros.signals.motion import Motion
 class RotorInertia(JointEffect):
     """``tau_j = J_j a_j``, J >= 0 [kg m^2] (Siciliano et al. 2009, section 7.2, without gyroscopic coupling)."""
 
-    id: ClassVar[str] = "rotor_inertia"
-    label: ClassVar[str] = "rotor inertia"
-    signature: ClassVar[str] = "in proportion to the joint's own acceleration, whatever the posture"
-    look_alikes: ClassVar[tuple[str, ...]] = ("link_inertia", "joint_elasticity")
-    separated_by: ClassVar[str] = (
-        "strong accelerations in several postures; on the first and the last joint a link's inertia is the same"
-    )
-    nonnegative: ClassVar[bool] = True
-    inertial: ClassVar[bool] = True
-    usual: ClassVar[float] = 0.9
-    symbol: ClassVar[str] = "J"
-    unit: ClassVar[str] = "kg m^2"
-    slide_unit: ClassVar[str] = "kg"
+    id = "rotor_inertia"
+    label = "rotor inertia"
+    signature = "in proportion to the joint's own acceleration, whatever the posture"
+    look_alikes = ("link_inertia", "joint_elasticity")
+    separated_by = "strong accelerations in several postures; on the first and the last joint a link's inertia is the same"
+    nonnegative = True
+    inertial = True
+    usual = 0.9
+    symbol = "J"
+    unit = "kg m^2"
 
     def curve(self, sample: Sample | Motion) -> FloatArray:
         return sample.a

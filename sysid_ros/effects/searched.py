@@ -23,6 +23,7 @@ class Searched(ABC):
     basis of a :class:`sysid_ros.effects.traits.Candidate`.
 
     Attributes:
+        setting_names: constructor arguments beside robot and joints, each of which stands in an attribute of its name.
         scope: what one occurrence belongs to.
         between: values of its parameters that are possible.
         companion: id of the effect that comes with it on its joint.
@@ -42,6 +43,7 @@ class Searched(ABC):
     family: ClassVar[str]
     nonnegative: ClassVar[bool]
     knobs: ClassVar[tuple[Knob, ...]]
+    setting_names: ClassVar[tuple[str, ...]] = ()
     scope: ClassVar[Scope] = Scope.ARM
     between: ClassVar[tuple[float, float]] = (-np.inf, np.inf)
     companion: ClassVar[str] = ""
@@ -64,7 +66,7 @@ class Searched(ABC):
     @property
     def settings(self) -> dict[str, Any]:
         """Constructor arguments beside robot and joints, in plain types."""
-        return {}
+        return {name: getattr(self, name) for name in self.setting_names}
 
     @property
     def form(self) -> str:

@@ -1,9 +1,6 @@
 """A torque that depends on the joint's position: a cable, a hose, a balancer."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
 
 import numpy as np
 
@@ -25,25 +22,21 @@ class Spring(JointCurves):
         robot: the model. joints: joints with a spring; empty for all. shape: "line" or "sine".
     """
 
-    id: ClassVar[str] = "spring"
-    label: ClassVar[str] = "spring, cable or balancer"
-    acts: ClassVar[Acts] = Acts.LINK
-    symbols: ClassVar[tuple[str, ...]] = ("along", "across")
-    symbol_units: ClassVar[tuple[str, ...]] = ("N m/rad", "N m")
-    slide_units: ClassVar[tuple[str, ...]] = ("N/m", "N")
-    signature: ClassVar[str] = "a straight line or a sinusoid against the joint's own position, at any speed"
-    look_alikes: ClassVar[tuple[str, ...]] = ("link_inertia", "torque_offset", "joint_offset", "payload")
-    separated_by: ClassVar[str] = "more than 1.5 rad of the joint, with the joints beyond it in several postures"
+    id = "spring"
+    label = "spring, cable or balancer"
+    setting_names = ("shape",)
+    acts = Acts.LINK
+    symbols = ("along", "across")
+    symbol_units = ("N m/rad", "N m")
+    signature = "a straight line or a sinusoid against the joint's own position, at any speed"
+    look_alikes = ("link_inertia", "torque_offset", "joint_offset", "payload")
+    separated_by = "more than 1.5 rad of the joint, with the joints beyond it in several postures"
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), shape: str = "line") -> None:
         super().__init__(robot, joints)
         if shape not in ("line", "sine"):
             raise ModelFileError(f"effect '{self.id}' has shape {shape!r}; it must be 'line' or 'sine'.")
         self.shape = shape
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        return {"shape": self.shape}
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         if self.shape == "line":

@@ -1,16 +1,14 @@
 """Dry friction that falls from its breakaway value as the joint gets moving."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
 
 import numpy as np
 
+from sysid_ros.effects.coulomb_friction import DryFriction
 from sysid_ros.effects.effect import JointCurves, Knob, positive
 from sysid_ros.effects.traits import Candidate
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
+from sysid_ros.robot.smoothed_sign import TURNS
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -20,7 +18,7 @@ _BREAKAWAY = 4.0
 """Breakaway friction is not more than so many times the friction of steady sliding."""
 
 
-class StribeckFriction(JointCurves):
+class StribeckFriction(DryFriction, JointCurves):
     """``tau_j = s (Fc (1 - e) + Fs e)``, s = tanh(v / width), e = exp(-(v / vs)^2), 0 <= Fc <= Fs [N m] (Armstrong-Hélouvry,
     Dupont, Canudas de Wit 1994, section 2.1).
 
@@ -30,34 +28,28 @@ class StribeckFriction(JointCurves):
             look the same [rad/s].
     """
 
-    id: ClassVar[str] = "stribeck_friction"
-    label: ClassVar[str] = "Stribeck friction"
-    family: ClassVar[str] = "dry friction"
-    usual: ClassVar[float] = 0.4
-    jumps: ClassVar[bool] = True
-    nonnegative: ClassVar[bool] = True
-    symbols: ClassVar[tuple[str, ...]] = ("Fc", "Fs")
-    symbol_units: ClassVar[tuple[str, ...]] = ("N m", "N m")
-    slide_units: ClassVar[tuple[str, ...]] = ("N", "N")
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("vs", 0.02, 0.5, "rad/s"),)
-    signature: ClassVar[str] = "two levels by direction, with a bump at speeds below three Stribeck velocities"
-    look_alikes: ClassVar[tuple[str, ...]] = ("coulomb_friction", "presliding_hysteresis", "viscous_friction")
-    separated_by: ClassVar[str] = "slow moves at several constant speeds between 0.02 and 0.2 rad/s, in both directions"
+    id = "stribeck_friction"
+    label = "Stribeck friction"
+    setting_names = ("vs", "width")
+    usual = 0.4
+    nonnegative = True
+    symbols = ("Fc", "Fs")
+    symbol_units = ("N m", "N m")
+    knobs = (Knob("vs", 0.02, 0.5, "rad/s"),)
+    signature = "two levels by direction, with a bump at speeds below three Stribeck velocities"
+    look_alikes = ("coulomb_friction", "presliding_hysteresis", "viscous_friction")
+    separated_by = "slow moves at several constant speeds between 0.02 and 0.2 rad/s, in both directions"
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), vs: float = 0.05, width: float = TURNS) -> None:
-        super().__init__(robot, joints)
-        self.vs, self.width = positive(vs, "vs", self.id), positive(width, "width", self.id)
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        return {"vs": self.vs, "width": self.width}
+        super().__init__(robot, joints, width)
+        self.vs = positive(vs, "vs", self.id)
 
     @property
     def nonnegative_rows(self) -> FloatArray:
         return np.vstack([np.eye(self.p), np.kron(np.eye(len(self.joints)), [-1.0, 1.0])])  # Fs - Fc
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
-        s = smoothed_sign(state.v, self.width)
+        s = self.sign(state)
         e = np.exp(-((state.v / self.vs) ** 2))
         return np.stack([s * (1.0 - e), s * e])
 

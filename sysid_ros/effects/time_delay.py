@@ -1,9 +1,6 @@
 """An effort that comes late."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
 
 import numpy as np
 
@@ -28,24 +25,21 @@ class TimeDelay(Effect):
         around: delay at which the columns of a recording are exact, ``(tau(t - around) - tau(t)) / around`` [s].
     """
 
-    id: ClassVar[str] = "time_delay"
-    label: ClassVar[str] = "effort late"
-    acts: ClassVar[Acts] = Acts.MEASUREMENT
-    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.DRIVE})
-    usual: ClassVar[float] = 0.2
-    between: ClassVar[tuple[float, float]] = (-_LONGEST, _LONGEST)
-    signature: ClassVar[str] = "in proportion to the rate of the torque, with one delay for all joints"
-    look_alikes: ClassVar[tuple[str, ...]] = ("viscous_friction", "joint_elasticity", "velocity_lag")
-    separated_by: ClassVar[str] = "fast motion: a delay grows with the square of the frequency, friction does not"
+    id = "time_delay"
+    label = "effort late"
+    setting_names = ("around",)
+    acts = Acts.MEASUREMENT
+    depends_on = frozenset({Depends.DRIVE})
+    usual = 0.2
+    between = (-_LONGEST, _LONGEST)
+    signature = "in proportion to the rate of the torque, with one delay for all joints"
+    look_alikes = ("viscous_friction", "joint_elasticity", "velocity_lag")
+    separated_by = "fast motion: a delay grows with the square of the frequency, friction does not"
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), around: float = 0.0) -> None:
         super().__init__(robot, joints)
         self.around = float(around)
         self.parameter_names, self.units = ("delay",), ("s",)
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        return {"around": self.around}
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         out[:] = 0.0

@@ -1,9 +1,6 @@
 """An error of the torque measurement that grows with time."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,25 +17,21 @@ class TorqueOffsetDrift(JointEffect):
         robot: the model. joints: joints that drift; empty for all. start: time from which it drifts [s].
     """
 
-    id: ClassVar[str] = "torque_offset_drift"
-    label: ClassVar[str] = "drift of the torque measurement"
-    acts: ClassVar[Acts] = Acts.MEASUREMENT
-    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.TIME})
-    times: ClassVar[tuple[str, ...]] = ("start",)
-    symbol: ClassVar[str] = "rate"
-    unit: ClassVar[str] = "N m/s"
-    slide_unit: ClassVar[str] = "N/s"
-    signature: ClassVar[str] = "a slow ramp, whatever the motion"
-    look_alikes: ClassVar[tuple[str, ...]] = ("friction_drift", "payload_change")
-    separated_by: ClassVar[str] = "a long recording that repeats one motion at its start and at its end"
+    id = "torque_offset_drift"
+    label = "drift of the torque measurement"
+    setting_names = ("start",)
+    acts = Acts.MEASUREMENT
+    depends_on = frozenset({Depends.TIME})
+    times = ("start",)
+    symbol = "rate"
+    unit = "N m/s"
+    signature = "a slow ramp, whatever the motion"
+    look_alikes = ("friction_drift", "payload_change")
+    separated_by = "a long recording that repeats one motion at its start and at its end"
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), start: float = 0.0) -> None:
         super().__init__(robot, joints)
         self.start = float(start)
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        return {"start": self.start}
 
     def curve(self, sample: Sample | Motion) -> FloatArray:
         since = np.asarray(sample.t) - self.start

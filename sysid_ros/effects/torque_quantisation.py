@@ -1,9 +1,6 @@
 """An effort in coarse steps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -17,11 +14,11 @@ class TorqueQuantisation(ChannelEffect):
         steps: one a joint, 0 where it is finer than the noise [N m].
     """
 
-    id: ClassVar[str] = "torque_quantisation"
-    label: ClassVar[str] = "coarse steps of the effort"
-    signature: ClassVar[str] = "the raw effort takes only values on a lattice that is wider than its noise"
-    look_alikes: ClassVar[tuple[str, ...]] = ("torque_saturation",)
-    separated_by: ClassVar[str] = "any motion"
+    id = "torque_quantisation"
+    label = "coarse steps of the effort"
+    signature = "the raw effort takes only values on a lattice that is wider than its noise"
+    look_alikes = ("torque_saturation",)
+    separated_by = "any motion"
 
     def __init__(self, steps: Sequence[float]) -> None:
         self.steps = np.array(steps, dtype=float)

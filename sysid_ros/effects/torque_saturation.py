@@ -1,9 +1,6 @@
 """A torque that does not go beyond a limit."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any, ClassVar
 
 import numpy as np
 
@@ -47,18 +44,18 @@ class TorqueSaturation(JointCurves):
         ModelFileError: there is no such kind, or the limit is not a positive number.
     """
 
-    id: ClassVar[str] = "torque_saturation"
-    label: ClassVar[str] = "saturation of the torque"
-    acts: ClassVar[Acts] = Acts.MEASUREMENT
-    depends_on: ClassVar[frozenset[Depends]] = frozenset({Depends.DRIVE})
-    partial: ClassVar[bool] = True
-    symbols: ClassVar[tuple[str, ...]] = ("share",)
-    symbol_units: ClassVar[tuple[str, ...]] = ("1",)
-    slide_units: ClassVar[tuple[str, ...]] = ("1",)
-    knobs: ClassVar[tuple[Knob, ...]] = (Knob("limit", 0.1, 1e4, "N m"),)
-    signature: ClassVar[str] = "nothing below the limit, and beyond it all that exceeds it"
-    look_alikes: ClassVar[tuple[str, ...]] = ("torque_scale",)
-    separated_by: ClassVar[str] = "motion that reaches the limit from both sides, and some that stays well below it"
+    id = "torque_saturation"
+    label = "saturation of the torque"
+    setting_names = ("limit", "kind")
+    acts = Acts.MEASUREMENT
+    depends_on = frozenset({Depends.DRIVE})
+    partial = True
+    symbols = ("share",)
+    symbol_units = ("1",)
+    knobs = (Knob("limit", 0.1, 1e4, "N m"),)
+    signature = "nothing below the limit, and beyond it all that exceeds it"
+    look_alikes = ("torque_scale",)
+    separated_by = "motion that reaches the limit from both sides, and some that stays well below it"
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), limit: float = 10.0, kind: str = "sensor") -> None:
         super().__init__(robot, joints)
@@ -66,13 +63,6 @@ class TorqueSaturation(JointCurves):
         if kind not in ("sensor", "motor"):
             raise ModelFileError(f"effect '{self.id}' is of kind {kind!r}; it must be 'sensor' or 'motor'.")
         self.kind = kind
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        return {"limit": self.limit, "kind": self.kind}
-
-    def curves_along(self, motion: Motion) -> FloatArray:
-        return self.curves(motion, motion.drive_torque)
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         torque, sign = (load, -1.0) if self.kind == "sensor" else (state.tau, 1.0)

@@ -1,9 +1,6 @@
 """An effort with the wrong sign."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -18,12 +15,12 @@ class TorqueSign(ChannelEffect):
         joints: indices of the joints.
     """
 
-    id: ClassVar[str] = "torque_sign"
-    label: ClassVar[str] = "wrong sign of the effort"
-    signature: ClassVar[str] = "twice the torque of the joint is left, with a gain of exactly -1"
-    look_alikes: ClassVar[tuple[str, ...]] = ("joint_sign", "torque_scale")
-    separated_by: ClassVar[str] = "a joint that carries gravity"
-    scales: ClassVar[bool] = True
+    id = "torque_sign"
+    label = "wrong sign of the effort"
+    signature = "twice the torque of the joint is left, with a gain of exactly -1"
+    look_alikes = ("joint_sign", "torque_scale")
+    separated_by = "a joint that carries gravity"
+    scales = True
 
     def __init__(self, joints: Sequence[int]) -> None:
         self.joints = list(joints)
@@ -34,6 +31,4 @@ class TorqueSign(ChannelEffect):
         return out
 
     def undo(self, channels: Channels) -> Channels:
-        tau = np.array(channels.tau)
-        tau[:, self.joints] *= -1.0
-        return channels.with_tau(tau)
+        return channels.with_tau(self.publish(channels.tau))

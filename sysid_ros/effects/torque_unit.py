@@ -1,9 +1,6 @@
 """Efforts in another unit than newton metres."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -18,13 +15,13 @@ class TorqueUnit(ChannelEffect):
         factors: published over N m, one a joint.
     """
 
-    id: ClassVar[str] = "torque_unit"
-    label: ClassVar[str] = "wrong unit of the effort"
-    signature: ClassVar[str] = "one factor for all joints, or one for each that has nothing to do with the motion"
-    look_alikes: ClassVar[tuple[str, ...]] = ("torque_scale", "payload")
-    separated_by: ClassVar[str] = "any motion in which the joints carry load"
-    scales: ClassVar[bool] = True
-    absorbs: ClassVar[str] = "torque_scale"
+    id = "torque_unit"
+    label = "wrong unit of the effort"
+    signature = "one factor for all joints, or one for each that has nothing to do with the motion"
+    look_alikes = ("torque_scale", "payload")
+    separated_by = "any motion in which the joints carry load"
+    scales = True
+    absorbs = "torque_scale"
 
     def __init__(self, factors: Sequence[float]) -> None:
         self.factors = np.array(factors, dtype=float)

@@ -1,7 +1,5 @@
 """What an effect is, in plain values: its knobs, where it acts, what it depends on, how far it reaches."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum

@@ -1,9 +1,5 @@
 """A velocity that the driver has filtered."""
 
-from __future__ import annotations
-
-from typing import ClassVar
-
 from sysid_ros.effects.channel_effect import ChannelEffect, Channels
 
 
@@ -15,11 +11,11 @@ class VelocityLag(ChannelEffect):
         cutoff: of the low-pass [Hz].
     """
 
-    id: ClassVar[str] = "velocity_lag"
-    label: ClassVar[str] = "velocity late"
-    signature: ClassVar[str] = "the published velocity lags behind the derivative of the position, more the faster it changes"
-    look_alikes: ClassVar[tuple[str, ...]] = ("time_delay",)
-    separated_by: ClassVar[str] = "fast motion; no torque is needed"
+    id = "velocity_lag"
+    label = "velocity late"
+    signature = "the published velocity lags behind the derivative of the position, more the faster it changes"
+    look_alikes = ("time_delay",)
+    separated_by = "fast motion; no torque is needed"
 
     def __init__(self, cutoff: float) -> None:
         self.cutoff = float(cutoff)

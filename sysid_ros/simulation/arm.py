@@ -36,7 +36,7 @@ class ArmWorld:
     Attributes:
         joint_names: movable joints, base to tip.
         q, v: state at the begin of the next step, shape (n,) [rad], [rad/s]; v is the velocity that led to q.
-        carries: True while the body is tied to the tip.
+        body: what is tied to the tip.
     """
 
     def __init__(self, urdf: str, tip: str, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)) -> None:
@@ -53,11 +53,12 @@ class ArmWorld:
             )
         self._joints = BulletJoints(self._arm, self._client)
         self.joint_names = self._joints.names
-        self._tip = self._joints.links[tip]
         for link in (-1, *self._joints.links.values()):
-            self._undamp(self._arm, link)
+            pybullet.changeDynamics(
+                self._arm, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, physicsClientId=self._client
+            )
         self._joints.let_go()
-        self._body = CarriedBody(self._client, self._arm, self._tip)
+        self.body = CarriedBody(self._client, self._arm, self._joints.links[tip])
         self._read()
 
     def close(self) -> None:
@@ -65,10 +66,6 @@ class ArmWorld:
         if self._client >= 0:
             pybullet.disconnect(self._client)
             self._client = -1
-
-    @property
-    def carries(self) -> bool:
-        return self._body.tied
 
     def reset(self, q: FloatArray, v: FloatArray) -> None:
         """Put the joints into a state, shape (n,) each."""
@@ -80,7 +77,7 @@ class ArmWorld:
         self._joints.apply(tau)
         pybullet.stepSimulation(physicsClientId=self._client)
         self._read()
-        self._body.step(STEP)
+        self.body.step(STEP)
 
     def pick(self, payload: Payload) -> None:
         """Tie a body to the tip; it appears there with the tip's own motion, so that the pick is no impact.
@@ -90,26 +87,15 @@ class ArmWorld:
         # a tied body's velocity is J(q before the step) v; with J(q after it) the first torque would lack the centripetal part
         q, v = self.q, self.v
         self.reset(q - STEP * v, v)
-        motion = self._body.motion_of(payload.com)
+        motion = self.body.motion_of(payload.com)
         self.reset(q, v)
-        self._body.tie(payload, motion)
-
-    def drop(self) -> None:
-        """Let the body go: it falls freely and is taken out of the world a second later."""
-        self._body.untie()
+        self.body.tie(payload, motion)
 
     def inverse_dynamics(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """PyBullet's own inverse dynamics of the arm without the body, shape (n,) [N m]."""
         return np.array(
             pybullet.calculateInverseDynamics(self._arm, q.tolist(), v.tolist(), a.tolist(), physicsClientId=self._client)
         )
-
-    def slip(self, payload: Payload) -> float:
-        """How far the tied body has moved away from its place at the tip [m]: the constraint's own error."""
-        return self._body.slip(payload)
-
-    def _undamp(self, body: int, link: int) -> None:
-        pybullet.changeDynamics(body, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, physicsClientId=self._client)
 
     def _read(self) -> None:
         self.q, self.v = self._joints.read()

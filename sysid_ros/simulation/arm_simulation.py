@@ -80,7 +80,7 @@ class ArmSimulation:
     @property
     def carries(self) -> bool:
         """True while the payload is tied to the tip."""
-        return self.world.carries
+        return self.world.body.tied
 
     def pick(self) -> bool:
         """Tie the payload on now; False where there is none, or it is on already."""
@@ -94,7 +94,7 @@ class ArmSimulation:
         """Let the payload go now; False where none is carried."""
         if not self.carries:
             return False
-        self.world.drop()
+        self.world.body.untie()
         self.events.append((self.t, "drop"))
         return True
 
@@ -130,11 +130,7 @@ class ArmSimulation:
             "rate": s.rate,
             "seed": s.seed,
             **truth_of_payload(self.payload, self.events, start_time),
-            "noise": {
-                "encoder": s.encoder_noise,
-                "torque": s.torque_noise,
-                "velocity": s.velocity_noise if s.velocity else None,
-            },
+            "noise": {"encoder": s.encoder_noise, "torque": s.torque_noise, "velocity": s.velocity_noise if s.velocity else None},
             "effects": {x.name: s.per_joint(x.name, self.robot.n).tolist() for x in s.joint_settings()},
             "controller_knows_payload": s.controller_knows_payload,
             "timing": "q, velocity and effort belong to the header stamp; the effort is the torque of the 1 ms that begins there",
@@ -149,13 +145,13 @@ class ArmSimulation:
         q, v = world.q, world.v
         q_d, v_d, a_d = self._reference
         tau = self._command(q, v, Reference(q_d[i], v_d[i], a_d[i]))
-        world.step(self._drive.link_torque(self._models[world.carries], q, v, tau))
+        world.step(self._drive.link_torque(self._models[self.carries], q, v, tau))
         self._k += 1
         return q, 0.5 * (v + world.v), tau
 
     def own_command(self, q: FloatArray, v: FloatArray, wanted: Reference) -> FloatArray:
         """Torques of the stiff controller, shape (n,) [N m]: what the arm does where nobody commands it."""
-        return self._controllers[self.world.carries].torque(q, v, wanted.q, wanted.v, wanted.a)
+        return self._controllers[self.carries].torque(q, v, wanted.q, wanted.v, wanted.a)
 
 
 def _motion(scenario: ArmScenario, rng: np.random.Generator, empty: RobotModel, loaded: RobotModel) -> ExcitingTrajectory:

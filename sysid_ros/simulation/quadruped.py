@@ -14,7 +14,6 @@ from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.arm import STEP
 from sysid_ros.simulation.bullet_joints import BulletJoints
 from sysid_ros.simulation.carried_body import CarriedBody
-from sysid_ros.simulation.payload import Payload
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,14 +111,6 @@ class QuadrupedWorld:
         pybullet.applyExternalForce(
             self._robot, -1, force.tolist(), point.tolist(), pybullet.WORLD_FRAME, physicsClientId=self._client
         )
-
-    def place(self, payload: Payload) -> None:
-        """Tie a body to the trunk; it appears there with the trunk's own motion."""
-        self.body.tie(payload)
-
-    def take_off(self) -> None:
-        """Untie the body and take it out of the world."""
-        self.body.untie(remove=True)
 
     def _read(self) -> None:
         self.q, self.v = self._joints.read()

@@ -47,10 +47,8 @@ class TrunkMotion:
     _TURN = np.array([0.13, 0.13, 0.12])
     _BLEND = 1.0
 
-    def __init__(
-        self, gait: str, height: float, rng: np.random.Generator, extent: float = 1.0, speed: float = 0.2, begin: float = 0.0
-    ) -> None:
-        self.gait, self.height, self.begin = gait, height, begin
+    def __init__(self, gait: str, height: float, rng: np.random.Generator, extent: float = 1.0, speed: float = 0.2) -> None:
+        self.gait, self.height = gait, height
         self._omega = 2.0 * math.pi * 0.35 * np.arange(1, 4)
         phase = rng.uniform(0.0, 2.0 * math.pi, (6, 3))
         share = rng.uniform(0.5, 1.0, (6, 3)) / np.arange(1, 4)
@@ -63,15 +61,15 @@ class TrunkMotion:
 
     def velocity(self, t: float) -> FloatArray:
         """Wanted velocity over the ground in the trunk's own direction and turning rate, shape (3,) [m/s, m/s, rad/s]."""
-        blend = min(max((t - self.begin) / self._BLEND, 0.0), 1.0)
-        wave = math.sin(2.0 * math.pi * 0.1 * (t - self.begin))
+        blend = min(max(t / self._BLEND, 0.0), 1.0)
+        wave = math.sin(2.0 * math.pi * 0.1 * t)
         return blend * np.array([self._speed, self._side * wave, self._turn * wave])
 
     def sway(self, t: float) -> FloatArray:
         """Displacement of position [m] and roll, pitch, yaw [rad], shape (6,)."""
-        u = min(max((t - self.begin) / self._BLEND, 0.0), 1.0)
+        u = min(max(t / self._BLEND, 0.0), 1.0)
         blend = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-        phase = self._omega * (t - self.begin)
+        phase = self._omega * t
         out: FloatArray = blend * (self._sine @ np.sin(phase) + self._cosine @ np.cos(phase))
         return out
 
@@ -104,18 +102,18 @@ class Trot:
         feet: number of feet; pairs are 0 with 3 and 1 with 2. period: of the cycle [s]. duty: share of it that a foot stands.
     """
 
-    def __init__(self, feet: int, period: float = 0.5, duty: float = 0.6, begin: float = 0.0) -> None:
-        self.period, self.duty, self.begin = period, duty, begin
+    def __init__(self, feet: int, period: float = 0.5, duty: float = 0.6) -> None:
+        self.period, self.duty = period, duty
         self._offset = np.array([0.0, 0.5, 0.5, 0.0])[:feet]
 
     def phase(self, t: float) -> FloatArray:
         """Phase of each foot: 0 to 1 while it stands, 1 to 2 while it swings; before the begin all stand in the middle of it."""
-        if t < self.begin:
+        if t < 0.0:
             return np.full(self._offset.size, 0.5)
-        phase = ((t - self.begin) / self.period + 0.5 * self.duty + self._offset) % 1.0
-        if t < self.begin + self.period:
+        phase = (t / self.period + 0.5 * self.duty + self._offset) % 1.0
+        if t < self.period:
             # the pair that would start in the air stands until its first lift-off
-            early = (t - self.begin) / self.period + 0.5 * self.duty + self._offset
+            early = t / self.period + 0.5 * self.duty + self._offset
             phase = np.where((self._offset > 0.0) & (early < 1.0), np.minimum(phase, 0.5 * self.duty), phase)
         return np.where(phase < self.duty, phase / self.duty, 1.0 + (phase - self.duty) / (1.0 - self.duty))
 

@@ -7,19 +7,14 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
+from sysid_ros.simulation.bag_and_truth import Recorder
 from sysid_ros.simulation.quadruped_description import IMU_LINK
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 from sysid_ros.simulation.quadruped_simulation import QuadrupedSimulation, QuadrupedState
 
 
-class Recorder(Protocol):
-    """What a recording is written to; :class:`sysid_ros.sources.bag_recorder.BagRecorder` is one."""
-
-    def write_robot_description(self, urdf: str, receive_time: float) -> None:
-        """The URDF's text."""
-
-    def write_joint_state(self, record: JointStateRecord) -> None:
-        """One message of the joints."""
+class QuadrupedRecorder(Recorder, Protocol):
+    """What a recording with an IMU and feet is written to."""
 
     def write_imu(self, record: ImuRecord) -> None:
         """One message of the IMU."""
@@ -94,7 +89,7 @@ def simulate_quadruped(
     return QuadrupedRecord(told, exact, start_time, truth, simulation.urdf)
 
 
-def write_quadruped(record: QuadrupedRecord, recorder: Recorder, imu: bool = True, contacts: bool = True) -> None:
+def write_quadruped(record: QuadrupedRecord, recorder: QuadrupedRecorder, imu: bool = True, contacts: bool = True) -> None:
     """Write the description and the messages into an open recorder."""
     recorder.write_robot_description(record.urdf, record.start_time)
     for message in record.records(imu, contacts):
@@ -103,4 +98,4 @@ def write_quadruped(record: QuadrupedRecord, recorder: Recorder, imu: bool = Tru
         elif isinstance(message, ContactRecord):
             recorder.write_contacts(message)
         else:
-            recorder.write_joint_state(message)
+            recorder.write_joint_states([message])

@@ -81,10 +81,8 @@ class QuadrupedSimulation:
         names = self.base.legs.joint_names
         self._to_world = np.array([names.index(name) for name in self.world.joint_names])
         self._to_model = np.array([self.world.joint_names.index(name) for name in names])
-        motion = TrunkMotion(
-            scenario.gait, HEIGHT, np.random.default_rng(motion_seed), scenario.extent, scenario.speed, begin=0.0
-        )
-        trot = Trot(len(FEET), begin=0.0) if scenario.gait == "trot" else None
+        motion = TrunkMotion(scenario.gait, HEIGHT, np.random.default_rng(motion_seed), scenario.extent, scenario.speed)
+        trot = Trot(len(FEET)) if scenario.gait == "trot" else None
         self._controller = QuadrupedController(self.base, motion, trot, self._ground)
         self._imu_rotation = rotation_of(scenario.imu_rpy)
         self._every = CONTROL_RATE // scenario.rate
@@ -146,7 +144,7 @@ class QuadrupedSimulation:
         """Put the box on now; False where there is none, or it is on already."""
         if self.payload is None or self.carries:
             return False
-        self.world.place(self.payload)
+        self.world.body.tie(self.payload)
         if self.scenario.controller_knows_payload:
             self._controller.load = self.payload.theta
         self.events.append((self.t, "pick"))
@@ -156,7 +154,7 @@ class QuadrupedSimulation:
         """Take the box off now; False where none is carried."""
         if not self.carries:
             return False
-        self.world.take_off()
+        self.world.body.untie(remove=True)
         self._controller.load = np.zeros(10)
         self.events.append((self.t, "drop"))
         return True

@@ -2,8 +2,8 @@
 physics that moves the robot that has it."""
 
 from sysid_ros.simulation.hidden_effects.catalogue import cause_of, hideable, realise
+from sysid_ros.simulation.hidden_effects.cause import CAUSES, HiddenCause, register_hidden
 from sysid_ros.simulation.hidden_effects.circumstances import Circumstances, torque_scale
-from sysid_ros.simulation.hidden_effects.hidden_cause import CAUSES, HiddenCause, register_hidden
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
 from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
 from sysid_ros.simulation.hidden_effects.run import HiddenRecording, move, publish, stiffening_for, truth_of

@@ -1,11 +1,9 @@
 """Play in a joint, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from sysid_ros.simulation.hidden_effects.compliance import Compliance
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, register_hidden
+from sysid_ros.simulation.hidden_effects.joint_elasticity import Compliance
 
 _FLANK_FREQUENCY = 300.0
 _REVERSAL = 0.15
@@ -16,6 +14,8 @@ class Backlash(Compliance):
     """A gap between the motor, whose position is measured, and a joint whose load changes its sign."""
 
     id = "backlash"
+    parameters = (("gap", "rad"),)
+    puts = (*Compliance.puts, ("gap", "gap"))
     damping_ratio = 0.3
     equivalent = ("joint_offset",)  # one flank bears all the time: half the gap is an offset
     rattles = True
@@ -24,9 +24,4 @@ class Backlash(Compliance):
         forward = np.mean(c.tau > 0.0, axis=0)
         j = c.one_joint((forward > _REVERSAL) & (forward < 1.0 - _REVERSAL))
         motor = 0.2 * c.inertia[j]
-        gap = {"gap": ({j: c.share(0.006, 0.03)}, "rad")}
-        return c.effect(self.id, [j], gap, motor_inertia=[motor], stiffness=[motor * _FLANK_FREQUENCY**2])
-
-    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        super().realise(effect, true)
-        true.put("gap", effect.per_joint("gap"))
+        return self.on(c, [j], [[c.share(0.006, 0.03)]], motor_inertia=[motor], stiffness=[motor * _FLANK_FREQUENCY**2])

@@ -1,20 +1,17 @@
 """A base that does not stand upright, hidden."""
 
-from __future__ import annotations
-
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import ArmCause, Circumstances, HiddenEffect, TrueRobot, register_hidden
 
 
 @register_hidden
-class BaseTilt(HiddenCause):
+class BaseTilt(ArmCause):
     """A base that does not stand upright."""
 
     id = "base_tilt"
-    whole_arm = True
+    parameters = (("roll", "rad"), ("pitch", "rad"))
 
-    def draw(self, c: Circumstances) -> HiddenEffect:
-        roll, pitch = (c.sign() * c.share(0.025, 0.1) for _ in range(2))
-        return c.whole_arm(self.id, {"roll": (roll, "rad"), "pitch": (pitch, "rad")})
+    def size(self, c: Circumstances) -> list[float | tuple[float, ...]]:
+        return [c.sign() * c.share(0.025, 0.1) for _ in range(2)]
 
     def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
         true.tilt_base(effect.number("roll"), effect.number("pitch"))

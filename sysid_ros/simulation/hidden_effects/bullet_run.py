@@ -1,7 +1,5 @@
 """The same true robot with PyBullet moving the links."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 
@@ -22,11 +20,7 @@ _PUSH = 2
 
 
 def move_in_pybullet(
-    true: TrueRobot,
-    motion: DiagnosisMotion,
-    rate: int,
-    stiffening: FloatArray,
-    progress: Callable[[int], None] = lambda n: None,
+    true: TrueRobot, motion: DiagnosisMotion, rate: int, stiffening: FloatArray, progress: Callable[[int], None] = lambda n: None
 ) -> Signals:
     """As :func:`.run.move`: PyBullet moves the links, a body that is picked up is tied to the tip, and what the joints hide is in
     the torque that the links get at each step.
@@ -50,11 +44,11 @@ def move_in_pybullet(
         out = np.zeros((3, count, robot.n))
         for k in range(count * stride):
             t = k * STEP
-            if true.picked_up is not None and t >= true.change_time and not world.carries:
+            if true.picked_up is not None and t >= true.change_time and not world.body.tied:
                 world.pick(true.picked_up)
             state.q[:] = state.angle[:] = world.q
             state.v[:] = state.rate[:] = world.v
-            links = after if world.carries else before
+            links = after if world.body.tied else before
             solve_step(believed, links, true.joints, true.force, stiffening, wanted[k], t, STEP, state)
             world.step(state.link_torque + state.vectors[_PUSH])
             if k % stride == 0:

@@ -1,13 +1,11 @@
 """Every cause that can be hidden. A new one is a new file and a line here; the exam's seeds draw in this order."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from sysid_ros.effects import EFFECTS
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.simulation.hidden_effects.hidden_cause import CAUSES, HiddenCause
+from sysid_ros.simulation.hidden_effects.cause import CAUSES, HiddenCause
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect
 from sysid_ros.simulation.hidden_effects.regressed_cause import RegressedCause
 from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
@@ -46,10 +44,7 @@ from sysid_ros.simulation.hidden_effects import (  # noqa: F401
     torque_quantisation,
     external_force,
     payload_change,
-    outside_hum,
-    outside_neighbour_damping,
-    outside_neighbour_friction,
-    outside_wobbling_gain,
+    outside,
 )
 # isort: on
 

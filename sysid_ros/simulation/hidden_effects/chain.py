@@ -7,8 +7,6 @@ dynamics: a test compares it with :class:`sysid_ros.robot.robot_model.RobotModel
 Reference: Luh, Walker, Paul 1980, "On-line computational scheme for mechanical manipulators", in the frames of the joints.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Circumstances: what is usual for an arm in a motion, so that an effect can be drawn that shows and is not absurd."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +8,6 @@ from numpy.typing import NDArray
 
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
 from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
 
 _GRID = 0.02
@@ -94,21 +91,6 @@ class Circumstances:
         n = self.robot.n
         pool = np.flatnonzero(allowed) if allowed is not None and np.any(allowed) else np.arange(n)
         return int(self.rng.choice(pool))
-
-    def effect(
-        self, id_: str, joints: list[int], values: dict[str, tuple[dict[int, float], str]], kind: str = "", **settings: object
-    ) -> HiddenEffect:
-        """An effect with one parameter a joint and a name; ``values`` is name -> (value by joint, unit)."""
-        names = self.robot.joint_names
-        parameters = tuple(
-            TrueParameter(name, names[j], float(by_joint[j]), unit) for name, (by_joint, unit) in values.items() for j in joints
-        )
-        return HiddenEffect(id_, tuple(names[j] for j in joints), parameters, kind, settings)
-
-    def whole_arm(self, id_: str, values: dict[str, tuple[float | tuple[float, ...], str]], **settings: object) -> HiddenEffect:
-        """An effect that belongs to no joint; ``values`` is name -> (value, unit)."""
-        parameters = tuple(TrueParameter(name, None, value, unit) for name, (value, unit) in values.items())
-        return HiddenEffect(id_, self.robot.joint_names, parameters, "", settings)
 
 
 def torque_scale(tau: FloatArray) -> FloatArray:

@@ -1,10 +1,8 @@
 """Ripple over the position, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenCause, HiddenEffect, register_hidden
 
 
 @register_hidden
@@ -12,16 +10,13 @@ class Cogging(HiddenCause):
     """``amp sin(harmonic q + phase)``."""
 
     id = "cogging"
+    parameters = (("harmonic", "1/rev"), ("amp", "N m"))
+    adds = (("ripple", "amp"),)
+    puts = (("ripple_harmonic", "harmonic"), ("ripple_phase", "phase"))
     local = True
     counted = ("harmonic",)
 
     def draw(self, c: Circumstances) -> HiddenEffect:
         j = c.one_joint()
-        harmonic, amplitude = float(c.rng.integers(8, 41)), c.share(0.04, 0.15) * c.torque[j]
-        values = {"harmonic": ({j: harmonic}, "1/rev"), "amp": ({j: amplitude}, "N m")}
-        return c.effect(self.id, [j], values, phase=[c.uniform(-np.pi, np.pi)])
-
-    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        true.add("ripple", effect.per_joint("amp"))
-        true.put("ripple_harmonic", effect.per_joint("harmonic"))
-        true.put("ripple_phase", dict(zip(effect.joints, effect.settings["phase"], strict=True)))
+        sizes = [[c.rng.integers(8, 41)], [c.share(0.04, 0.15) * c.torque[j]]]
+        return self.on(c, [j], sizes, phase=[c.uniform(-np.pi, np.pi)])

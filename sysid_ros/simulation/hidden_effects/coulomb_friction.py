@@ -1,9 +1,18 @@
-"""Coulomb friction, hidden."""
+"""Coulomb friction, hidden; and what every dry friction has in common."""
 
-from __future__ import annotations
+from typing import ClassVar
 
-from sysid_ros.simulation.hidden_effects.dry_friction import DryFriction
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import Pairs, TorqueShare, register_hidden
+
+
+class DryFriction(TorqueShare):
+    """Friction with a level ``Fc`` in both directions, and with what its own kind adds."""
+
+    parameters: ClassVar[Pairs] = (("Fc", "N m"),)
+    adds: ClassVar[Pairs] = (("coulomb_forward", "Fc"), ("coulomb_backward", "Fc"))
+    family = "friction"
+    dry = True
+    share = (0.06, 0.35)
 
 
 @register_hidden
@@ -14,12 +23,4 @@ class CoulombFriction(DryFriction):
     everywhere = True
     plain = ("sign",)
     equivalent = ("asymmetric_coulomb_friction",)  # with an offset, the same while the joint moves
-
-    def draw(self, c: Circumstances) -> HiddenEffect:
-        return self._effect(c, self.levels(c, c.some_joints()))
-
-    def draw_everywhere(self, c: Circumstances) -> HiddenEffect:
-        return self._effect(c, {j: c.uniform(0.1, 0.4) * c.torque[j] for j in range(c.robot.n)})
-
-    def _effect(self, c: Circumstances, values: dict[int, float]) -> HiddenEffect:
-        return c.effect(self.id, list(values), {"Fc": (values, "N m")})
+    usual_share = (0.1, 0.4)

@@ -1,24 +1,22 @@
 """A pull at the tip, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sysid_ros.sample import FloatArray
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import ArmCause, Circumstances, HiddenEffect, TrueRobot, register_hidden
 
 
 @register_hidden
-class ExternalForce(HiddenCause):
+class ExternalForce(ArmCause):
     """A constant pull at the tip, mostly sideways: straight down it would weigh like a body."""
 
     id = "external_force"
-    whole_arm = True
+    parameters = (("force", "N"),)
 
-    def draw(self, c: Circumstances) -> HiddenEffect:
+    def size(self, c: Circumstances) -> list[float | tuple[float, ...]]:
         direction = c.rng.normal(size=3) * np.array([1.0, 1.0, 0.5])
         force = direction / np.linalg.norm(direction) * c.share(0.3, 1.2) * c.mass
-        return c.whole_arm(self.id, {"force": (tuple(force.tolist()), "N")})
+        return [tuple(force.tolist())]
 
     def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
         true.force = true.force + effect.vector("force")

@@ -1,21 +1,22 @@
 """Efforts without the torque of gravity, hidden."""
 
-from __future__ import annotations
+import numpy as np
 
-from sysid_ros.simulation.hidden_effects.channels import WithGravity
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import ArmCause, Circumstances, HiddenEffect, Signals, TrueRobot, register_hidden
 
 
 @register_hidden
-class GravityCompensatedEffort(HiddenCause):
-    """Effort without the torque of gravity, or with it twice."""
+class GravityCompensatedEffort(ArmCause):
+    """Effort plus ``coef`` times the torque that the controller's model says gravity costs: without it, or with it twice."""
 
     id = "gravity_compensated_effort"
+    in_messages = True
+    parameters = (("coef", ""),)
     changes_input = True
-    whole_arm = True
 
-    def draw(self, c: Circumstances) -> HiddenEffect:
-        return c.whole_arm(self.id, {"coef": (c.sign(), "")})
+    def size(self, c: Circumstances) -> list[float | tuple[float, ...]]:
+        return [c.sign()]
 
-    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        true.channels.append(WithGravity(true.robot, effect.number("coef")))
+    def publish(self, effect: HiddenEffect, robot: TrueRobot, signals: Signals, true: Signals) -> Signals:
+        gravity = np.array([robot.robot.gravity_torque(q) for q in true.q])
+        return signals.with_tau(signals.tau + effect.number("coef") * gravity)

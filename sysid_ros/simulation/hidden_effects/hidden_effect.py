@@ -1,7 +1,5 @@
 """HiddenEffect: what a simulated robot has and its URDF lacks, as plain values."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -54,7 +52,9 @@ class HiddenEffect:
         return float(self.vector(name)[0])
 
     def per_joint(self, name: str) -> dict[str, float]:
-        """A parameter by joint."""
+        """A parameter by joint, or a setting of which there is one a joint."""
+        if name in self.settings:
+            return dict(zip(self.joints, np.atleast_1d(self.settings[name]).tolist(), strict=True))
         return {p.joint: float(p.value) for p in self.parameters if p.name == name and p.joint is not None}  # type: ignore[arg-type]
 
     def as_dict(self) -> dict[str, Any]:

@@ -1,7 +1,5 @@
 """hide_in_arm: a recording of the simulated arm that hides what is asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

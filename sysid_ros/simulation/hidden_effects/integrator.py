@@ -1,7 +1,5 @@
 """The compiled loop: a controlled arm, step by step, with everything that its joints hide."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,19 +1,24 @@
 """A joint whose torque holds a part of its neighbour's, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from sysid_ros.simulation.hidden_effects.channels import Coupled
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import (
+    Circumstances,
+    HiddenCause,
+    HiddenEffect,
+    Signals,
+    TrueRobot,
+    register_hidden,
+)
 from sysid_ros.simulation.hidden_effects.hidden_effect import TrueParameter
 
 
 @register_hidden
 class JointCoupling(HiddenCause):
-    """``-c`` times a neighbour's torque."""
+    """``tau_j - c tau_neighbour``: the effort of one motor also carries a part of its neighbour's."""
 
     id = "joint_coupling"
+    in_messages = True
     local = True
     ordered = True
 
@@ -25,9 +30,11 @@ class JointCoupling(HiddenCause):
         names = c.robot.joint_names
         return HiddenEffect(self.id, (names[j], names[other]), (TrueParameter("c", names[j], float(size), ""),))
 
-    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        joint, other = (true.index(j) for j in effect.joints)
-        true.channels.append(Coupled(joint, other, effect.per_joint("c")[effect.joints[0]]))
+    def publish(self, effect: HiddenEffect, robot: TrueRobot, signals: Signals, true: Signals) -> Signals:
+        joint, other = (robot.index(j) for j in effect.joints)
+        tau = signals.tau.copy()
+        tau[:, joint] -= effect.per_joint("c")[effect.joints[0]] * true.tau[:, other]
+        return signals.with_tau(tau)
 
     def shows_on(self, effect: HiddenEffect) -> tuple[str, ...]:
         return effect.joints[:1]

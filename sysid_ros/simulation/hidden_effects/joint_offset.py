@@ -1,21 +1,22 @@
 """An encoder with its zero elsewhere, hidden."""
 
-from __future__ import annotations
+from dataclasses import replace
 
-from sysid_ros.simulation.hidden_effects.channels import Misaligned
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, JointCause, Signals, TrueRobot, register_hidden
 
 
 @register_hidden
-class JointOffset(HiddenCause):
-    """An encoder with its zero elsewhere."""
+class JointOffset(JointCause):
+    """An encoder with its zero elsewhere: measured minus true."""
 
     id = "joint_offset"
+    in_messages = True
+    parameters = (("delta", "rad"),)
+    single = True
     equivalent = ("backlash",)
 
-    def draw(self, c: Circumstances) -> HiddenEffect:
-        j = c.one_joint()
-        return c.effect(self.id, [j], {"delta": ({j: c.sign() * c.share(0.02, 0.12)}, "rad")})
+    def sizes(self, c: Circumstances, joints: list[int]) -> list[list[float]]:
+        return [[c.sign() * c.share(0.02, 0.12)]]
 
-    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        true.channels.append(Misaligned(true.per_joint(effect.per_joint("delta"))))
+    def publish(self, effect: HiddenEffect, robot: TrueRobot, signals: Signals, true: Signals) -> Signals:
+        return replace(signals, q=signals.q + robot.per_joint(effect.per_joint("delta")))

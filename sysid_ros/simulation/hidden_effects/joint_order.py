@@ -1,9 +1,13 @@
 """Joints under each other's names, hidden."""
 
-from __future__ import annotations
-
-from sysid_ros.simulation.hidden_effects.channels import Exchanged
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import (
+    Circumstances,
+    HiddenCause,
+    HiddenEffect,
+    Signals,
+    TrueRobot,
+    register_hidden,
+)
 from sysid_ros.simulation.hidden_effects.hidden_effect import TrueParameter
 
 
@@ -12,6 +16,7 @@ class JointOrder(HiddenCause):
     """Two joints under each other's names, in the efforts alone or in all channels."""
 
     id = "joint_order"
+    in_messages = True
     changes_input = True
     sized = False
 
@@ -23,7 +28,9 @@ class JointOrder(HiddenCause):
         kind = "effort" if c.uniform(0.0, 1.0) < 0.5 else "all"
         return HiddenEffect(self.id, (first, second), parameters, kind)
 
-    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        source = {p.joint: str(p.value) for p in effect.parameters if p.name == "takes_from"}
-        order = tuple(true.index(source.get(joint, joint)) for joint in true.robot.joint_names)
-        true.channels.append(Exchanged(order, effect.kind == "effort"))
+    def publish(self, effect: HiddenEffect, robot: TrueRobot, signals: Signals, true: Signals) -> Signals:
+        source = {p.joint: str(p.value) for p in effect.parameters}
+        order = [robot.index(source.get(joint, joint)) for joint in robot.robot.joint_names]
+        if effect.kind == "effort":
+            return signals.with_tau(signals.tau[:, order])
+        return Signals(signals.t, signals.q[:, order], signals.v[:, order], signals.tau[:, order])

@@ -16,8 +16,6 @@ Dry friction is solved for with the velocity at the step's end (boxes, by projec
 References: Armstrong-Helouvry, Dupont, Canudas de Wit 1994 (friction); Dahl 1976 (presliding); Spong 1987 (elastic joints).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,21 +1,22 @@
 """A joint counted the other way, hidden."""
 
-from __future__ import annotations
-
-from sysid_ros.simulation.hidden_effects.channels import Mirrored
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, JointCause, Signals, TrueRobot, register_hidden
 
 
 @register_hidden
-class JointSign(HiddenCause):
+class JointSign(JointCause):
     """A joint counted the other way, in position, velocity and effort."""
 
     id = "joint_sign"
+    in_messages = True
+    parameters = (("sign", ""),)
+    single = True
     changes_input = True
     sized = False
 
-    def draw(self, c: Circumstances) -> HiddenEffect:
-        return c.effect(self.id, [j := c.one_joint()], {"sign": ({j: -1.0}, "")})
+    def sizes(self, c: Circumstances, joints: list[int]) -> list[list[float]]:
+        return [[-1.0]]
 
-    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        true.channels.append(Mirrored(true.per_joint(effect.per_joint("sign"), 1.0)))
+    def publish(self, effect: HiddenEffect, robot: TrueRobot, signals: Signals, true: Signals) -> Signals:
+        sign = robot.per_joint(effect.per_joint("sign"), 1.0)
+        return Signals(signals.t, signals.q * sign, signals.v * sign, signals.tau * sign)

@@ -1,12 +1,10 @@
 """A link that is not what the URDF says, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from sysid_ros.simulation.hidden_effects.bodies import Inertial
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
 from sysid_ros.simulation.hidden_effects.hidden_effect import TrueParameter
+from sysid_ros.simulation.hidden_effects.payload import Inertial
 
 
 @register_hidden

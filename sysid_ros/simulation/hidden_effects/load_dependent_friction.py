@@ -1,9 +1,7 @@
 """Friction that grows with the load, hidden."""
 
-from __future__ import annotations
-
-from sysid_ros.simulation.hidden_effects.dry_friction import DryFriction
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import Circumstances, register_hidden
+from sysid_ros.simulation.hidden_effects.coulomb_friction import DryFriction
 
 
 @register_hidden
@@ -11,12 +9,12 @@ class LoadDependentFriction(DryFriction):
     """``sign(v) (Fc + mu abs(link torque))``, of joints whose load changes."""
 
     id = "load_dependent_friction"
+    parameters = (("Fc", "N m"), ("mu", ""))
+    adds = (*DryFriction.adds, ("load_factor", "mu"))
+    share = (0.03, 0.12)
 
-    def draw(self, c: Circumstances) -> HiddenEffect:
-        j = c.one_joint(c.tau.std(axis=0) > 0.3 * c.torque)
-        level, factor = c.share(0.03, 0.12) * c.torque[j], c.share(0.08, 0.3)
-        return c.effect(self.id, [j], {"Fc": ({j: level}, "N m"), "mu": ({j: factor}, "")})
+    def where(self, c: Circumstances) -> list[int]:
+        return [c.one_joint(c.tau.std(axis=0) > 0.3 * c.torque)]
 
-    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        super().realise(effect, true)
-        true.add("load_factor", effect.per_joint("mu"))
+    def sizes(self, c: Circumstances, joints: list[int]) -> list[list[float]]:
+        return [*super().sizes(c, joints), [c.share(0.08, 0.3)]]

@@ -1,7 +1,5 @@
 """DiagnosisMotion: fast, then slow, with rests: what a diagnosis needs to see."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -34,14 +32,7 @@ class DiagnosisMotion:
         centre: the posture, shape (n,) [rad].
     """
 
-    def __init__(
-        self,
-        robot: RobotModel,
-        rng: np.random.Generator,
-        fast: float,
-        slow: float,
-        rest: float = 0.8,
-    ) -> None:
+    def __init__(self, robot: RobotModel, rng: np.random.Generator, fast: float, slow: float, rest: float = 0.8) -> None:
         lower, upper = np.maximum(robot.position_lower, -_WIDEST), np.minimum(robot.position_upper, _WIDEST)
         middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
         limit = np.where(np.isfinite(robot.effort_limit), robot.effort_limit, np.inf) * _EFFORT_SHARE

@@ -1,13 +1,11 @@
 """A body that is picked up during the motion, hidden."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 
-from sysid_ros.simulation.hidden_effects.bodies import TipBody
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.payload import TipBody
 
 _WHEN = (0.3, 0.7)
 
@@ -17,11 +15,10 @@ class PayloadChange(TipBody):
     """A box that is picked up during the motion."""
 
     id = "payload_change"
+    parameters = (*TipBody.parameters, ("t0", "s"))
 
-    def draw(self, c: Circumstances) -> HiddenEffect:
-        values, inertia = self.drawn_box(c)
-        when = (c.uniform(*_WHEN) * c.motion.duration, "s")
-        return c.whole_arm(self.id, {**values, "t0": when}, inertia_com=inertia)
+    def more(self, c: Circumstances) -> list[float]:
+        return [c.uniform(*_WHEN) * c.motion.duration]
 
     def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
         true.picked_up, true.change_time = self.body_of(effect), effect.number("t0")

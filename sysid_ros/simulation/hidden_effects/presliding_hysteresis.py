@@ -1,9 +1,7 @@
 """Dry friction of a bristle, hidden."""
 
-from __future__ import annotations
-
-from sysid_ros.simulation.hidden_effects.dry_friction import DryFriction
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import Circumstances, register_hidden
+from sysid_ros.simulation.hidden_effects.coulomb_friction import DryFriction
 
 
 @register_hidden
@@ -11,12 +9,8 @@ class PreslidingHysteresis(DryFriction):
     """A bristle that bends by ``z_s`` before it slides."""
 
     id = "presliding_hysteresis"
+    parameters = (("Fc", "N m"), ("z_s", "rad"))
+    puts = (("presliding", "z_s"),)
 
-    def draw(self, c: Circumstances) -> HiddenEffect:
-        joints = c.some_joints()
-        level = self.levels(c, joints)
-        return c.effect(self.id, joints, {"Fc": (level, "N m"), "z_s": ({j: c.uniform(0.02, 0.08) for j in joints}, "rad")})
-
-    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        super().realise(effect, true)
-        true.put("presliding", effect.per_joint("z_s"))
+    def sizes(self, c: Circumstances, joints: list[int]) -> list[list[float]]:
+        return [*super().sizes(c, joints), [c.uniform(0.02, 0.08) for _ in joints]]

@@ -1,22 +1,17 @@
 """Quadratic friction, hidden."""
 
-from __future__ import annotations
-
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import Circumstances, TorqueShare, register_hidden
 
 
 @register_hidden
-class QuadraticFriction(HiddenCause):
+class QuadraticFriction(TorqueShare):
     """``c abs(v) v``."""
 
     id = "quadratic_friction"
-    local = True
+    parameters = (("c", "N m s^2/rad^2"),)
+    adds = (("quadratic", "c"),)
     family = "friction"
+    share = (0.06, 0.3)
 
-    def draw(self, c: Circumstances) -> HiddenEffect:
-        joints = c.some_joints()
-        values = {j: c.share(0.06, 0.3) * c.torque[j] / c.speed[j] ** 2 for j in joints}
-        return c.effect(self.id, joints, {"c": (values, "N m s^2/rad^2")})
-
-    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        true.add("quadratic", effect.per_joint("c"))
+    def usual(self, c: Circumstances, joint: int) -> float:
+        return float(c.speed[joint] ** 2)

@@ -1,20 +1,17 @@
 """RegressedCause: any effect of the library, hidden by its own columns."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from sysid_ros.effects import Acts, Effect, Knob, Motion
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.simulation.hidden_effects.cause import HiddenCause
 from sysid_ros.simulation.hidden_effects.channels import Signals
 from sysid_ros.simulation.hidden_effects.circumstances import Circumstances
-from sysid_ros.simulation.hidden_effects.hidden_cause import HiddenCause
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
 from sysid_ros.simulation.hidden_effects.sensor_noise import BAND
 from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
@@ -22,18 +19,6 @@ from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
 _ATTEMPTS = 20
 _KEPT = 0.7
 """Part of the torque that lies below ``BAND`` where the knobs are well drawn: a ripple above it is hidden from everyone."""
-
-
-@dataclass(frozen=True)
-class Regressed:
-    """Effort plus ``Y(q, v, a) theta`` of an effect along the true motion; each term is one joint's, or the whole arm's."""
-
-    robot: TrueRobot
-    terms: tuple[tuple[Effect, FloatArray], ...]
-
-    def __call__(self, signals: Signals, true: Signals) -> Signals:
-        motion = self.robot.motion_of(true)
-        return replace(signals, tau=signals.tau + sum(term.torque_along(motion, theta) for term, theta in self.terms))
 
 
 class RegressedCause(HiddenCause):
@@ -52,7 +37,7 @@ class RegressedCause(HiddenCause):
 
     def draw(self, c: Circumstances) -> HiddenEffect:
         names = c.robot.joint_names
-        first = self._term(c.robot, names[:1], {})
+        first = self.effect.from_settings(c.robot, names[:1], {})
         if not all(name.endswith(f"[{names[0]}]") for name in first.parameter_names):
             return HiddenEffect(self.id, names, tuple(self._drawn(c, None)))
         joints = c.some_joints()
@@ -64,14 +49,11 @@ class RegressedCause(HiddenCause):
         for joint in dict.fromkeys(p.joint for p in effect.parameters):
             own = {p.name: float(p.value) for p in effect.parameters if p.joint == joint}  # type: ignore[arg-type]
             knobs = {knob.name: own[knob.name] for knob in self.effect.knobs}
-            term = self._term(true.robot, () if joint is None else (joint,), knobs)
+            term = self.effect.from_settings(true.robot, () if joint is None else (joint,), knobs)
             terms.append((term, np.array([own[_symbol(name, joint)] for name in term.parameter_names])))
         # the robot's own torque passes through what its messages hide, a fault of the messages does not
         at = len(true.channels) if self.effect.acts is Acts.MEASUREMENT else 0
-        true.channels.insert(at, Regressed(true, tuple(terms)))
-
-    def _term(self, robot: RobotModel, joints: Sequence[str], knobs: dict[str, float]) -> Effect:
-        return self.effect.from_settings(robot, joints, knobs)
+        true.channels.insert(at, partial(_with_terms, true, terms))
 
     def _drawn(self, c: Circumstances, joint: str | None) -> list[TrueParameter]:
         """Knobs and linear parameters, of one joint or of the whole arm."""
@@ -79,7 +61,7 @@ class RegressedCause(HiddenCause):
         motion = Motion(c.robot, c.t, c.q, c.v, c.a, c.tau)
         for _ in range(_ATTEMPTS):
             knobs = {knob.name: _within(knob, c) for knob in self.effect.knobs}
-            term = self._term(c.robot, () if joint is None else (joint,), knobs)
+            term = self.effect.from_settings(c.robot, () if joint is None else (joint,), knobs)
             columns = term.columns_along(motion) / c.torque[:, None]
             usual = np.sqrt(np.mean(columns**2, axis=(0, 1)))
             theta = c.rng.uniform(0.5, 1.0, term.p)
@@ -100,6 +82,12 @@ class RegressedCause(HiddenCause):
             *(TrueParameter(knob.name, joint, knobs[knob.name], knob.unit) for knob in self.effect.knobs),
             *(TrueParameter(_symbol(name, joint), joint, value, unit) for name, value, unit in linear),
         ]
+
+
+def _with_terms(robot: TrueRobot, terms: Sequence[tuple[Effect, FloatArray]], signals: Signals, true: Signals) -> Signals:
+    """Effort plus the effects' torque along the true motion; each term is one joint's, or the whole arm's."""
+    motion = robot.motion_of(true)
+    return signals.with_tau(signals.tau + sum(term.torque_along(motion, theta) for term, theta in terms))
 
 
 def _symbol(name: str, joint: str | None) -> str:

@@ -1,7 +1,5 @@
 """Run a true robot through a motion, and record what its messages say."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Noise of the messages: white, and with a memory."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,9 +1,7 @@
 """Stribeck friction, hidden."""
 
-from __future__ import annotations
-
-from sysid_ros.simulation.hidden_effects.dry_friction import DryFriction
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.coulomb_friction import DryFriction
 
 
 @register_hidden
@@ -11,16 +9,14 @@ class StribeckFriction(DryFriction):
     """``sign(v) (Fc + (Fs - Fc) exp(-(v / vs)^2))``."""
 
     id = "stribeck_friction"
+    parameters = (("Fc", "N m"), ("Fs", "N m"), ("vs", "rad/s"))
+    puts = (("stribeck_speed", "vs"),)
 
-    def draw(self, c: Circumstances) -> HiddenEffect:
-        joints = c.some_joints()
-        level = self.levels(c, joints)
-        breakaway = {j: level[j] * c.uniform(1.4, 2.2) for j in joints}
-        speed = {j: c.uniform(0.05, 0.15) for j in joints}
-        return c.effect(self.id, joints, {"Fc": (level, "N m"), "Fs": (breakaway, "N m"), "vs": (speed, "rad/s")})
+    def sizes(self, c: Circumstances, joints: list[int]) -> list[list[float]]:
+        (level,) = super().sizes(c, joints)
+        return [level, [fc * c.uniform(1.4, 2.2) for fc in level], [c.uniform(0.05, 0.15) for _ in joints]]
 
     def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
         super().realise(effect, true)
         level = effect.per_joint("Fc")
         true.add("breakaway", {j: fs - level[j] for j, fs in effect.per_joint("Fs").items()})
-        true.put("stribeck_speed", effect.per_joint("vs"))

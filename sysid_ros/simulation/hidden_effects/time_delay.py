@@ -1,20 +1,22 @@
 """Efforts that come late, hidden."""
 
-from __future__ import annotations
+import numpy as np
 
-from sysid_ros.simulation.hidden_effects.channels import Delayed
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import ArmCause, Circumstances, HiddenEffect, Signals, TrueRobot, register_hidden
 
 
 @register_hidden
-class TimeDelay(HiddenCause):
+class TimeDelay(ArmCause):
     """Efforts that come late."""
 
     id = "time_delay"
-    whole_arm = True
+    in_messages = True
+    parameters = (("delay", "s"),)
 
-    def draw(self, c: Circumstances) -> HiddenEffect:
-        return c.whole_arm(self.id, {"delay": (max(c.share(0.006, 0.02), 0.004), "s")})
+    def size(self, c: Circumstances) -> list[float | tuple[float, ...]]:
+        return [max(c.share(0.006, 0.02), 0.004)]
 
-    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        true.channels.append(Delayed(effect.number("delay")))
+    def publish(self, effect: HiddenEffect, robot: TrueRobot, signals: Signals, true: Signals) -> Signals:
+        earlier = signals.t - effect.number("delay")
+        late = np.column_stack([np.interp(earlier, signals.t, x) for x in true.tau.T])
+        return signals.with_tau(signals.tau + late - true.tau)

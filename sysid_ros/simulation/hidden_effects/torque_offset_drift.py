@@ -1,23 +1,31 @@
 """A ramp in the efforts, hidden."""
 
-from __future__ import annotations
+import numpy as np
 
-from sysid_ros.simulation.hidden_effects.channels import Offset
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import (
+    Circumstances,
+    HiddenEffect,
+    Signals,
+    TorqueShare,
+    TrueRobot,
+    register_hidden,
+)
 
 
 @register_hidden
-class TorqueOffsetDrift(HiddenCause):
+class TorqueOffsetDrift(TorqueShare):
     """A ramp in time."""
 
     id = "torque_offset_drift"
-    local = True
+    in_messages = True
+    parameters = (("rate", "N m/s"),)
     family = "offset"
+    share = (0.1, 0.5)
+    signed = True
 
-    def draw(self, c: Circumstances) -> HiddenEffect:
-        joints = c.some_joints()
-        values = {j: c.sign() * c.share(0.1, 0.5) * c.torque[j] / c.motion.duration for j in joints}
-        return c.effect(self.id, joints, {"rate": (values, "N m/s")})
+    def usual(self, c: Circumstances, joint: int) -> float:
+        return c.motion.duration
 
-    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        true.channels.append(Offset(true.per_joint({}), true.per_joint(effect.per_joint("rate"))))
+    def publish(self, effect: HiddenEffect, robot: TrueRobot, signals: Signals, true: Signals) -> Signals:
+        ramp = np.multiply.outer(signals.t, robot.per_joint(effect.per_joint("rate")))
+        return signals.with_tau(signals.tau + ramp)

@@ -1,11 +1,15 @@
 """A motor at its limit, or its sensor, hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from sysid_ros.simulation.hidden_effects.channels import Clipped
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import (
+    Circumstances,
+    HiddenCause,
+    HiddenEffect,
+    Signals,
+    TrueRobot,
+    register_hidden,
+)
 
 _HOLDING = 1.1
 
@@ -18,6 +22,8 @@ class TorqueSaturation(HiddenCause):
     """
 
     id = "torque_saturation"
+    in_messages = True
+    parameters = (("limit", "N m"),)
     local = True
 
     def draw(self, c: Circumstances) -> HiddenEffect:
@@ -26,13 +32,16 @@ class TorqueSaturation(HiddenCause):
         held = _HOLDING * np.abs(c.gravity).max(axis=0) < low
         j = c.one_joint(held if motor else None)
         if motor and held[j]:
-            return c.effect(self.id, [j], {"limit": ({j: float(low[j])}, "N m")}, "motor")
-        limit = float(np.quantile(np.abs(c.tau[:, j]), 1.0 - c.uniform(0.05, 0.15) * c.scale))
-        return c.effect(self.id, [j], {"limit": ({j: limit}, "N m")}, "sensor")
+            return self.on(c, [j], [[low[j]]], "motor")
+        limit = np.quantile(np.abs(c.tau[:, j]), 1.0 - c.uniform(0.05, 0.15) * c.scale)
+        return self.on(c, [j], [[float(limit)]], "sensor")
 
     def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        limit = effect.per_joint("limit")
         if effect.kind == "sensor":
-            true.channels.append(Clipped(true.per_joint(limit, np.inf)))
+            super().realise(effect, true)
         else:
-            true.put("limit", limit)
+            true.put("limit", effect.per_joint("limit"))
+
+    def publish(self, effect: HiddenEffect, robot: TrueRobot, signals: Signals, true: Signals) -> Signals:
+        limit = robot.per_joint(effect.per_joint("limit"), np.inf)
+        return signals.with_tau(np.clip(signals.tau, -limit, limit))

@@ -1,22 +1,35 @@
 """A wrong torque constant, hidden."""
 
-from __future__ import annotations
+from sysid_ros.simulation.hidden_effects.cause import (
+    Circumstances,
+    HiddenCause,
+    HiddenEffect,
+    JointCause,
+    Signals,
+    TrueRobot,
+    register_hidden,
+)
 
-from sysid_ros.simulation.hidden_effects.channels import Gained
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+
+class Gain(HiddenCause):
+    """Effort times its first parameter: another constant, unit or sign."""
+
+    in_messages = True
+
+    def publish(self, effect: HiddenEffect, robot: TrueRobot, signals: Signals, true: Signals) -> Signals:
+        gain = robot.per_joint(effect.per_joint(self.parameters[0][0]), 1.0)
+        return signals.with_tau(signals.tau * gain)
 
 
 @register_hidden
-class TorqueScale(HiddenCause):
+class TorqueScale(Gain, JointCause):
     """A wrong torque constant of one joint."""
 
     id = "torque_scale"
+    parameters = (("gain", ""),)
     local = True
+    single = True
     equivalent = ("torque_sign",)  # a gain of -1
 
-    def draw(self, c: Circumstances) -> HiddenEffect:
-        j = c.one_joint()
-        return c.effect(self.id, [j], {"gain": ({j: 1.0 + c.sign() * c.share(0.08, 0.3)}, "")})
-
-    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        true.channels.append(Gained(true.per_joint(effect.per_joint("gain"), 1.0)))
+    def sizes(self, c: Circumstances, joints: list[int]) -> list[list[float]]:
+        return [[1.0 + c.sign() * c.share(0.08, 0.3)]]

@@ -1,7 +1,5 @@
 """TrueRobot: the robot as it really is, in values that every simulator can take."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

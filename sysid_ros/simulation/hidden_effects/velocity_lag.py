@@ -1,22 +1,30 @@
 """Velocities behind a low-pass, hidden."""
 
-from __future__ import annotations
+from dataclasses import replace
 
-from sysid_ros.simulation.hidden_effects.channels import Lagging
-from sysid_ros.simulation.hidden_effects.hidden_cause import Circumstances, HiddenCause, HiddenEffect, TrueRobot, register_hidden
+import numpy as np
+
+from sysid_ros.simulation.hidden_effects.cause import ArmCause, Circumstances, HiddenEffect, Signals, TrueRobot, register_hidden
 
 
 @register_hidden
-class VelocityLag(HiddenCause):
-    """Velocities behind a low-pass in the drive."""
+class VelocityLag(ArmCause):
+    """Velocities behind a first-order low-pass in the drive; straight lines between the messages, solved exactly."""
 
     id = "velocity_lag"
+    in_messages = True
+    parameters = (("cutoff", "Hz"),)
     in_torque = False
     changes_input = True
-    whole_arm = True
 
-    def draw(self, c: Circumstances) -> HiddenEffect:
-        return c.whole_arm(self.id, {"cutoff": (c.uniform(3.0, 12.0), "Hz")})
+    def size(self, c: Circumstances) -> list[float | tuple[float, ...]]:
+        return [c.uniform(3.0, 12.0)]
 
-    def realise(self, effect: HiddenEffect, true: TrueRobot) -> None:
-        true.channels.append(Lagging(effect.number("cutoff")))
+    def publish(self, effect: HiddenEffect, robot: TrueRobot, signals: Signals, true: Signals) -> Signals:
+        v, cutoff = signals.v.copy(), effect.number("cutoff")
+        for k in range(1, len(v)):
+            x = 2.0 * np.pi * cutoff * (signals.t[k] - signals.t[k - 1])
+            decay = np.exp(-x)
+            slope = (1.0 - decay) / x
+            v[k] = decay * v[k - 1] + (1.0 - slope) * signals.v[k] + (slope - decay) * signals.v[k - 1]
+        return replace(signals, v=v)

@@ -1,7 +1,5 @@
 """Does a hidden effect show in the recording, and as itself?"""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 import numpy as np
