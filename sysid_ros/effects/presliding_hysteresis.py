@@ -43,7 +43,7 @@ class PreslidingHysteresis(JointCurves):
     label: ClassVar[str] = "presliding hysteresis"
     family: ClassVar[str] = "dry friction"
     usual: ClassVar[float] = 0.3
-    between: ClassVar[tuple[float, float]] = (0.0, np.inf)
+    nonnegative: ClassVar[bool] = True
     jumps: ClassVar[bool] = True
     symbols: ClassVar[tuple[str, ...]] = ("Fc",)
     symbol_units: ClassVar[tuple[str, ...]] = ("N m",)

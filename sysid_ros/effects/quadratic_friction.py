@@ -16,7 +16,7 @@ class QuadraticFriction(JointEffect):
 
     id: ClassVar[str] = "quadratic_friction"
     label: ClassVar[str] = "friction with the square of the speed"
-    between: ClassVar[tuple[float, float]] = (0.0, np.inf)
+    nonnegative: ClassVar[bool] = True
     simpler: ClassVar[str] = "viscous_friction"
     symbol: ClassVar[str] = "c"
     unit: ClassVar[str] = "N m s^2/rad^2"

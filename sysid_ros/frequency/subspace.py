@@ -113,10 +113,10 @@ def _with_states(G: FloatArray, to_state: FloatArray, period: float) -> StateSpa
     T[n : n + 2, past:] = np.eye(2)
     T[n + 2 :, 2:] = to_state
     S = T @ G @ T.T
-    CD = np.linalg.solve(S[: n + 1, : n + 1], S[: n + 1, n + 1])
+    CD = np.asarray(np.linalg.solve(S[: n + 1, : n + 1], S[: n + 1, n + 1]), dtype=np.float64)
     # e(k) = y - C x - D u takes the place of y(k)
     E = np.eye(2 * n + 2)
     E[n + 1, : n + 1] = -CD
     S = E @ S @ E.T
-    ABK = np.linalg.solve(S[: n + 2, : n + 2], S[: n + 2, n + 2 :]).T
+    ABK = np.asarray(np.linalg.solve(S[: n + 2, : n + 2], S[: n + 2, n + 2 :]).T, dtype=np.float64)
     return StateSpace(ABK[:, :n], ABK[:, n : n + 1], CD[None, :n], CD[None, n:], period, to_state)

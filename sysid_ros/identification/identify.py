@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 
@@ -28,26 +28,12 @@ from sysid_ros.identification.least_squares import Fit, fit, noise_density
 from sysid_ros.identification.payload_difference import PayloadDifference, payload_difference
 from sysid_ros.identification.physical_consistency import PhysicalFit
 from sysid_ros.identification.prior_weight import choose_prior
-from sysid_ros.identification.result import (
-    BaseGroup,
-    CutOff,
-    Identification,
-    JointNoise,
-    Knob,
-    Parameter,
-    PriorChoice,
-    Problem,
-    Repeatability,
-    ResidualSeries,
-    TorqueError,
-    WhitenessTest,
-)
+from sysid_ros.identification.result import CutOff, Identification, Knob, PriorChoice, Problem, ResidualSeries, TorqueError
 from sysid_ros.identification.rows import BagRows
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.identification.torque_error import joint_noise, residual_series, torque_error, whiteness_tests
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque.base_parameters import BaseParameters
 from sysid_ros.torque.model_file import EffectBlock, ModelFile, urdf_digest
 from sysid_ros.torque.torque_model import TorqueModel
 
@@ -154,19 +140,8 @@ def identify(
     )
 
 
-class _Described(TypedDict):
-    parameters: tuple[Parameter, ...]
-    groups: tuple[BaseGroup, ...]
-    base: BaseParameters
-    bags_condition_number: float
-    noise: tuple[JointNoise, ...]
-    whiteness: tuple[WhitenessTest, ...]
-    repeatability: tuple[Repeatability, ...]
-    record_next: tuple[str, ...]
-
-
-def _describe(model: TorqueModel, bags: Sequence[BagRows], prior: Prior, found: Fit, theta: FloatArray) -> _Described:
-    """How well each parameter is known, in the bags and in each of them, and what to record next."""
+def _describe(model: TorqueModel, bags: Sequence[BagRows], prior: Prior, found: Fit, theta: FloatArray) -> dict[str, Any]:
+    """Fields of the identification: how well each parameter is known, in the bags and in each of them, what to record next."""
     base = base_of_range(model)
     values, stds = per_bag(found, prior, group_matrix(base))
     between = spread(values)
@@ -174,16 +149,16 @@ def _describe(model: TorqueModel, bags: Sequence[BagRows], prior: Prior, found: 
     repeated = repeatability(model, base, group_matrix(base), values, stds)
     condition = condition_number(found.information, base)
     joints = model.robot.joint_names
-    return _Described(
-        parameters=parameter_table(model, theta, found, prior, dict(zip(base.independent, between, strict=True))),
-        groups=groups,
-        base=base,
-        bags_condition_number=condition,
-        noise=tuple(x for b, bag in enumerate(bags) for x in joint_noise(bag, b, found, joints)),
-        whiteness=tuple(x for bag in bags for x in whiteness_tests(bag, found.theta, joints)),
-        repeatability=repeated,
-        record_next=record_next(model.robot, bags, groups, repeated, condition),
-    )
+    return {
+        "parameters": parameter_table(model, theta, found, prior, dict(zip(base.independent, between, strict=True))),
+        "groups": groups,
+        "base": base,
+        "bags_condition_number": condition,
+        "noise": tuple(x for b, bag in enumerate(bags) for x in joint_noise(bag, b, found, joints)),
+        "whiteness": tuple(x for bag in bags for x in whiteness_tests(bag, found.theta, joints)),
+        "repeatability": repeated,
+        "record_next": record_next(model.robot, bags, groups, repeated, condition),
+    }
 
 
 def _solve(model: TorqueModel, bags: Sequence[BagRows], prior: Prior, found: Fit, choices: Choices) -> _Solution:

@@ -56,11 +56,6 @@ class BagRows:
     a: FloatArray
     cutoff_hz: float
 
-    @property
-    def seconds(self) -> float:
-        """Time that the rows cover [s]."""
-        return len(self.t) * self.period
-
     def part(self, where: slice | BoolArray, name: str) -> BagRows:
         """Some of the rows, under another name."""
         Y, y, tau, q, v, a = (x[where] for x in (self.Y, self.y, self.tau, self.q, self.v, self.a))

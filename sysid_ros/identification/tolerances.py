@@ -50,8 +50,7 @@ class Tolerances:
     frozen: float = 0.5  # Time for which a value must repeat exactly while the joint moves: 50 equal values at 100 Hz [s].
     frozen_runs: float = 10.0  # And so many times longer than the channel's values usually do: a coarse resolution repeats them.
     nothing_measured: float = 0.5  # Part of the motion, a half, from which on a frozen channel measures nothing.
-    frozen_position: float = 0.2  # Chosen: time for which a position must stand while the velocity says otherwise [s].
-    frozen_speed: float = 0.05  # And its usual speed: above what dry friction lets a joint creep at [rad/s].
+    frozen_position: float = 0.2  # Chosen: time for which a position must stand while by its velocity the joint moved [s].
     saturated: float = 0.03  # Time for which the largest value must repeat exactly: three periods of 100 Hz [s].
     saturated_runs: float = 5.0  # Chosen: and times that the channel's values usually do.
     outside: float = 0.05  # 3 degrees: by that zeros and soft limits differ [rad or m].
@@ -59,8 +58,6 @@ class Tolerances:
 
     # Effort against URDF, bag against bag
     judged_gravity: float = 0.15  # Chosen: a joint's gravity torque over the greatest, below which friction hides the slope.
-    rows_alike: float = 8.0  # Neighbours that share a row's measurements: four rows a period of the cut-off, a low-pass as long.
-    slope_errors: float = 4.0  # Standard errors by which a slope must be beyond what follows: 4 sigma, for coloured noise.
     slope_flipped: float = -0.2  # A slope of 1 expected: torque against gravity by a fifth is no scale.
     slope_low: float = 0.35  # Chosen: no tool or balancer leaves a third of the weight, a current or a part of rated torque does.
     slope_high: float = 4.0  # Chosen: no tool makes an arm four times heavier, milliamperes do.
