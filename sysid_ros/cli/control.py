@@ -16,6 +16,7 @@ from sysid_ros.control.control_settings import ControlSettings
 from sysid_ros.control.tracking_run import TrackingRun
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.pages import check_plot_path, write_plot
+from sysid_ros.plain_json import plain
 from sysid_ros.simulation import ArmScenario
 from sysid_ros.simulation.tracking import TRACKED, track
 from sysid_ros.torque.model_file import ModelFile
@@ -126,8 +127,7 @@ def _phases(scenario: ArmScenario) -> dict[str, tuple[float, float]]:
 def _plain(scenario: ArmScenario) -> dict[str, Any]:
     run = ("seed", "duration", "payload_mass", "payload_com", "pick_time", "drop_time")
     arm = ("base_frequency", "viscous_friction", "coulomb_friction", "rotor_inertia")
-    values = {name: getattr(scenario, name) for name in (*run, *arm)}
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+    return {name: plain(getattr(scenario, name)) for name in (*run, *arm)}
 
 
 def _summary(run: TrackingRun, scenario: ArmScenario) -> dict[str, Any]:
@@ -137,12 +137,9 @@ def _summary(run: TrackingRun, scenario: ArmScenario) -> dict[str, Any]:
         if run.lost is None or run.lost >= end:
             joints = np.sqrt(np.mean(run.error[part] ** 2, axis=0))
             phases[name.replace(" ", "_")] = {"tip_rms_m": run.tip_rms(begin, end), "joint_rms": joints.tolist()}
-    return {
-        "law": run.law,
-        "lost_at_s": run.lost,
-        "steps_at_effort_limit": run.clipped,
-        "mass_while_carrying": _mass(run, scenario),
-    } | {"phases": phases}
+    mass = _mass(run, scenario)
+    told = {"law": run.law, "lost_at_s": run.lost, "steps_at_effort_limit": run.clipped, "mass_while_carrying": mass}
+    return {**told, "phases": phases}
 
 
 def _mass(run: TrackingRun, scenario: ArmScenario) -> float | None:

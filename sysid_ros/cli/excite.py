@@ -50,13 +50,6 @@ Exit codes: 0 done; 2 bad input or usage, or no feasible motion.
 """
 
 
-def _numbers(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | None:
-    try:
-        return None if value is None else tuple(float(x) for x in value.split(","))
-    except ValueError:
-        raise click.BadParameter(f"{value!r} is not numbers with commas between them, such as 0,-1.2,0.5,0,1,0.") from None
-
-
 def _setting(name: str, text: str) -> opt.Decorator:
     return opt.number("--" + name.replace("_", "-"), default=getattr(ExcitationSettings(), name), help=text)
 
@@ -81,7 +74,9 @@ def _setting(name: str, text: str) -> opt.Decorator:
 @_setting("slide_acceleration_limit", "Of prismatic joints. [m/s^2]")
 @opt.path("--limits", "limits_path", help="joint_limits.yaml as of MoveIt; replaces the URDF's.")
 @opt.JOINT_NAMES
-@click.option("--start", callback=_numbers, metavar="Q,Q,...", help="Where it starts and ends. [rad or m]  [default: anywhere]")
+@click.option(
+    "--start", callback=opt.numbers, metavar="Q,Q,...", help="Where it starts and ends. [rad or m]  [default: anywhere]"
+)
 @opt.number(
     "--approach",
     default=0.0,

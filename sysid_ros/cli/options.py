@@ -29,15 +29,16 @@ def vector(*names: str, default: tuple[float, ...] | None = None, metavar: str =
 
 def each_joint(*names: str, **more: Any) -> Decorator:
     """A number for all joints, or one a joint, with commas between them; 0 by default."""
-    return click.option(*names, callback=_joint_values, metavar="X[,X...]", default="0", **more)
+    return click.option(*names, callback=numbers, metavar="X[,X...]", default="0", **more)
 
 
-def _joint_values(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, ...]:
+def numbers(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | None:
+    """Numbers with commas between them, the callback of an option."""
     try:
-        return tuple(float(x) for x in value.split(","))
+        return None if value is None else tuple(float(x) for x in value.split(","))
     except ValueError:
         raise click.BadParameter(
-            f"{value!r} is not one number or numbers with commas between them, such as 0.5 or 1,1,0.8,0.8,0.4,0.4,0.2."
+            f"{value!r} is not one number or numbers with commas between them, such as 0.5 or 0,-1.2,0.5,0,1,0."
         ) from None
 
 

@@ -108,13 +108,7 @@ def conclude(
     out = Table(title=f"Simulated {truth['robot']}", show_header=False)
     out.add_column(style="bold")
     out.add_column()
-    sent = f"{messages} at {truth['rate']} Hz, {truth['duration']:g} s"
-    for name, text in (
-        ("bag", str(bag)),
-        ("truth", str(truth_file)),
-        ("messages", sent),
-        ("speed", f"{factor:.1f} times real time"),
-        *rows,
-    ):
+    sent, speed = f"{messages} at {truth['rate']} Hz, {truth['duration']:g} s", f"{factor:.1f} times real time"
+    for name, text in (("bag", str(bag)), ("truth", str(truth_file)), ("messages", sent), ("speed", speed), *rows):
         out.add_row(name, text, style=None if name else "dim")
     report().print(out)

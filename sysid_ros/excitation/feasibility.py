@@ -39,8 +39,7 @@ class Feasibility:
     """Checks motions against limits and collisions.
 
     Args:
-        limits: of position, velocity, acceleration and torque.
-        collision: shapes; None: there are none to check.
+        limits: of position, velocity, acceleration and torque. collision: shapes; None: there are none to check.
     """
 
     def __init__(self, limits: MotionLimits, collision: CollisionModel | None = None) -> None:

@@ -12,7 +12,7 @@ from sysid_ros.exceptions import DataError
 from sysid_ros.frequency.beyond_linear import distortion, missing_friction
 from sysid_ros.frequency.causes import find_cause
 from sysid_ros.frequency.linearised import linearised
-from sysid_ros.frequency.lines import Channel, Record, joint_records, rests
+from sysid_ros.frequency.lines import Channel, Record, joint_records
 from sysid_ros.frequency.local_fit import local_fit
 from sysid_ros.frequency.modes import Modes, find_modes
 from sysid_ros.frequency.result import FrequencyCheck, JointCheck, Response
@@ -99,10 +99,9 @@ def _require_motion(robot: RobotModel, stretches: Sequence[Stretch]) -> None:
 
 def _moved(stretches: Sequence[Stretch], joint: int) -> float:
     """Most of the time that a joint moves in any stretch, as a part."""
-    prismatic = bool(stretches[0].motion.robot.is_prismatic[joint])
     shares = []
     for s in stretches:
-        whole, _, part = rests(s.motion.v[:, joint], s.period, prismatic)
+        whole, _, part = s.rests(joint)
         shares.append(float(part * (whole.stop - whole.start) / len(s.motion.t)))
     return max(shares)
 

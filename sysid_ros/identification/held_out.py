@@ -88,11 +88,6 @@ class Solvers:
         return cls(model, prior, problem.prior_curvature, links, physical)
 
     @property
-    def link_count(self) -> int:
-        """Number of links that have parameters."""
-        return int(self.prior.is_link.sum()) // 10
-
-    @property
     def link_joints(self) -> list[int]:
         """Joints whose links have parameters."""
         return [int(j) for effect in self.model.free if effect.replaces_links for j in effect.joints]
@@ -100,7 +95,7 @@ class Solvers:
     def _each(self, weights: FloatArray | float) -> FloatArray:
         """The weight of the prior of each parameter, shape (p,), 0 of those that are no link's."""
         out = np.zeros(len(self.links))
-        out[self.prior.is_link] = np.repeat(np.broadcast_to(weights, (self.link_count,)), 10)
+        out[self.prior.is_link] = np.repeat(np.broadcast_to(weights, len(self.link_joints)), 10)
         return out
 
     def approximate(self, information: FloatArray, score: FloatArray, weights: FloatArray | float) -> FloatArray:

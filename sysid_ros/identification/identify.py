@@ -25,7 +25,7 @@ from sysid_ros.identification.contradictions import check_contradictions
 from sysid_ros.identification.expected_error import error_directions
 from sysid_ros.identification.held_out import Folds, Prior, Solvers
 from sysid_ros.identification.least_squares import Fit, fit, noise_density
-from sysid_ros.identification.payload_difference import PayloadDifference, payload_difference
+from sysid_ros.identification.payload_difference import payload_difference
 from sysid_ros.identification.physical_consistency import PhysicalFit
 from sysid_ros.identification.prior_weight import choose_prior
 from sysid_ros.identification.result import CutOff, Identification, Knob, PriorChoice, Problem, ResidualSeries, TorqueError
@@ -114,6 +114,7 @@ def identify(
     doubts = check_contradictions(bags, found, prior, model.robot.joint_names, choices.accept_doubts)
     solution = _solve(model, bags, prior, found, choices)
     held_out = _hold_out(bags, prior, solution)
+    loaded_fit = fit(loaded, prior.mean, prior.std, choices.method) if loaded else None
     described = _describe(model, bags, prior, found, solution.theta)
     return Identification(
         joint_names=model.robot.joint_names,
@@ -135,7 +136,7 @@ def identify(
         problems=(*problems, *doubts),
         physical=solution.physical,
         model=_model_file(model, solution.theta, found, _error_elsewhere(held_out, len(bags)), provenance),
-        payload=_payload(model, found, loaded, prior, choices) if loaded else None,
+        payload=payload_difference(model, found, loaded_fit, choices.payload_frame) if loaded_fit else None,
         **described,
     )
 
@@ -190,11 +191,6 @@ def _series(
     return tuple(residual_series(part, "held out", at, nominal) for part, at in parts)
 
 
-def _payload(model: TorqueModel, empty: Fit, loaded: Sequence[BagRows], prior: Prior, choices: Choices) -> PayloadDifference:
-    with_load = fit(loaded, prior.mean, prior.std, choices.method)
-    return payload_difference(model, empty, with_load, choices.payload_frame)
-
-
 def require_motion(robot: RobotModel, bags: Sequence[BagRows]) -> None:
     """Check that every joint moves.
 
@@ -230,7 +226,7 @@ def _error_elsewhere(held_out: _HeldOut, bags: int) -> tuple[FloatArray, FloatAr
     if bags == 1:
         # its halves repeat the motion, and a model is always better where it was fitted
         torque_std = torque_std * TOL.one_recording
-    density = np.array([noise_density([part], theta) for part, theta in zip(held_out.parts, held_out.thetas, strict=True)])
+    density = np.array([noise_density(part, theta) for part, theta in zip(held_out.parts, held_out.thetas, strict=True)])
     return torque_std, np.sum(density * seconds, axis=0) / total / np.maximum(2.0 * torque_std**2, 1e-18)
 
 

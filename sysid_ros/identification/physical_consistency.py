@@ -27,8 +27,7 @@ class PhysicalFit:
     """Parameters that a real robot can have.
 
     Attributes:
-        theta: shape (p,).
-        weight: of the prior, as used.
+        theta: shape (p,). weight: of the prior, as used.
         divergence: of every link from the URDF's, shape (k,), 0 where it is the URDF's.
         at_bound: names of the parameters that would be negative without their bound.
         loss: what the constraints and the prior cost: ``(theta - free)' A (theta - free) / 2`` above the unconstrained fit.
