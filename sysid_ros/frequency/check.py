@@ -111,13 +111,9 @@ def _joint(robot: RobotModel, stretches: Sequence[Stretch], known: Sequence[Know
     mean = np.average([s.inertia[0, j] for s in stretches], weights=weights)
     spread = np.sqrt(np.average([s.inertia[1, j] ** 2 + (s.inertia[0, j] - mean) ** 2 for s in stretches], weights=weights))
     gravity = float(np.average([_gravity_stiffness(s, j) for s in stretches], weights=weights))
+    name, about, prismatic = robot.joint_names[j], (float(mean), float(spread)), bool(robot.is_prismatic[j])
     torque_channels = [
-        Channel(
-            s.model[:, j],
-            s.motion.tau[:, j],
-            lambda f, s=s: s.torque_noise(f)[:, j],  # type: ignore[misc]
-            _dry(s, j),
-        )
+        Channel(s.model[:, j], s.motion.tau[:, j], lambda f, s=s: s.torque_noise(f)[:, j], _dry(s, j))  # type: ignore[misc]
         for s in stretches
     ]
     records = joint_records(stretches, j, torque_channels, top)
@@ -127,7 +123,7 @@ def _joint(robot: RobotModel, stretches: Sequence[Stretch], known: Sequence[Know
             f"{TOLERANCES.shortest:g} s and {100.0 * TOLERANCES.moving:g} % are the least that can be used. Record a "
             "motion of this joint."
         )
-        return JointCheck(robot.joint_names[j], None, None, None, why, why, (float(mean), float(spread)), gravity, False)
+        return JointCheck(name, None, None, None, why, why, about, gravity, prismatic)
     torque = _response(records, top, FORMS, _position_power(stretches, j, records, top))
     friction = missing_friction(stretches, j)
     if friction is not None:
@@ -145,18 +141,7 @@ def _joint(robot: RobotModel, stretches: Sequence[Stretch], known: Sequence[Know
         lines = joint_records(published, j, velocity_channels, top, bridge=False)
         simple = [f for f in FORMS if f.name in _CHANNEL_FORMS]
         velocity = _response(lines, top, simple, None) if lines else None
-    return JointCheck(
-        robot.joint_names[j],
-        torque,
-        velocity,
-        modes,
-        "",
-        why_no_modes,
-        (float(mean), float(spread)),
-        gravity,
-        bool(robot.is_prismatic[j]),
-        friction,
-    )
+    return JointCheck(name, torque, velocity, modes, "", why_no_modes, about, gravity, prismatic, friction)
 
 
 def _dry(stretch: Stretch, joint: int) -> FloatArray | None:
