@@ -77,8 +77,8 @@ def ours(recording: Recording) -> Found:
 def direct(recording: Recording) -> Found:
     """The same subspace method from torque to velocity, as the peers do it."""
     u, v, period = channels(recording)
-    moments = Moments(25, 1, 1)
-    model, _ = moments.model(moments.of(u[:, None], v[:, None]), ORDER, period)
+    moments = Moments(25)
+    model, _ = moments.model(moments.of(u, v), ORDER, period)
     return nearest(model.poles, truth()[0]), nearest(model.zeros, truth()[1])
 
 

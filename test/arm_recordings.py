@@ -9,9 +9,12 @@ from motions import Motion
 from scipy import signal
 
 from sysid_ros.effects import LinkInertia
+from sysid_ros.exceptions import DataError
 from sysid_ros.identification import Recording
+from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.torque.torque_model import TorqueModel
 
 START = 100.0
 
@@ -61,3 +64,27 @@ def recorded(
     tau = exact_torque(model, theta, q, v, a) + torque_noise * noise[settle:]
     measured = q + encoder_noise * rng.normal(size=q.shape)
     return Recording(name or f"bag {seed}", START + t, measured, None, tau)
+
+
+def require_physical(model: TorqueModel, theta: FloatArray) -> None:
+    """Check that every link is a body of positive density, and that friction and rotors are not negative.
+
+    Args:
+        model: whose free effects theta belongs to. theta: shape (p,).
+
+    Raises:
+        DataError: naming all that is not.
+    """
+    wrong = []
+    for effect, where in zip(model.free, model.slices, strict=True):
+        values = theta[where]
+        if effect.replaces_links:
+            wrong += [
+                f"the inertials of link {model.robot.body_names[int(j)]}"
+                for j, body in zip(effect.joints, values.reshape(-1, 10), strict=True)
+                if not inertial_parameters.is_physical(body)
+            ]
+        elif effect.nonnegative:
+            wrong += [f"{name} = {x:.3g}" for name, x in zip(effect.parameter_names, values, strict=True) if x < 0.0]
+    if wrong:
+        raise DataError(f"no robot has these parameters: {', '.join(wrong)}. Identify with physical consistency.")

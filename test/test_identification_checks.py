@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,12 +11,13 @@ from arm_recordings import START, hidden_parameters, recorded
 from robots import robot, urdf
 
 from sysid_ros.exceptions import DataError, SettingsError
-from sysid_ros.identification import Choices, Recording, identify_recordings
-from sysid_ros.identification.channel_checks import check_channels
-from sysid_ros.identification.from_recordings import prepared_rows
+from sysid_ros.identification import BagRows, Choices, Recording, collect_rows, free_model, identify_recordings
+from sysid_ros.identification.channel_checks import CheckedRecording, check_channels
+from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.plausibility import check_plausible
 from sysid_ros.identification.spectrum import choose_cutoff
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
 
 MODEL = robot("iiwa")
 TRUTH = hidden_parameters(MODEL, 1)
@@ -33,6 +35,13 @@ def changed(recording: Recording, joint: int, where: slice, value: float) -> Rec
     return replace(recording, tau=tau)
 
 
+def prepared_rows(robot: RobotModel, checked: Sequence[CheckedRecording], cutoff_hz: float) -> tuple[list[BagRows], FloatArray]:
+    """Rows of recordings for links, friction, rotors and offsets, and the URDF's values of these parameters, shape (p,)."""
+    model = free_model(robot)
+    rows = [collect_rows(model, c.recording, c.recording.name, cutoff_hz, spoiled=c.spoiled) for c in checked]
+    return rows, Prior.of(model).mean
+
+
 def test_a_sound_recording_raises_no_alarm(sound: Recording) -> None:
     checked = check_channels(MODEL, sound, 0.1)
     assert checked.problems == ()
@@ -45,6 +54,12 @@ def test_a_sound_recording_raises_no_alarm(sound: Recording) -> None:
 def test_a_coarse_torque_is_not_called_frozen_or_saturated(sound: Recording, step: float) -> None:
     coarse = replace(sound, tau=step * np.rint(sound.tau / step))
     assert check_channels(MODEL, coarse, 0.1).problems == ()
+
+
+def test_a_coarse_torque_without_noise_is_not_called_saturated() -> None:
+    """Its largest value stands for as long as the torque takes to turn."""
+    exact = recorded(MODEL, TRUTH, 1, seconds=20.0, torque_noise=0.0)
+    assert check_channels(MODEL, replace(exact, tau=0.5 * np.rint(exact.tau / 0.5)), 0.1).problems == ()
 
 
 def test_a_frozen_effort_is_named_and_left_out(sound: Recording) -> None:

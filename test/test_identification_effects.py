@@ -104,6 +104,16 @@ def run(*arguments: object) -> Result:
     return CliRunner().invoke(sysid, [str(a) for a in arguments], catch_exceptions=False)
 
 
+@pytest.mark.parametrize(("size", "accepted"), [(-0.4, False), (0.4, True)])
+def test_friction_that_would_give_power_is_refused(size: float, accepted: bool) -> None:
+    effect = EFFECTS["quadratic_friction"](MODEL, [ELBOW])
+    bags = [with_effects(seed, (effect, np.array([size]))) for seed in (1, 2)]
+    found = identify_recordings(MODEL, bags, [], {}, Choices(effects=(effect.id,)), 8.0)
+    own = [p.value for p in found.parameters if p.effect == effect.id]
+    assert bool(own) == accepted
+    assert all(value >= 0.0 for value in own)
+
+
 def test_effects_of_a_test_file_are_found_by_the_command(tmp_path: Path) -> None:
     ripple = LoadRipple(MODEL, [ELBOW], N=9.0), np.array([0.20, 0.15])
     bags = [bag_of(tmp_path / f"bag{k}", with_effects(k, ripple, (SidewaysPull(MODEL), np.array([0.4])))) for k in (1, 2)]

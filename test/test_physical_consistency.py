@@ -7,12 +7,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from arm_recordings import require_physical
 from robots import ROBOTS, random_body, random_sample, robot, urdf
 
 from sysid_ros.effects import LinkInertia
 from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.identification import free_model
-from sysid_ros.identification.physical_consistency import PhysicalProblem, require_physical
+from sysid_ros.identification.physical_consistency import PhysicalProblem
 from sysid_ros.identification.prior_weight import WEIGHTS, choose_weights
 from sysid_ros.identification.reference_bodies import reference_bodies
 from sysid_ros.robot import inertial_parameters

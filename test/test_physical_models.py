@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from arm_recordings import hidden_parameters, recorded
+from arm_recordings import hidden_parameters, recorded, require_physical
 from robots import robot
 
 from sysid_ros.identification import Choices, Identification, Recording, free_model, identify_recordings
-from sysid_ros.identification.physical_consistency import require_physical
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.torque.urdf_export import check_model_file, export_urdf
 

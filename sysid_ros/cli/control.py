@@ -8,29 +8,19 @@ from typing import Any
 
 import click
 import numpy as np
-from rich import box
-from rich.table import Table
 
-from sysid_ros.cli.output import ManyValues, note, progress_bar, report, write_json
+from sysid_ros.cli import options as opt
+from sysid_ros.cli.output import ManyValues, note, progress_bar, report, require_folders, table, write_json
+from sysid_ros.cli.simulate_output import named_option  # says so where PyBullet is missing
 from sysid_ros.control.control_settings import ControlSettings
 from sysid_ros.control.tracking_run import TrackingRun
-from sysid_ros.exceptions import SettingsError, SysidError
+from sysid_ros.exceptions import SettingsError
 from sysid_ros.pages import check_plot_path, write_plot
+from sysid_ros.plain_json import plain
+from sysid_ros.simulation import ArmScenario
+from sysid_ros.simulation.tracking import TRACKED, track
 from sysid_ros.torque.model_file import ModelFile
 
-try:
-    from sysid_ros.cli.simulate import joint_values
-    from sysid_ros.cli.simulate_output import named_option
-    from sysid_ros.simulation import ArmScenario
-    from sysid_ros.simulation.tracking import TRACKED, track
-except ModuleNotFoundError as missing:
-    if not (missing.name or "").startswith("pybullet"):
-        raise
-    raise SysidError(
-        "PyBullet is not installed; the simulation needs it. Install it with: pip install 'sysid_ros[sim]'"
-    ) from missing
-
-_PATH = click.Path(path_type=Path)
 _SETTLED = 2.0
 """After a pick or a drop, for so long a law is still finding out [s]."""
 _AT_REST = 1.0
@@ -52,31 +42,20 @@ def _settings_options(command: Any) -> Any:
 @click.option(
     "--law", "laws", multiple=True, type=click.Choice(TRACKED), metavar="LAW...", help=f"Of {', '.join(TRACKED)}.  [default: all]"
 )
-@click.option("--payload-mass", type=float, default=3.0, show_default=True, help="Picked up by the arm. [kg]")
-@click.option(
-    "--payload-com", type=float, nargs=3, metavar="X Y Z", default=(0.03, -0.02, 0.08), show_default=True,
-    help="Centre of mass in the tip link's frame. [m]",
-)  # fmt: skip
-@click.option("--pick", "pick_time", type=float, default=6.0, show_default=True, help="When it is picked up. [s]")
-@click.option("--drop", "drop_time", type=float, default=12.0, show_default=True, help="When it is dropped. [s]")
-@click.option("--duration", type=float, default=16.0, show_default=True, help="[s]")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the motion and of the noise.")
-@click.option("--base-frequency", type=float, default=0.2, show_default=True, help="Of the motion, which has 5 harmonics. [Hz]")
-@click.option(
-    "--viscous-friction",
-    callback=joint_values,
-    metavar="X[,X...]",
-    default="0",
-    help="Of the arm, unknown but for --model. [N m s/rad]",
-)
-@click.option("--coulomb-friction", callback=joint_values, metavar="X[,X...]", default="0", help="As above. [N m]")
-@click.option("--rotor-inertia", callback=joint_values, metavar="X[,X...]", default="0", help="As above. [kg m^2]")
-@click.option(
-    "--model", "model_path", type=_PATH, help="model.yaml of 'sysid identify': what laws and estimator know of the arm."
-)
+@opt.number("--payload-mass", default=3.0, help="Picked up by the arm. [kg]")
+@opt.vector("--payload-com", default=(0.03, -0.02, 0.08), help="Centre of mass in the tip link's frame. [m]")
+@opt.number("--pick", "pick_time", default=6.0, help="When it is picked up. [s]")
+@opt.number("--drop", "drop_time", default=12.0, help="When it is dropped. [s]")
+@opt.number("--duration", default=16.0, help="[s]")
+@opt.SEED
+@opt.number("--base-frequency", default=0.2, help="Of the motion, which has 5 harmonics. [Hz]")
+@opt.each_joint("--viscous-friction", help="Of the arm, unknown but for --model. [N m s/rad]")
+@opt.each_joint("--coulomb-friction", help="As above. [N m]")
+@opt.each_joint("--rotor-inertia", help="As above. [kg m^2]")
+@opt.path("--model", "model_path", help="model.yaml of 'sysid identify': what laws and estimator know of the arm.")
 @_settings_options
-@click.option("--json", "json_path", type=_PATH, help="Write the result for machines.")
-@click.option("--plot", "plot_path", type=_PATH, help="Draw errors and masses over time: .png or .html.")
+@opt.JSON
+@opt.path("--plot", "plot_path", help="Draw errors and masses over time: .png or .html.")
 def command(
     laws: tuple[str, ...], model_path: Path | None, json_path: Path | None, plot_path: Path | None, **options: Any
 ) -> None:
@@ -101,9 +80,7 @@ def command(
 
     Exit codes: 0 done; 2 bad input or usage.
     """
-    for path, option in ((json_path, "--json"), (plot_path, "--plot")):
-        if path is not None and not path.parent.is_dir():
-            raise SettingsError(f"{option} is '{path}', but the folder '{path.parent}' does not exist. Create it first.")
+    require_folders(json=json_path, plot=plot_path)
     if plot_path is not None:
         check_plot_path(plot_path)
     try:
@@ -150,8 +127,7 @@ def _phases(scenario: ArmScenario) -> dict[str, tuple[float, float]]:
 def _plain(scenario: ArmScenario) -> dict[str, Any]:
     run = ("seed", "duration", "payload_mass", "payload_com", "pick_time", "drop_time")
     arm = ("base_frequency", "viscous_friction", "coulomb_friction", "rotor_inertia")
-    values = {name: getattr(scenario, name) for name in (*run, *arm)}
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+    return {name: plain(getattr(scenario, name)) for name in (*run, *arm)}
 
 
 def _summary(run: TrackingRun, scenario: ArmScenario) -> dict[str, Any]:
@@ -161,12 +137,9 @@ def _summary(run: TrackingRun, scenario: ArmScenario) -> dict[str, Any]:
         if run.lost is None or run.lost >= end:
             joints = np.sqrt(np.mean(run.error[part] ** 2, axis=0))
             phases[name.replace(" ", "_")] = {"tip_rms_m": run.tip_rms(begin, end), "joint_rms": joints.tolist()}
-    return {
-        "law": run.law,
-        "lost_at_s": run.lost,
-        "steps_at_effort_limit": run.clipped,
-        "mass_while_carrying": _mass(run, scenario),
-    } | {"phases": phases}
+    mass = _mass(run, scenario)
+    told = {"law": run.law, "lost_at_s": run.lost, "steps_at_effort_limit": run.clipped, "mass_while_carrying": mass}
+    return {**told, "phases": phases}
 
 
 def _mass(run: TrackingRun, scenario: ArmScenario) -> float | None:
@@ -178,15 +151,9 @@ def _mass(run: TrackingRun, scenario: ArmScenario) -> float | None:
 
 def _show(runs: list[TrackingRun], scenario: ArmScenario) -> None:
     phases = _phases(scenario)
-    table = Table(
-        title=f"Distance of the tip from its path, rms in mm; {scenario.payload_mass:g} kg are picked up", title_justify="left",
-        box=box.SIMPLE,
-    )  # fmt: skip
-    table.add_column("law", no_wrap=True)
-    for name, (begin, end) in phases.items():
-        table.add_column(f"{name}\n{begin:g} to {end:g} s", justify="right")
-    table.add_column("believes in,\nkg", justify="right")
-    table.add_column("")
+    name = f"Distance of the tip from its path, rms in mm; {scenario.payload_mass:g} kg are picked up"
+    columns = [f"{phase}\n{begin:g} to {end:g} s" for phase, (begin, end) in phases.items()]
+    out = table(name, "law", *columns, "believes in,\nkg", "", words=[""])
     for run in runs:
         cells = [
             f"{1e3 * run.tip_rms(*phase):.2f}" if run.lost is None or run.lost >= phase[1] else "-" for phase in phases.values()
@@ -194,5 +161,5 @@ def _show(runs: list[TrackingRun], scenario: ArmScenario) -> None:
         mass = _mass(run, scenario)
         remarks = [f"lost the motion at {run.lost:.2f} s"] if run.lost is not None else []
         remarks += [f"{run.clipped} steps at an effort limit"] if run.clipped else []
-        table.add_row(run.law, *cells, "-" if mass is None else f"{mass:.2f}", ", ".join(remarks))
-    report().print(table)
+        out.add_row(run.law, *cells, "-" if mass is None else f"{mass:.2f}", ", ".join(remarks))
+    report().print(out)

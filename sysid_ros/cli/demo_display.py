@@ -28,8 +28,7 @@ class Picture:
     """All that is shown at one instant.
 
     Attributes:
-        t, duration: time since the start of the motion, and its length [s].
-        start: stamp of the start [s].
+        t, duration: time since the start of the motion, and its length [s]. start: stamp of the start [s].
         estimate: the last one. truth: what is carried now. events: that the estimator found.
     """
 

@@ -34,9 +34,7 @@ class DemoProcess:
     """One ROS 2 node in a process group of its own, within ``with``.
 
     Args:
-        module: run by ``python -m``.
-        parameters: of the node.
-        environment: of the process.
+        module: run by ``python -m``. parameters: of the node. environment: of the process.
         log: file that stdout and stderr go to.
     """
 

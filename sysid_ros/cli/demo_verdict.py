@@ -66,8 +66,7 @@ def objections(estimate: PayloadEstimate | None, truth: TruthSegment, events: Se
     """What speaks against the estimate by :data:`CRITERION`, one sentence each; empty where nothing does.
 
     Args:
-        estimate: the last one before the drop.
-        truth: what was carried then, from pick to drop.
+        estimate: the last one before the drop. truth: what was carried then, from pick to drop.
         events: that the estimator found.
     """
     if estimate is None:

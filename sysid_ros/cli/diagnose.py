@@ -8,10 +8,10 @@ from pathlib import Path
 import click
 import numpy as np
 
-from sysid_ros import __version__
+from sysid_ros.cli import options as opt
 from sysid_ros.cli.diagnose_output import progress_lines, show, write_files
-from sysid_ros.cli.inputs import open_bag, read_config, settings_from
-from sysid_ros.cli.output import ManyValues, command_line, note, progress_bar, warn, write_json
+from sysid_ros.cli.inputs import open_bag, provenance, read_config, require_same_robot, settings_from
+from sysid_ros.cli.output import ManyValues, note, progress_bar, warn, write_json
 from sysid_ros.diagnosis import Diagnosis, Recording, diagnose, missing_joints, read_messages, with_temperatures
 from sysid_ros.exceptions import DataError, RobotModelError
 from sysid_ros.online_settings import OnlineSettings
@@ -19,29 +19,18 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sources import temperatures
 from sysid_ros.torque.model_file import ModelFile
 
-_PATH = click.Path(path_type=Path)
 BAD_INPUT = 2
 
 
 @click.command(cls=ManyValues)
-@click.argument("bags", type=_PATH, nargs=-1, required=True, metavar="BAG...")
-@click.option("--urdf", type=_PATH, help="The model to judge (nominal model); else /robot_description of the bag.")
-@click.option("--out", "out_path", type=_PATH, required=True, metavar="DIR", help="Folder to write the files to.")
-@click.option(
-    "--validate",
-    type=_PATH,
-    multiple=True,
-    metavar="BAG...",
-    help="Bags to judge on, never fitted; of another motion, if possible.",
-)
-@click.option(
-    "--model", "model_path", type=_PATH, help="model.yaml of 'sysid identify' or of an earlier diagnosis: the known part."
-)
-@click.option(
-    "--config", "config_path", type=_PATH, help="Parameters of the node (effort_scale, joint_names, ...), a ROS 2 YAML file."
-)
-@click.option("--topic", default="/joint_states", show_default=True)
-@click.option("--json", "json_path", type=_PATH, help="Write the result for machines here too.")
+@opt.BAGS
+@opt.path("--urdf", help="The model to judge (nominal model); else /robot_description of the bag.")
+@opt.path("--out", "out_path", required=True, metavar="DIR", help="Folder to write the files to.")
+@opt.path("--validate", multiple=True, metavar="BAG...", help="Bags to judge on, never fitted; of another motion, if possible.")
+@opt.path("--model", "model_path", help="model.yaml of 'sysid identify' or of an earlier diagnosis: the known part.")
+@opt.CONFIG
+@opt.TOPIC
+@opt.JSON
 def command(
     bags: tuple[Path, ...],
     urdf: Path | None,
@@ -78,23 +67,16 @@ def command(
     started = time.monotonic()
     settings = settings_from(read_config(config_path))
     known = ModelFile.read(model_path) if model_path else None
-    provenance: dict[str, object] = {
-        "bags": [str(b) for b in bags],
-        "validate": [str(b) for b in validate],
-        "urdf": str(urdf) if urdf else "/robot_description of the first bag",
-        **({"model": str(model_path)} if model_path else {}),
-        "command": command_line(),
-        "version": __version__,
-    }
+    origin = provenance(bags, validate=validate, urdf=urdf or "/robot_description of the first bag", model=model_path)
     robot: RobotModel | None = None
     try:
         robot, fitted, judged = _read_all(bags, validate, urdf, topic, settings)
         for sentence in known.notes(robot.urdf) if known else []:
             note(sentence)
-        result = diagnose(robot, fitted, judged, known, progress_lines(), provenance)
+        result = diagnose(robot, fitted, judged, known, progress_lines(), origin)
     except (DataError, RobotModelError) as error:
         result = Diagnosis("refused", robot.joint_names if robot else (), refusal=str(error))
-    write_files(result, robot, out_path, provenance, known)
+    write_files(result, robot, out_path, origin, known)
     if json_path:
         write_json(json_path, result.as_dict())
     show(result)
@@ -118,11 +100,7 @@ def _read_all(
             robot = own
             if not settings.joint_names and (reason := missing_joints(own)):
                 raise RobotModelError(f"bag '{path}': {reason}")
-        elif own.joint_names != robot.joint_names:
-            raise RobotModelError(
-                f"bag '{path}' has joints {', '.join(own.joint_names)}, the first bag has {', '.join(robot.joint_names)}. "
-                "Use bags of the same robot."
-            )
+        require_same_robot(path, own, robot)
         with progress_bar(path.name, source.message_count) as advance:
             recording, sentences = read_messages(str(path), source, robot, settings, advance)
         series, unread = temperatures(source)

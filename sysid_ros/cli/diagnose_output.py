@@ -7,10 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from rich import box
-from rich.table import Table
 
-from sysid_ros.cli.output import note, report, write_json
+from sysid_ros.cli.output import note, report, table, write_json
 from sysid_ros.diagnosis import Diagnosis, JointSide, Trajectories, simulated_trajectories
 from sysid_ros.exceptions import ModelFileError, RobotModelError
 from sysid_ros.robot.robot_model import RobotModel
@@ -66,25 +64,23 @@ def _driven(result: Diagnosis, robot: RobotModel | None, known: ModelFile | None
 def show(result: Diagnosis) -> None:
     """Print the verdict, the causes and the torque errors."""
     console = report()
-    console.print(f"Verdict: {result.verdict.replace('_', ' ')}", highlight=False)
+    console.print(f"Verdict: {result.verdict.replace('_', ' ')}")
     if result.refusal:
-        console.print(result.refusal, highlight=False)
+        console.print(result.refusal)
         return
     for number, finding in enumerate(result.findings, start=1):
-        console.print(f"{number}. {finding.sentence}", highlight=False)
+        console.print(f"{number}. {finding.sentence}")
         if finding.cannot_be_told_from:
-            console.print(f"   These recordings can't tell it from {', '.join(finding.cannot_be_told_from)}.", highlight=False)
+            console.print(f"   These recordings can't tell it from {', '.join(finding.cannot_be_told_from)}.")
     for sentence in (result.unexplained, *result.record_next, *result.notes):
         if sentence:
-            console.print(sentence, highlight=False)
+            console.print(sentence)
     if (t := result.torque) is None:
         return
-    table = Table(title="Torque error on held-out data below 8 Hz: rms in N m", title_justify="left", box=box.SIMPLE)
-    for column in ("joint", "torque", "nominal model", "extended model", "noise floor"):
-        table.add_column(column, justify="left" if column == "joint" else "right", no_wrap=True)
+    title = "Torque error on held-out data below 8 Hz: rms in N m"
+    out = table(title, "joint", "torque", "nominal model", "extended model", "noise floor")
     for j, name in enumerate(t.joints):
         part = 100.0 * t.after[j] / max(t.torque[j], 1e-12)
-        table.add_row(
-            name, f"{t.torque[j]:.3g}", f"{t.before[j]:.3g}", f"{t.after[j]:.3g} ({part:.1f} %)", f"{t.noise_floor[j]:.2g}"
-        )
-    console.print(table)
+        after = f"{t.after[j]:.3g} ({part:.1f} %)"
+        out.add_row(name, f"{t.torque[j]:.3g}", f"{t.before[j]:.3g}", after, f"{t.noise_floor[j]:.2g}")
+    console.print(out)

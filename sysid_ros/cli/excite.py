@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import click
 import numpy as np
 
+from sysid_ros.cli import options as opt
 from sysid_ros.cli.excite_report import as_json, show
 from sysid_ros.cli.inputs import read_config, settings_from
-from sysid_ros.cli.output import ManyValues, note, progress_bar, warn, write_json
+from sysid_ros.cli.output import ManyValues, note, progress_bar, require_folders, warn, write_json
 from sysid_ros.exceptions import BagError, SettingsError
 from sysid_ros.excitation.excitation_settings import ExcitationSettings
 from sysid_ros.excitation.excite import Excitation, excite, steps
@@ -26,9 +26,6 @@ from sysid_ros.sample import FloatArray
 from sysid_ros.sources import urdf_text
 from sysid_ros.sources.joint_trajectory import JointTrajectory
 
-_PATH = click.Path(path_type=Path)
-_Command = TypeVar("_Command", bound=Callable[..., Any])
-_DEFAULT = ExcitationSettings()
 _EPILOG = """
 Send the motion to the controller, with the arm standing at its start, which is shown, or with --approach T:
 
@@ -53,64 +50,51 @@ Exit codes: 0 done; 2 bad input or usage, or no feasible motion.
 """
 
 
-def _numbers(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | None:
-    try:
-        return None if value is None else tuple(float(x) for x in value.split(","))
-    except ValueError:
-        raise click.BadParameter(f"{value!r} is not numbers with commas between them, such as 0,-1.2,0.5,0,1,0.") from None
-
-
-def _setting(name: str, text: str) -> Callable[[_Command], _Command]:
-    default = getattr(_DEFAULT, name)
-    return click.option("--" + name.replace("_", "-"), name, type=type(default), default=default, show_default=True, help=text)
+def _setting(name: str, text: str) -> opt.Decorator:
+    return opt.number("--" + name.replace("_", "-"), default=getattr(ExcitationSettings(), name), help=text)
 
 
 @click.command(cls=ManyValues, epilog=_EPILOG)
-@click.option("--urdf", type=_PATH, required=True, help="The robot.")
-@click.option("--out", "out_path", type=_PATH, required=True, help="trajectory_msgs/JointTrajectory in YAML, to write.")
-@click.option("--bag", type=_PATH, help="Folder to create: a bag with the same message.")
-@click.option("--plot", type=_PATH, help="Write a figure: .png, .svg, .pdf, or .html to look around in.")
-@click.option("--json", "json_path", type=_PATH, help="Write the result for machines.")
+@opt.path("--urdf", required=True, help="The robot.")
+@opt.path("--out", "out_path", required=True, help="trajectory_msgs/JointTrajectory in YAML, to write.")
+@opt.path("--bag", help="Folder to create: a bag with the same message.")
+@opt.PLOT
+@opt.JSON
 @_setting("duration", "Of the motion. [s]")
 @click.option("--period", type=float, help="The duration is a whole number of periods. [s]  [default: about 10]")
 @_setting("harmonics", "Of the Fourier series; the fastest is HARMONICS / PERIOD.")
 @_setting("starts", "Local searches, from the best of the random motions.")
 @_setting("seed", "Of all that is random: the same seed gives the same motion.")
 @_setting("comparison", "Random feasible motions, to compare with and to start from.")
-@click.option("--rate", type=float, default=100.0, show_default=True, help="Points a second. [Hz]")
+@opt.number("--rate", default=100.0, help="Points a second. [Hz]")
 @_setting("position_scale", "Part of each joint's range, about its middle, that may be used.")
 @_setting("velocity_scale", "Part of the velocity limits that may be used.")
 @_setting("effort_scale", "Part of the effort limits that the nominal torque may use.")
 @_setting("acceleration_limit", "Of revolute joints: a URDF states none. [rad/s^2]")
 @_setting("slide_acceleration_limit", "Of prismatic joints. [m/s^2]")
+@opt.path("--limits", "limits_path", help="joint_limits.yaml as of MoveIt; replaces the URDF's.")
+@opt.JOINT_NAMES
 @click.option(
-    "--limits",
-    "limits_path",
-    type=_PATH,
-    help="joint_limits.yaml as of MoveIt; replaces the URDF's.",
+    "--start", callback=opt.numbers, metavar="Q,Q,...", help="Where it starts and ends. [rad or m]  [default: anywhere]"
 )
-@click.option("--joint-names", multiple=True, metavar="NAME...", help="Joints that move; others are locked at 0.  [default: all]")
-@click.option("--start", callback=_numbers, metavar="Q,Q,...", help="Where it starts and ends. [rad or m]  [default: anywhere]")
-@click.option(
+@opt.number(
     "--approach",
-    type=float,
     default=0.0,
-    show_default=True,
     help="Time for the controller to come to the start from where the arm stands, on a way that is not checked. [s]",
 )
 @click.option("--floor", type=float, metavar="Z", help="Height of the floor in the base frame. [m]  [default: no floor]")
 @_setting("clearance", "Least distance of two links, and of a link from the floor. [m]")
-@click.option("--package-path", multiple=True, type=_PATH, metavar="DIR...", help="Folders of packages that package:// names.")
+@opt.path("--package-path", multiple=True, metavar="DIR...", help="Folders of packages that package:// names.")
 @click.option("--ignore-pair", multiple=True, metavar="LINK,LINK...", help="Pairs of links that are not compared.")
 @click.option("--no-collisions", is_flag=True, help="Check no collisions.")
 @click.option("--controller", default="joint_trajectory_controller", show_default=True, help="Whose topic the bag has.")
-@click.option("--storage", type=click.Choice(["mcap", "sqlite3"]), default="mcap", show_default=True, help="Of the bag.")
-@click.option("--config", "config_path", type=_PATH, help="Parameters of the node (joint_names, gravity), YAML.")
+@opt.STORAGE
+@opt.CONFIG
 def command(
     urdf: Path,
     out_path: Path,
     bag: Path | None,
-    plot: Path | None,
+    plot_path: Path | None,
     json_path: Path | None,
     period: float | None,
     rate: float,
@@ -137,7 +121,7 @@ def command(
       sysid excite --urdf arm.urdf --floor 0 --out traj.yaml --bag traj_bag --plot traj.png
     """
     settings = _settings({"period": period or 0.0, **options})
-    _check(out_path, bag, plot, json_path, rate, approach)
+    _check(out_path, bag, plot_path, json_path, rate, approach)
     online = settings_from(read_config(config_path))
     robot = RobotModel.from_urdf(urdf_text(urdf), joint_names or online.joint_names, online.gravity)
     for sentence in robot.notes:
@@ -158,10 +142,10 @@ def command(
     _write(result, robot, out_path, bag, f"/{controller.strip('/')}/joint_trajectory", storage, rate, approach)
     if json_path is not None:
         write_json(json_path, as_json(result, settings))
-    if plot is not None:
+    if plot_path is not None:
         from sysid_ros.pages.excitation_figure import excitation_figure
 
-        write_plot(plot, excitation_figure(result, f"Exciting motion of {robot.name}"))
+        write_plot(plot_path, excitation_figure(result, f"Exciting motion of {robot.name}"))
     show(result)
     note(f"Motion written to {out_path}{f' and {bag}' if bag else ''}. How to send it: sysid excite --help")
 
@@ -185,9 +169,7 @@ def _settings(options: dict[str, Any]) -> ExcitationSettings:
 
 def _check(out: Path, bag: Path | None, plot: Path | None, json_path: Path | None, rate: float, approach: float) -> None:
     """What can be wrong is said before the search, not after it."""
-    for option, path in (("--out", out), ("--json", json_path), ("--bag", bag)):
-        if path is not None and not path.parent.is_dir():
-            raise SettingsError(f"{option} is '{path}', but the folder '{path.parent}' does not exist. Create it first.")
+    require_folders(out=out, json=json_path, bag=bag)
     if bag is not None and bag.exists():
         raise BagError(f"'{bag}' exists already and is not overwritten. Choose another name, or remove it first.")
     if plot is not None:

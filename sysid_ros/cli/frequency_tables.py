@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from sysid_ros.cli.output import report
+from sysid_ros.cli.output import report, table
 from sysid_ros.frequency import FrequencyCheck, JointCheck
 from sysid_ros.frequency.causes import Cause
 from sysid_ros.frequency.tolerances import TOLERANCES
@@ -19,23 +18,20 @@ def show(result: FrequencyCheck) -> None:
     _show_joints(console, result)
     console.print("[bold]Findings[/bold]")
     for sentence in (*result.sentences, *(s for check in result.joints for s in check.sentences)):
-        console.print(f"- {escape(sentence)}", highlight=False)
+        console.print(f"- {escape(sentence)}")
     _show_modes(console, result)
     console.print("[bold]Assumed[/bold]")
     for sentence in result.assumptions:
-        console.print(f"- {escape(sentence)}", highlight=False)
+        console.print(f"- {escape(sentence)}")
 
 
 def _show_joints(console: Console, result: FrequencyCheck) -> None:
     title = f"Measured torque over the model's, up to {result.top_hz:.3g} Hz (95 %, within 10 %)"
-    table = Table(title=title, title_justify="left", box=box.SIMPLE)
-    table.add_column("joint", no_wrap=True)
-    for heading in ("holds\nHz", "fails\nfrom Hz", "told\nto Hz", "used\ns", "periods", "noise at 1 Hz\nN m/√Hz", "missed"):
-        missed = heading == "missed"
-        table.add_column(heading, justify="left" if missed else "right", no_wrap=not missed)
+    headings = ("holds\nHz", "fails\nfrom Hz", "told\nto Hz", "used\ns", "periods", "noise at 1 Hz\nN m/√Hz", "missed")
+    out = table(title, "joint", *headings, words=["missed"])
     for check in result.joints:
-        table.add_row(check.joint, *_row(check))
-    console.print(table)
+        out.add_row(check.joint, *_row(check))
+    console.print(out)
 
 
 def _row(check: JointCheck) -> tuple[str, ...]:
@@ -73,33 +69,25 @@ def _missed(cause: Cause | None) -> str:
 def _show_modes(console: Console, result: FrequencyCheck) -> None:
     made = [c for c in result.joints if c.modes is not None]
     if made:
-        table = Table(title="State-space check: torque to velocity", title_justify="left", box=box.SIMPLE)
-        table.add_column("joint", no_wrap=True)
         headings = ("band\nHz", "order", "rigid poles\n1/s", "pair", "frequency\nHz", "damping", "found\nagain", "")
-        for heading in headings:
-            table.add_column(heading, justify="right", no_wrap=True)
+        out = table("State-space check: torque to velocity", "joint", *headings)
         for check in made:
-            _add_modes(table, check)
-        console.print(table)
+            _add_modes(out, check)
+        console.print(out)
     for check in result.joints:
         if check.modes is None and check.torque is not None:
-            console.print(f"No state-space check of {escape(check.joint)}: {escape(check.why_no_modes)}", highlight=False)
+            console.print(f"No state-space check of {escape(check.joint)}: {escape(check.why_no_modes)}")
 
 
-def _add_modes(table: Table, check: JointCheck) -> None:
+def _add_modes(out: Table, check: JointCheck) -> None:
     m = check.modes
     assert m is not None
     rigid = ", ".join(f"{x.real:.2g}" if abs(x.imag) < 1e-9 else f"{x.real:.2g} {x.imag:+.2g}i" for x in m.rigid)
-    first = (
-        check.joint,
-        f"{m.band[0]:.2g} to {m.band[1]:.2g}",
-        str(m.order),
-        rigid,
-    )
+    first = (check.joint, f"{m.band[0]:.2g} to {m.band[1]:.2g}", str(m.order), rigid)
     if not m.modes:
-        table.add_row(*first, "none", "", "", "", "")
+        out.add_row(*first, "none", "", "", "", "")
     for i, x in enumerate(m.modes):
-        table.add_row(
+        out.add_row(
             *(first if i == 0 else ("",) * 4),
             f"{x.kind}s",
             f"{x.frequency:.3g} ± {1.96 * x.frequency_std:.2g}",

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
-from sysid_ros.cli.output import report
+from sysid_ros.cli.output import report, table
 from sysid_ros.effects import EFFECTS
 from sysid_ros.identification import Identification
 from sysid_ros.identification.free_effects import frictions, own_knobs
@@ -29,7 +26,6 @@ def show(result: Identification) -> None:
         f"Low-pass at {result.cutoff.hz:.3g} Hz on both sides: {escape(result.cutoff.reason)}.\n"
         f"Links held to the URDF's with weight {result.prior.weight:g}: {result.prior.reason}.\n"
         f"Dry friction: {escape(_friction(result))}.",
-        highlight=False,
     )
     _show_joints(console, result)
     _show_groups(console, result)
@@ -40,7 +36,7 @@ def show(result: Identification) -> None:
     if result.record_next:
         console.print("[bold]What to record next[/bold]")
         for sentence in result.record_next:
-            console.print(f"- {escape(sentence)}", highlight=False)
+            console.print(f"- {escape(sentence)}")
 
 
 def _friction(result: Identification) -> str:
@@ -58,36 +54,28 @@ def _friction(result: Identification) -> str:
     return f"{', '.join(found)}{' (chosen by what was not fitted)' if chosen else ''}"
 
 
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", box=box.SIMPLE)
-    table.add_column(columns[0], no_wrap=True)
-    for column in columns[1:]:
-        table.add_column(column, justify="right", no_wrap=True)
-    return table
-
-
 def _show_joints(console: Console, result: Identification) -> None:
     by_place = {(p.name.split("[")[0], p.joint): p for p in result.parameters}
     beside = [p for p in result.parameters if not EFFECTS[p.effect].replaces_links]
     of_joints = [p for p in beside if p.joint in result.joint_names]
     symbols = {p.name.split("[")[0]: p for p in of_joints}
-    table = _table(
+    out = table(
         "Joints, with 95 % intervals (in brackets: by the Cramér-Rao bound, for white residuals)",
         "joint",
         *(f"{symbol}\n{p.unit}" for symbol, p in symbols.items()),
     )
     for joint in result.joint_names:
-        table.add_row(joint, *(_interval(by_place.get((symbol, joint))) for symbol in symbols))
-    console.print(table)
+        out.add_row(joint, *(_interval(by_place.get((symbol, joint))) for symbol in symbols))
+    console.print(out)
     labels = {symbol: EFFECTS[p.effect].label for symbol, p in symbols.items()}
-    console.print("; ".join(f"{escape(symbol)}: {label}" for symbol, label in labels.items()) + ".", highlight=False)
+    console.print("; ".join(f"{escape(symbol)}: {label}" for symbol, label in labels.items()) + ".")
     for p in beside:
         if p.joint not in result.joint_names:
             line = f"{EFFECTS[p.effect].label}, {p.name}: {p.value:.3g} ± {1.96 * p.std:.2g} {p.unit}"
-            console.print(escape(line), highlight=False)
+            console.print(escape(line))
     for knob in result.knobs:
         doubt = "" if knob.determined else " (these bags do not determine it)"
-        console.print(f"{knob.name} of {knob.joint or 'the arm'}: {knob.value:.3g} {knob.unit}{doubt}", highlight=False)
+        console.print(f"{knob.name} of {knob.joint or 'the arm'}: {knob.value:.3g} {knob.unit}{doubt}")
 
 
 def _interval(p: Parameter | None) -> str:
@@ -95,36 +83,33 @@ def _interval(p: Parameter | None) -> str:
 
 
 def _show_groups(console: Console, result: Identification) -> None:
-    table = _table("Base parameters: what is lumped with what", "sum", "value", "std", "bound", "unit", "from")
-    table.columns[0].no_wrap = False
+    out = table("Base parameters: what is lumped with what", "sum", "value", "std", "bound", "unit", "from", words=["sum"])
     for g in result.groups:
-        table.add_row(escape(g.words), f"{g.value:.3g}", f"{g.std:.2g}", f"{g.crb:.2g}", g.unit, g.determined_by)
-    console.print(table)
+        out.add_row(escape(g.words), f"{g.value:.3g}", f"{g.std:.2g}", f"{g.crb:.2g}", g.unit, g.determined_by)
+    console.print(out)
     determined = sum(g.determined_by == "bags" for g in result.groups)
     console.print(
         f"{result.base.rank} base parameters of {len(result.names)}; these bags determine {determined} of them, with condition "
         f"number {result.bags_condition_number:.0f} of the scaled columns. 'bound' is the Cramér-Rao bound, were the residuals "
         "white.",
-        highlight=False,
     )
     if result.base.rounded:
         console.print(
             f"{result.base.rounded} more would show by a few millionths, because the URDF rounds its numbers (such as 1.5708 for "
             "a right angle); they are left out.",
-            highlight=False,
         )
 
 
 def _show_errors(console: Console, result: Identification) -> None:
     recordings = [(e, "held out") for e in result.errors] + [(e, "validation") for e in result.validation]
     title = "Torque error where the model was not fitted: rms in N m, as a part of the torque, and of the URDF with friction"
-    table = _table(title, "joint", *(f"{Path(e.name).name}\n{kind}" for e, kind in recordings))
+    out = table(title, "joint", *(f"{Path(e.name).name}\n{kind}" for e, kind in recordings))
     for i, name in enumerate(result.joint_names):
-        table.add_row(
+        out.add_row(
             name,
             *(_error_cell(e, i) for e, _ in recordings),
         )
-    console.print(table)
+    console.print(out)
 
 
 def _error_cell(e: TorqueError, i: int) -> str:
@@ -135,16 +120,15 @@ def _error_cell(e: TorqueError, i: int) -> str:
 def _show_noise(console: Console, result: Identification) -> None:
     white = {(w.bag, w.joint): w for w in result.whiteness}
     title = "Residual where it was fitted: rms in N m, time for which it keeps its sign, rows that it counts as"
-    table = _table(title, "joint", "bag", "rms", "time", "effective / rows", "Ljung-Box")
-    table.columns[1].justify = "left"
+    out = table(title, "joint", "bag", "rms", "time", "effective / rows", "Ljung-Box", words=["bag"])
     for n in result.noise:
         w = white.get((n.bag, n.joint))
         test = (
             "" if w is None else f"{'white' if w.white else 'coloured'} (p = {w.p_value:.2g}, Q = {w.statistic:.3g} of {w.lags})"
         )
         effective = f"{n.effective_rows:.0f} / {n.rows}"
-        table.add_row(n.joint, Path(n.bag).name, f"{n.std:.2g}", f"{n.correlation_time:.2g} s", effective, test)
-    console.print(table)
+        out.add_row(n.joint, Path(n.bag).name, f"{n.std:.2g}", f"{n.correlation_time:.2g} s", effective, test)
+    console.print(out)
 
 
 def _show_repeatability(console: Console, result: Identification) -> None:
@@ -152,11 +136,11 @@ def _show_repeatability(console: Console, result: Identification) -> None:
     if not friction:
         return
     names = [Path(bag).name for bag in result.bags]
-    table = _table("Friction as each bag alone gives it", "parameter", *names, "between", "within")
+    out = table("Friction as each bag alone gives it", "parameter", *names, "between", "within")
     for r in friction:
         cells = ("" if math.isnan(x) else f"{x:.3g}" for x in r.values)
-        table.add_row(escape(r.name), *cells, f"{r.between:.2g}", f"{r.within:.2g}")
-    console.print(table)
+        out.add_row(escape(r.name), *cells, f"{r.between:.2g}", f"{r.within:.2g}")
+    console.print(out)
 
 
 def _show_payload(console: Console, result: Identification) -> None:
@@ -167,46 +151,27 @@ def _show_payload(console: Console, result: Identification) -> None:
     console.print(
         f"Payload at {p.frame}: mass {p.mass:.3f} ± {1.96 * p.mass_std:.2g} kg, centre of mass ({com}) mm, with 95 % intervals"
         + ("." if p.consistent else ". The two runs differ by more than a payload: no body explains the difference."),
-        highlight=False,
     )
 
 
 def as_json(result: Identification) -> dict[str, Any]:
     """The result in plain types; what is not known is null."""
-    physical = result.physical
-    document = {
+    alike = ("bags", "validation_bags", "method", "form", "friction", "cutoff", "prior", "knobs", "parameters", "repeatability")
+    physical, model = result.physical, result.model
+    document = {name: getattr(result, name) for name in (*alike, "payload", "problems", "record_next")} | {
         "joints": result.joint_names,
-        "bags": result.bags,
-        "validation_bags": result.validation_bags,
-        "method": result.method,
-        "form": result.form,
-        "friction": result.friction,
-        "cutoff": asdict(result.cutoff),
-        "prior": asdict(result.prior),
-        "physical": None
-        if physical is None
-        else {"divergence": physical.divergence, "at_bound": physical.at_bound, "loss": physical.loss, "notes": physical.notes},
-        "knobs": [asdict(k) for k in result.knobs],
-        "parameters": [asdict(p) for p in result.parameters],
+        "physical": physical and {name: getattr(physical, name) for name in ("divergence", "at_bound", "loss", "notes")},
         "base_parameters": result.base.rank,
         "base_parameters_by_rounding": result.base.rounded,
-        "base_groups": [asdict(g) for g in result.groups],
+        "base_groups": result.groups,
         "condition_number": result.bags_condition_number,
         "torque_error": {
             "held_out": [_error(e) for e in result.errors],
             "validation": [_error(e) for e in result.validation],
         },
         "residuals": residual_curves(result.series, result.joint_names),
-        "noise": {
-            "torque_std": result.model.torque_std,
-            "correlation_time": result.model.correlation_time,
-            "bags": [asdict(n) for n in result.noise],
-        },
-        "whiteness": [{**asdict(w), "white": w.white} for w in result.whiteness],
-        "repeatability": [asdict(r) for r in result.repeatability],
-        "payload": None if result.payload is None else asdict(result.payload),
-        "problems": [asdict(p) for p in result.problems],
-        "record_next": result.record_next,
+        "noise": {"torque_std": model.torque_std, "correlation_time": model.correlation_time, "bags": result.noise},
+        "whiteness": [{**plain(w), "white": w.white} for w in result.whiteness],
     }
     cleaned: dict[str, Any] = plain(document)
     return cleaned

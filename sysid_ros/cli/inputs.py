@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from sysid_ros.cli.output import note
-from sysid_ros.exceptions import SettingsError
+from sysid_ros import __version__
+from sysid_ros.cli.output import command_line, note
+from sysid_ros.exceptions import RobotModelError, SettingsError
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sources import BagSource, urdf_text
+
+
+def provenance(bags: Sequence[Path], **others: Path | Sequence[Path] | str | None) -> dict[str, object]:
+    """What a result comes from, to be written beside it; others where they are given."""
+    given = {name: value for name, value in {"bags": bags, **others}.items() if value is not None}
+    words = {name: str(value) if isinstance(value, str | Path) else [str(x) for x in value] for name, value in given.items()}
+    return {**words, "command": command_line(), "version": __version__}
 
 
 def open_bag(path: Path, topic: str, urdf: Path | None, settings: OnlineSettings) -> tuple[BagSource, RobotModel]:
@@ -22,6 +31,19 @@ def open_bag(path: Path, topic: str, urdf: Path | None, settings: OnlineSettings
     for sentence in (*source.notes, *robot.notes):
         note(sentence)
     return source, robot
+
+
+def require_same_robot(path: Path, own: RobotModel, first: RobotModel) -> None:
+    """Check that a bag has the joints of the first one.
+
+    Raises:
+        RobotModelError: it has others.
+    """
+    if own.joint_names != first.joint_names:
+        raise RobotModelError(
+            f"bag '{path}' has joints {', '.join(own.joint_names)}, the first bag has {', '.join(first.joint_names)}. "
+            "Use bags of the same robot."
+        )
 
 
 def read_config(path: Path | None) -> dict[str, Any]:

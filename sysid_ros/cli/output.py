@@ -5,14 +5,18 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
 import click
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from sysid_ros.exceptions import SettingsError
 
 
 class Advance(Protocol):
@@ -23,7 +27,28 @@ class Advance(Protocol):
 
 def report() -> Console:
     """Where tables are printed: as wide as the terminal, and wide enough for every column where there is none."""
-    return Console() if sys.stdout.isatty() else Console(width=120)
+    return Console(width=None if sys.stdout.isatty() else 120, highlight=False)
+
+
+def table(title: str, *columns: str, words: Collection[str] = ()) -> Table:
+    """A table of numbers: the first column holds names; those of ``words`` are text, which may wrap."""
+    out = Table(title=title, title_justify="left", box=box.SIMPLE)
+    for i, column in enumerate(columns):
+        text = column in words
+        out.add_column(column, justify="left" if text or i == 0 else "right", no_wrap=not text)
+    return out
+
+
+def require_folders(**paths: Path | None) -> None:
+    """Check, before the work and not after it, that what is asked for can be written; each path by its option's name.
+
+    Raises:
+        SettingsError: the folder of a path does not exist.
+    """
+    for name, path in paths.items():
+        if path is not None and not path.parent.is_dir():
+            option = "--" + name.replace("_", "-")
+            raise SettingsError(f"{option} is '{path}', but the folder '{path.parent}' does not exist. Create it first.")
 
 
 def command_line() -> str:

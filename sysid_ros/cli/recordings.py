@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
-from sysid_ros.cli.inputs import open_bag
-from sysid_ros.cli.output import progress_bar
-from sysid_ros.exceptions import DataError, RobotModelError
+from sysid_ros.cli.inputs import open_bag, require_same_robot
+from sysid_ros.cli.output import progress_bar, warn
+from sysid_ros.exceptions import DataError
 from sysid_ros.identification import Recording
 from sysid_ros.identification.result import Problem
 from sysid_ros.input_gate import InputGate
@@ -17,37 +18,41 @@ from sysid_ros.sample import Measurement
 _MOST_REJECTED = 0.5
 
 
-def read_recording(
-    path: Path, urdf: Path | None, topic: str, settings: OnlineSettings, robots: list[RobotModel], problems: list[Problem]
-) -> Recording:
-    """The recording of a bag, as far as the gate accepts its messages.
-
-    Args:
-        robots: of the bags before; this bag's is added. problems: what was found is added.
+def read_recordings(
+    bags: Sequence[Path], urdf: Path | None, topic: str, settings: OnlineSettings
+) -> tuple[RobotModel, list[Recording], list[Problem]]:
+    """The robot of the first bag, the recordings of all as far as the gate accepts their messages, and what was found in them.
 
     Raises:
-        RobotModelError: the bag is of another robot than those before. DataError: most of it can't be used.
+        RobotModelError: a bag is of another robot than the first. DataError: most of one can't be used.
     """
-    source, robot = open_bag(path, topic, urdf, settings)
-    if robots and robot.joint_names != robots[0].joint_names:
-        raise RobotModelError(
-            f"bag '{path}' has joints {', '.join(robot.joint_names)}, the first bag has {', '.join(robots[0].joint_names)}. "
-            "Use bags of the same robot."
-        )
-    robots.append(robot)
-    gate = InputGate(robot, settings)
-    with progress_bar(path.name, source.message_count) as advance:
-        accepted = (m for m in map(gate.accept, source) if isinstance(m, Measurement))
-        try:
-            recording = Recording.from_measurements(str(path), accepted, advance)
-        except DataError:
-            _require_accepted(path, gate)
-            raise
-    _require_accepted(path, gate)
-    for key, n in gate.counts.items():
-        problems.append(Problem(str(path), "", key, f"{n} of {gate.received} messages rejected: {gate.last_texts[key]}"))
-    problems += [Problem(str(path), "", "gate", sentence) for sentence in gate.warnings]
-    return recording
+    first: RobotModel | None = None
+    recordings: list[Recording] = []
+    problems: list[Problem] = []
+    for path in bags:
+        source, robot = open_bag(path, topic, urdf, settings)
+        first = first or robot
+        require_same_robot(path, robot, first)
+        gate = InputGate(robot, settings)
+        with progress_bar(path.name, source.message_count) as advance:
+            accepted = (m for m in map(gate.accept, source) if isinstance(m, Measurement))
+            try:
+                recordings.append(Recording.from_measurements(str(path), accepted, advance))
+            except DataError:
+                _require_accepted(path, gate)
+                raise
+        _require_accepted(path, gate)
+        for key, n in gate.counts.items():
+            problems.append(Problem(str(path), "", key, f"{n} of {gate.received} messages rejected: {gate.last_texts[key]}"))
+        problems += [Problem(str(path), "", "gate", sentence) for sentence in gate.warnings]
+    assert first is not None
+    return first, recordings, problems
+
+
+def warn_of(problems: Sequence[Problem]) -> None:
+    """A warning on stderr for each."""
+    for problem in problems:
+        warn(f"{Path(problem.bag).name}: {problem.text}" if problem.bag else problem.text)
 
 
 def _require_accepted(path: Path, gate: InputGate) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 from rich.table import Table
 
+from sysid_ros.cli import options as opt
 from sysid_ros.cli.inputs import open_bag, read_config, settings_from
 from sysid_ros.cli.output import progress_bar, report, warn, write_json
 from sysid_ros.exceptions import BagError
@@ -16,21 +17,19 @@ from sysid_ros.online.replay import Replay, as_json, replay, write_series
 from sysid_ros.sources import FloatingBagSource
 from sysid_ros.torque.model_file import ModelFile
 
-_PATH = click.Path(path_type=Path)
-
 
 @click.command()
-@click.argument("bag", type=_PATH)
-@click.option("--urdf", type=_PATH, help="The robot; else /robot_description of the bag.")
+@click.argument("bag", type=opt.PATH)
+@opt.path("--urdf", help="The robot; else /robot_description of the bag.")
 @click.option("--frame", help="Link that the payload is expressed in; else the one that the last joint moves.")
-@click.option("--model", "model_path", type=_PATH, help="model.yaml of 'sysid identify': what is known of the arm itself.")
-@click.option("--config", "config_path", type=_PATH, help="Parameters of the node, a ROS 2 YAML file.")
-@click.option("--topic", default="/joint_states", show_default=True)
+@opt.path("--model", "model_path", help="model.yaml of 'sysid identify': what is known of the arm itself.")
+@opt.CONFIG
+@opt.TOPIC
 @click.option("--imu-topic", default="", help="sensor_msgs/Imu of a legged robot; else /imu, or the only one in the bag.")
 @click.option("--contact-topic", default="", help="Which feet stand; else /contacts, if it is in the bag.")
-@click.option("--json", "json_path", type=_PATH, help="Write the result for machines.")
-@click.option("--series", "series_path", type=_PATH, help="Write every estimate as a row of CSV.")
-@click.option("--plot", "plot_path", type=_PATH, help="Draw the estimate over time: .png or .html.")
+@opt.JSON
+@opt.path("--series", "series_path", help="Write every estimate as a row of CSV.")
+@opt.path("--plot", "plot_path", help="Draw the estimate over time: .png or .html.")
 def command(
     bag: Path,
     urdf: Path | None,
@@ -105,14 +104,10 @@ def _show(result: Replay, bag: Path) -> None:
     console = report()
     console.print(table)
     if result.reason:
-        console.print(result.reason, highlight=False)
+        console.print(result.reason)
     for e in result.events:
-        console.print(
-            f"{e.kind} at {e.t - result.start:.2f} s: {e.mass_before:.3f} -> {e.mass_after:.3f} kg",
-            highlight=False,
-        )
+        console.print(f"{e.kind} at {e.t - result.start:.2f} s: {e.mass_before:.3f} -> {e.mass_after:.3f} kg")
     console.print(
         f"{result.used} of {result.read} samples used, {result.duration:.1f} s in {result.seconds:.2f} s "
         f"({result.duration / result.seconds:.0f} times real time)",
-        highlight=False,
     )

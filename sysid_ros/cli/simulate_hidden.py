@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,14 +9,12 @@ from typing import Any
 
 import click
 from click.core import ParameterSource
-from rich.console import Console
-from rich.table import Table
 
-from sysid_ros.cli.output import warn
-from sysid_ros.cli.simulate_output import Bar, named_option
+from sysid_ros.cli.output import progress_bar, warn
+from sysid_ros.cli.simulate_output import Rows, conclude, named_option
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.sample import JointStateRecord
-from sysid_ros.simulation.bag_and_truth import START_TIME, truth_path, write_truth
+from sysid_ros.simulation.bag_and_truth import START_TIME
 from sysid_ros.simulation.description import arm_description
 from sysid_ros.sources import BagRecorder
 
@@ -76,7 +73,7 @@ def record_hidden(bag: Path, storage: str, json_file: Path | None, options: dict
             hide_seed=options["hide_seed"],
             **settings,
         )
-        with Bar(round(scenario.duration * scenario.rate)) as advance:
+        with progress_bar("Simulating", round(scenario.duration * scenario.rate)) as advance:
             recording, truth = hide_in_arm(scenario, urdf, START_TIME, advance)
     except SettingsError as error:
         raise named_option(error, {*_SHARED, *_OWN}) from None
@@ -86,18 +83,7 @@ def record_hidden(bag: Path, storage: str, json_file: Path | None, options: dict
     with BagRecorder(bag, storage) as recorder:
         recorder.write_robot_description(urdf, START_TIME)
         recorder.write_joint_states(records)
-    truth_file = truth_path(bag)
-    write_truth(truth, truth_file)
-    summary = {
-        "bag": str(bag),
-        "truth_file": str(truth_file),
-        "messages": len(records),
-        "realtime_factor": scenario.duration / (time.perf_counter() - began),
-        "truth": truth,
-    }
-    if json_file is not None:
-        json_file.write_text(json.dumps(summary, indent=2) + "\n")
-    _show(summary)
+    conclude(bag, json_file, len(records), time.perf_counter() - began, truth, _rows(truth))
     seen = truth["residual_over_noise"]
     if seen is not None and max(seen) < _SEEN and any(cause_of(id_).in_torque for id_, _ in scenario.hide):
         warn(
@@ -106,24 +92,15 @@ def record_hidden(bag: Path, storage: str, json_file: Path | None, options: dict
         )
 
 
-def _show(summary: dict[str, Any]) -> None:
-    truth = summary["truth"]
-    table = Table(title=f"Simulated {truth['robot']} ({truth['simulator']})", show_header=False)
-    table.add_column(style="bold")
-    table.add_column()
-    table.add_row("bag", summary["bag"])
-    table.add_row("truth", summary["truth_file"])
-    table.add_row("messages", f"{summary['messages']} at {truth['rate']} Hz, {truth['duration']:g} s")
+def _rows(truth: dict[str, Any]) -> Rows:
+    """What is hidden, with its parameters."""
+    rows: Rows = [("simulator", truth["simulator"])]
     for effect in truth["effects"]:
         where = "the whole arm" if effect["joints"] == truth["joint_names"] else ", ".join(effect["joints"])
         kind = f" ({effect['kind']})" if effect["kind"] else ""
-        table.add_row("hidden", f"{effect['name']}{kind} on {where}")
+        rows.append(("hidden", f"{effect['name']}{kind} on {where}"))
         for p in effect["parameters"]:
-            value = p["value"]
-            text = (
-                value
-                if isinstance(value, str)
-                else ", ".join(f"{x:.4g}" for x in (value if isinstance(value, list) else [value]))
-            )
-            table.add_row("", f"{p['name']} = {text} {p['unit']}" + (f"  [{p['joint']}]" if p["joint"] else ""), style="dim")
-    Console().print(table)
+            numbers = p["value"] if isinstance(p["value"], list) else [p["value"]]
+            text = ", ".join(x if isinstance(x, str) else f"{x:.4g}" for x in numbers)
+            rows.append(("", f"{p['name']} = {text} {p['unit']}" + (f"  [{p['joint']}]" if p["joint"] else "")))
+    return rows

@@ -1,21 +1,27 @@
-"""What the sub-commands of ``sysid simulate`` share: checks of the outputs, the progress bar, messages that name options."""
+"""What the sub-commands of ``sysid simulate`` share: PyBullet, checks of the outputs, messages that name options."""
 
 from __future__ import annotations
 
-import json
 import math
-import sys
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
-from sysid_ros.exceptions import BagError, SettingsError
-from sysid_ros.simulation.bag_and_truth import START_TIME, truth_path, write_truth
+from sysid_ros.cli.output import progress_bar, report, require_folders, write_json
+from sysid_ros.exceptions import BagError, SettingsError, SysidError
 
+try:
+    from sysid_ros.simulation.bag_and_truth import START_TIME, truth_path, write_truth
+except ModuleNotFoundError as missing:
+    if not (missing.name or "").startswith("pybullet"):
+        raise
+    raise SysidError(
+        "PyBullet is not installed; the simulation needs it. Install it with: pip install 'sysid_ros[sim]'"
+    ) from missing
+
+Rows = list[tuple[str, str]]
 Record = TypeVar("Record")
 
 _OPTION_OF = {"pick_time": "--pick", "drop_time": "--drop", "hoist_time": "--hoist"}
@@ -25,13 +31,12 @@ def prepare(bag: Path, json_file: Path | None) -> None:
     """Refuse outputs that exist already or can't be written.
 
     Raises:
-        BagError: the truth file exists, or the folder of ``--json`` does not.
+        BagError: the truth file exists. SettingsError: the folder of ``--json`` does not.
     """
     truth_file = truth_path(bag)
     if truth_file.exists():
         raise BagError(f"'{truth_file}' exists already and is not overwritten. Choose another --bag, or remove it first.")
-    if json_file is not None and not json_file.parent.is_dir():
-        raise BagError(f"--json is '{json_file}', but the folder '{json_file.parent}' does not exist. Create it first.")
+    require_folders(json=json_file)
 
 
 def named_option(error: SettingsError, options: Collection[str]) -> SettingsError:
@@ -70,62 +75,40 @@ def simulated(
         chosen = scenario(**options)
         if math.isinf(chosen.duration):
             raise SettingsError("duration is inf; a bag must end. Give a number of seconds.")
-        with Bar(round(chosen.duration * chosen.rate)) as advance:
+        with progress_bar("Simulating", round(chosen.duration * chosen.rate)) as advance:
             return simulate(chosen, advance, START_TIME)
     except SettingsError as error:
         raise named_option(error, options) from None
 
 
+def payload_rows(truth: Mapping[str, Any]) -> Rows:
+    """What was carried, and when it was picked up and dropped."""
+    payload = truth["payload"]
+    if payload is None:
+        return [("payload", "none")]
+    com = ", ".join(f"{x:g}" for x in payload["com"])
+    rows = [("payload", f"{payload['mass']:g} kg at [{com}] m in {truth['frame']}")]
+    return rows + [(e["kind"], f"at {e['t'] - truth['start_time']:.3f} s (stamp {e['t']:.3f})") for e in truth["events"]]
+
+
 def conclude(
-    bag: Path, json_file: Path | None, messages: int, elapsed: float, truth: Mapping[str, Any], more: Iterable[tuple[str, str]]
+    bag: Path, json_file: Path | None, messages: int, elapsed: float, truth: Mapping[str, Any], rows: Sequence[tuple[str, str]]
 ) -> None:
     """Write truth and summary, and show them.
 
     Args:
-        elapsed: time that it took [s]. more: rows of the table after the payload's.
+        elapsed: time that it took [s]. rows: of the table, after those that all simulations have.
     """
     truth_file = truth_path(bag)
     write_truth(dict(truth), truth_file)
     factor = truth["duration"] / elapsed
+    files = {"bag": str(bag), "truth_file": str(truth_file)}
     if json_file is not None:
-        summary = {
-            "bag": str(bag),
-            "truth_file": str(truth_file),
-            "messages": messages,
-            "realtime_factor": factor,
-            "truth": truth,
-        }
-        json_file.write_text(json.dumps(summary, indent=2) + "\n")
-    table = Table(title=f"Simulated {truth['robot']}", show_header=False)
-    table.add_column(style="bold")
-    table.add_column()
-    table.add_row("bag", str(bag))
-    table.add_row("truth", str(truth_file))
-    table.add_row("messages", f"{messages} at {truth['rate']} Hz, {truth['duration']:g} s")
-    table.add_row("speed", f"{factor:.1f} times real time")
-    payload = truth["payload"]
-    if payload is None:
-        table.add_row("payload", "none")
-    else:
-        com = ", ".join(f"{x:g}" for x in payload["com"])
-        table.add_row("payload", f"{payload['mass']:g} kg at [{com}] m in {truth['frame']}")
-        for event in truth["events"]:
-            table.add_row(event["kind"], f"at {event['t'] - truth['start_time']:.3f} s (stamp {event['t']:.3f})")
-    for name, text in more:
-        table.add_row(name, text)
-    Console().print(table)
-
-
-class Bar:
-    """A progress bar on stderr, and none where stderr is not a terminal."""
-
-    def __init__(self, count: int) -> None:
-        self._progress = Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty())
-        self._task = self._progress.add_task("Simulating", total=count)
-
-    def __enter__(self) -> Callable[[int], None]:
-        self._progress.start()
-        return lambda new: self._progress.advance(self._task, new)
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
+        write_json(json_file, {**files, "messages": messages, "realtime_factor": factor, "truth": truth})
+    out = Table(title=f"Simulated {truth['robot']}", show_header=False)
+    out.add_column(style="bold")
+    out.add_column()
+    sent, speed = f"{messages} at {truth['rate']} Hz, {truth['duration']:g} s", f"{factor:.1f} times real time"
+    for name, text in (("bag", str(bag)), ("truth", str(truth_file)), ("messages", sent), ("speed", speed), *rows):
+        out.add_row(name, text, style=None if name else "dim")
+    report().print(out)

@@ -41,6 +41,7 @@ class PreslidingHysteresis(JointCurves):
     setting_names = ("z_s",)
     family = "dry friction"
     usual = 0.3
+    nonnegative = True
     between = (0.0, np.inf)
     jumps = True
     symbols = ("Fc",)

@@ -12,6 +12,7 @@ class QuadraticFriction(JointEffect):
 
     id = "quadratic_friction"
     label = "friction with the square of the speed"
+    nonnegative = True
     between = (0.0, np.inf)
     simpler = "viscous_friction"
     symbol = "c"

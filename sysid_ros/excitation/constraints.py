@@ -19,8 +19,7 @@ class MotionConstraints:
     ``log(sum exp(rho u)) / rho``, which lies above it (Kreisselmeier, Steinhauser 1979).
 
     Args:
-        feasibility: the limits.
-        basis: of the motion, whose coefficients C of shape (K, n) are the variables.
+        feasibility: the limits. basis: of the motion, whose coefficients C of shape (K, n) are the variables.
         samples: instants in a period at which the limits are looked at.
 
     Attributes:

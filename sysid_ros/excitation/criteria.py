@@ -46,8 +46,7 @@ class ExcitationCriteria:
     motions under the same limits. References: Gautier, Khalil 1992; Swevers et al. 1997, section IV.
 
     Args:
-        model: whose free effects are to be identified.
-        limits: the states that the robot may reach.
+        model: whose free effects are to be identified. limits: the states that the robot may reach.
 
     Attributes:
         base: the base parameters. names: of the independent parameters, r names. weight: of each joint's row, shape (n,).

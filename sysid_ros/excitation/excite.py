@@ -30,8 +30,7 @@ class Excitation:
         criteria: its criteria. random: those of random feasible motions, the best D first. random_motions: these motions.
         use: what it uses of its limits at 1 ms.
         limits: these limits. pairs: of links, in the order of ``use.room``. clearance: what each must keep, shape (P,) [m].
-        parameters: names of the independent base parameters.
-        weight: of each joint's rows, shape (n,).
+        parameters: names of the independent base parameters. weight: of each joint's rows, shape (n,).
         start_d: D that each local search ended with.
         notes: what was assumed or left out, a sentence each. warnings: why the motion may not be good enough.
     """
@@ -68,8 +67,7 @@ def excite(
 
     Args:
         model: whose free effects are to be identified, see :func:`sysid_ros.identification.free_model`.
-        settings: what the motion is to be.
-        given: limits of joints that replace the URDF's.
+        settings: what the motion is to be. given: limits of joints that replace the URDF's.
         collision: shapes to keep apart; None: they are not checked.
         start: where the motion starts and ends, shape (n,) [rad or m]; None: anywhere.
         progress: called with the number of steps done, :func:`steps` in all.
@@ -84,7 +82,8 @@ def excite(
     feasibility = Feasibility(limits, collision)
     if start is not None:
         feasibility.require_posture(start)
-    search = ExcitationSearch(ExcitationCriteria(model, limits), feasibility, basis)
+    information = ExcitationCriteria(model, limits)
+    search = ExcitationSearch(information, feasibility, basis)
     motions = _random_motions(search, feasibility, settings, start, progress)
     best, best_criteria, found = motions[0][1], motions[0][0], []
     for _, begin in motions[: settings.starts]:
@@ -110,8 +109,8 @@ def excite(
         limits=limits,
         pairs=feasibility.collision.pairs if feasibility.collision else (),
         clearance=feasibility.collision.clearance if feasibility.collision else np.zeros(0),
-        parameters=search.parameters,
-        weight=search.weight,
+        parameters=information.names,
+        weight=information.weight,
         start_d=tuple(found),
         notes=(*limits.notes, *(collision.notes if collision else ())),
         warnings=tuple(_doubts(best_criteria)),

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid_ros.exceptions import DataError
 from sysid_ros.excitation.fourier_trajectory import FourierTrajectory
-from sysid_ros.excitation.motion_limits import KINDS, MotionLimits
+from sysid_ros.excitation.motion_limits import MotionLimits
 from sysid_ros.excitation.tolerances import TOLERANCES
 from sysid_ros.robot.collision_model import CollisionModel
 from sysid_ros.sample import FloatArray
@@ -21,7 +21,7 @@ class Use:
     """What a motion uses of its limits.
 
     Attributes:
-        limits: largest part of each limit, shape (4, n), in the order of :data:`KINDS`.
+        limits: largest part of each limit, shape (4, n), in the order of :data:`.motion_limits.KINDS`.
         room: least distance of each pair of links less what it must keep, shape (P,) [m]; exact for the pair with the least, for
             others of the times that had to be looked at.
     """
@@ -39,8 +39,7 @@ class Feasibility:
     """Checks motions against limits and collisions.
 
     Args:
-        limits: of position, velocity, acceleration and torque.
-        collision: shapes; None: there are none to check.
+        limits: of position, velocity, acceleration and torque. collision: shapes; None: there are none to check.
     """
 
     def __init__(self, limits: MotionLimits, collision: CollisionModel | None = None) -> None:
@@ -181,11 +180,3 @@ class Feasibility:
             f"{start}Most often ({100 * near[k]:.0f} %) {' and '.join(self.collision.pairs[k])} come nearer than "
             f"{1e3 * self.collision.clearance[k]:.0f} mm. Lower the floor or the clearance, or leave this pair out of the check."
         )
-
-
-def tightest(use: Use, limits: MotionLimits) -> list[tuple[str, str, float]]:
-    """(joint, kind of limit, part of it that is used) for every limit, the tightest first."""
-    rows = [
-        (name, kind, float(use.limits[k, i])) for k, kind in enumerate(KINDS) for i, name in enumerate(limits.robot.joint_names)
-    ]
-    return sorted(rows, key=lambda row: -row[2])

@@ -25,9 +25,7 @@ class FourierBasis:
     same velocity.
 
     Args:
-        duration: of the motion, a whole number of periods [s].
-        period: [s].
-        harmonics: 2 or more: one alone can't be at rest.
+        duration: of the motion, a whole number of periods [s]. period: [s]. harmonics: 2 or more: one alone can't be at rest.
         anchored: the posture is where the motion starts and ends, instead of its mean.
 
     Raises:

@@ -40,8 +40,7 @@ class MotionLimits:
     The torque is nominal: that of the URDF's links and its ``<dynamics>``.
 
     Args:
-        robot: the model.
-        settings: margins, and what holds where the URDF says nothing.
+        robot: the model. settings: margins, and what holds where the URDF says nothing.
         given: limits of joints that replace the URDF's; the margins of velocity and torque apply to them too.
 
     Attributes:

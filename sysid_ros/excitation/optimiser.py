@@ -47,8 +47,7 @@ class MotionOptimiser:
     anywhere; of all iterates the one is returned that would be best once it is shrunk to the limits.
 
     Args:
-        criteria: what is maximised.
-        feasibility: the limits.
+        criteria: what is maximised. feasibility: the limits.
         basis: of the motions. Where it is anchored, the posture of the first row stays.
     """
 

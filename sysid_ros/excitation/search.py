@@ -28,16 +28,11 @@ class ExcitationSearch:
     the feasible motion that the search began from.
 
     Args:
-        criteria: what is maximised.
-        feasibility: the limits.
-        basis: of the motions.
-    Attributes:
-        parameters: names of the independent base parameters. weight: of each joint's rows, shape (n,).
+        criteria: what is maximised. feasibility: the limits. basis: of the motions.
     """
 
     def __init__(self, criteria: ExcitationCriteria, feasibility: Feasibility, basis: FourierBasis) -> None:
         self._criteria, self._feasibility, self._basis = criteria, feasibility, basis
-        self.parameters, self.weight = criteria.names, criteria.weight
         self._optimiser = MotionOptimiser(criteria, feasibility, basis)
 
     def criteria(self, trajectory: FourierTrajectory) -> Criteria:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid_ros.frequency.causes import Cause
-from sysid_ros.frequency.lines import Record, rests
+from sysid_ros.frequency.lines import Record
 from sysid_ros.frequency.local_fit import Window
 from sysid_ros.frequency.stretches import Stretch
 from sysid_ros.frequency.tolerances import TOLERANCES
@@ -155,7 +155,7 @@ def missing_friction(stretches: Sequence[Stretch], joint: int) -> MissingFrictio
     prismatic = bool(stretches[0].motion.robot.is_prismatic[joint])
     for stretch in stretches:
         motion = stretch.motion
-        whole, _, _ = rests(motion.v[:, joint], stretch.period, prismatic)
+        whole, _, _ = stretch.rests(joint)
         rest.append((motion.tau[:, joint] - stretch.model[:, joint])[whole])
         speed.append(motion.v[whole, joint])
         torque.append(motion.tau[whole, joint])

@@ -148,7 +148,8 @@ def find_cause(records: Sequence[Record], windows: Sequence[Window], forms: Sequ
     order = sorted(range(len(found)), key=lambda i: (found[i][0].p, score[i]))
     best = order[0]
     for i in order[1:]:
-        if score[i] < score[best] - TOLERANCES.step_up and _holds(found[i], found[best], fit):
+        gains = score[i] < score[best] - TOLERANCES.step_up
+        if gains and _held_out(found[i], fit).sum() < _held_out(found[best], fit).sum():
             best = i
     form, x, cost = found[best]
     alike = (found[i][0] for i in order if score[i] < score[best] + TOLERANCES.as_good)
@@ -196,10 +197,6 @@ def _held_out(item: tuple[Form, FloatArray, float], fit: LineFit) -> FloatArray:
         there = fit.fit(form, [x], ~own)[0] if form.p else x
         out.append(float(np.sum(np.abs(fit.residual(form.H(there, fit.f))[own]) ** 2)))
     return np.array(out)
-
-
-def _holds(item: tuple[Form, FloatArray, float], before: tuple[Form, FloatArray, float], fit: LineFit) -> bool:
-    return bool(_held_out(item, fit).sum() < _held_out(before, fit).sum())
 
 
 def _held_out_gain(item: tuple[Form, FloatArray, float], fit: LineFit) -> float:

@@ -12,7 +12,7 @@ from sysid_ros.exceptions import DataError
 from sysid_ros.frequency.beyond_linear import distortion, missing_friction
 from sysid_ros.frequency.causes import find_cause
 from sysid_ros.frequency.linearised import linearised
-from sysid_ros.frequency.lines import Channel, Record, joint_records, rests
+from sysid_ros.frequency.lines import Channel, Record, joint_records
 from sysid_ros.frequency.local_fit import local_fit
 from sysid_ros.frequency.modes import Modes, find_modes
 from sysid_ros.frequency.result import FrequencyCheck, JointCheck, Response
@@ -99,10 +99,9 @@ def _require_motion(robot: RobotModel, stretches: Sequence[Stretch]) -> None:
 
 def _moved(stretches: Sequence[Stretch], joint: int) -> float:
     """Most of the time that a joint moves in any stretch, as a part."""
-    prismatic = bool(stretches[0].motion.robot.is_prismatic[joint])
     shares = []
     for s in stretches:
-        whole, _, part = rests(s.motion.v[:, joint], s.period, prismatic)
+        whole, _, part = s.rests(joint)
         shares.append(float(part * (whole.stop - whole.start) / len(s.motion.t)))
     return max(shares)
 
@@ -112,13 +111,9 @@ def _joint(robot: RobotModel, stretches: Sequence[Stretch], known: Sequence[Know
     mean = np.average([s.inertia[0, j] for s in stretches], weights=weights)
     spread = np.sqrt(np.average([s.inertia[1, j] ** 2 + (s.inertia[0, j] - mean) ** 2 for s in stretches], weights=weights))
     gravity = float(np.average([_gravity_stiffness(s, j) for s in stretches], weights=weights))
+    name, about, prismatic = robot.joint_names[j], (float(mean), float(spread)), bool(robot.is_prismatic[j])
     torque_channels = [
-        Channel(
-            s.model[:, j],
-            s.motion.tau[:, j],
-            lambda f, s=s: s.torque_noise(f)[:, j],  # type: ignore[misc]
-            _dry(s, j),
-        )
+        Channel(s.model[:, j], s.motion.tau[:, j], lambda f, s=s: s.torque_noise(f)[:, j], _dry(s, j))  # type: ignore[misc]
         for s in stretches
     ]
     records = joint_records(stretches, j, torque_channels, top)
@@ -128,7 +123,7 @@ def _joint(robot: RobotModel, stretches: Sequence[Stretch], known: Sequence[Know
             f"{TOLERANCES.shortest:g} s and {100.0 * TOLERANCES.moving:g} % are the least that can be used. Record a "
             "motion of this joint."
         )
-        return JointCheck(robot.joint_names[j], None, None, None, why, why, (float(mean), float(spread)), gravity, False)
+        return JointCheck(name, None, None, None, why, why, about, gravity, prismatic)
     torque = _response(records, top, FORMS, _position_power(stretches, j, records, top))
     friction = missing_friction(stretches, j)
     if friction is not None:
@@ -146,18 +141,7 @@ def _joint(robot: RobotModel, stretches: Sequence[Stretch], known: Sequence[Know
         lines = joint_records(published, j, velocity_channels, top, bridge=False)
         simple = [f for f in FORMS if f.name in _CHANNEL_FORMS]
         velocity = _response(lines, top, simple, None) if lines else None
-    return JointCheck(
-        robot.joint_names[j],
-        torque,
-        velocity,
-        modes,
-        "",
-        why_no_modes,
-        (float(mean), float(spread)),
-        gravity,
-        bool(robot.is_prismatic[j]),
-        friction,
-    )
+    return JointCheck(name, torque, velocity, modes, "", why_no_modes, about, gravity, prismatic, friction)
 
 
 def _dry(stretch: Stretch, joint: int) -> FloatArray | None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.frequency.lines import ComplexArray, cleaned_torque, rests
+from sysid_ros.frequency.lines import ComplexArray, cleaned_torque
 from sysid_ros.frequency.stretches import Stretch
 from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
@@ -34,8 +34,7 @@ class Linearised:
 
     Attributes:
         u, y: torque of the model and measured one, both without dry friction, of each stretch, shape (N,) each [N m].
-        period: between samples [s].
-        inertia, damping, stiffness: M [kg m^2], D [N m s/rad], K [N m/rad], of the rigid model.
+        period: between samples [s]. inertia, damping, stiffness: M [kg m^2], D [N m s/rad], K [N m/rad], of the rigid model.
         posture: of all joints, shape (n,) [rad]. small: whether the motion is small enough for the model to be linear in it.
     """
 
@@ -75,8 +74,8 @@ def linearised(stretches: Sequence[Stretch], joint: int, known: Sequence[KnownEf
     every = max(1, int(1.0 / (stretches[0].period * max(_PER_CYCLE * top_hz, _SLOWEST))))
     for stretch in stretches:
         motion = stretch.motion
-        whole, _, part = rests(motion.v[:, joint], stretch.period, bool(robot.is_prismatic[joint]))
-        if part < TOLERANCES.moving or (whole.stop - whole.start) * stretch.period < TOLERANCES.shortest:
+        whole, _, part = stretch.rests(joint)
+        if not stretch.tells(whole, part):
             continue
         linear = M * motion.a[:, joint] + D * motion.v[:, joint] + K * (motion.q[:, joint] - posture[joint])
         u = stretch.smooth[:, joint]

@@ -61,24 +61,6 @@ class Channel:
     dry: FloatArray | None = None
 
 
-def rests(v: FloatArray, period: float, prismatic: bool) -> tuple[slice, FloatArray, float]:
-    """Where a joint with velocity v (N,) moves at all; its rests in there, shape (r, 2); the part of the time that it moves."""
-    limit = TOLERANCES.stands_slide if prismatic else TOLERANCES.stands
-    # a reversal is no rest, however slow it is: the speed is that of a short while
-    width = max(1, round(0.5 * TOLERANCES.rest / period))
-    speed = np.sqrt(np.convolve(v**2, np.ones(width) / width, "same"))
-    moving = np.flatnonzero(speed > limit)
-    if not moving.size:
-        return slice(0, 0), np.zeros((0, 2)), 0.0
-    whole = slice(int(moving[0]), int(moving[-1]) + 1)
-    still = np.concatenate([[False], speed[whole] <= limit, [False]])
-    edges = np.flatnonzero(np.diff(still.astype(int)))
-    spans = edges.reshape(-1, 2).astype(float)
-    spans = spans[(spans[:, 1] - spans[:, 0]) * period > TOLERANCES.rest]
-    part = 1.0 - float(np.sum(spans[:, 1] - spans[:, 0])) / (whole.stop - whole.start)
-    return whole, spans, part
-
-
 def joint_records(
     stretches: Sequence[Stretch], joint: int, channels: Sequence[Channel], top_hz: float, bridge: bool = True
 ) -> list[Record]:
@@ -89,9 +71,8 @@ def joint_records(
     """
     out = []
     for stretch, channel in zip(stretches, channels, strict=True):
-        prismatic = bool(stretch.motion.robot.is_prismatic[joint])
-        whole, still, part = rests(stretch.motion.v[:, joint], stretch.period, prismatic)
-        if part < TOLERANCES.moving or (whole.stop - whole.start) * stretch.period < TOLERANCES.shortest:
+        whole, still, part = stretch.rests(joint)
+        if not stretch.tells(whole, part):
             continue
         dry = np.zeros((len(channel.model), 1)) if channel.dry is None else channel.dry
         both = np.column_stack([channel.model, channel.measured, dry])
@@ -124,9 +105,8 @@ def joint_records(
 
 def cleaned_torque(stretch: Stretch, joint: int) -> FloatArray:
     """Measured torque of a joint, shape (N,), without what dry friction makes of its rests, as in :func:`joint_records`."""
-    motion = stretch.motion
-    whole, still, _ = rests(motion.v[:, joint], stretch.period, bool(motion.robot.is_prismatic[joint]))
-    both = np.stack([stretch.model[:, joint], motion.tau[:, joint]], axis=1)
+    whole, still, _ = stretch.rests(joint)
+    both = np.stack([stretch.model[:, joint], stretch.motion.tau[:, joint]], axis=1)
     both[whole, 1] = _without_stiction(both[whole], still)
     return np.asarray(both[:, 1])
 
@@ -149,9 +129,7 @@ def _without_stiction(both: FloatArray, still: FloatArray) -> FloatArray:
 
 
 def _all_moving(stretch: Stretch) -> slice:
-    robot = stretch.motion.robot
-    spans = [rests(stretch.motion.v[:, j], stretch.period, bool(robot.is_prismatic[j]))[0] for j in range(robot.n)]
-    spans = [s for s in spans if s.stop > s.start]
+    spans = [s for s in (stretch.rests(j)[0] for j in range(stretch.motion.robot.n)) if s.stop > s.start]
     return slice(min((s.start for s in spans), default=0), max((s.stop for s in spans), default=0))
 
 

@@ -90,7 +90,7 @@ def _find(signals: Linearised, low_hz: float, top_hz: float, seed: int) -> Modes
     neighbours (local block bootstrap, Paparoditis, Politis 2002).
     """
     p = int(np.clip(_PAST / signals.period, *_STEPS))
-    moments = Moments(p, 1, 1)
+    moments = Moments(p)
     blocks, pieces = _blocks(signals, moments)
     if len(blocks) < 2 * _FOLDS:
         return None
@@ -132,7 +132,7 @@ def _blocks(signals: Linearised, moments: Moments) -> tuple[FloatArray, list[tup
         edges = np.linspace(moments.p, len(u), count + 1).astype(int) if count else np.zeros(1, dtype=int)
         for a, b in pairwise(edges):
             part = slice(int(a) - moments.p, int(b))
-            out.append(moments.of(u[part, None], y[part, None]))
+            out.append(moments.of(u[part], y[part]))
             pieces.append((u[part], y[part]))
     return np.array(out), pieces
 

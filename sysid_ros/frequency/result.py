@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
-
-import numpy as np
 
 from sysid_ros.frequency.beyond_linear import Distortion, MissingFriction
 from sysid_ros.frequency.causes import Cause
@@ -38,22 +35,18 @@ class Response:
 
     def as_dict(self) -> dict[str, Any]:
         """For machines."""
-        v, cause, d = self.verdict, self.cause, self.distortion
+        cause, d = self.cause, self.distortion
+        ends = ("holds_from", "holds_to", "fails_from", "told_to", "fails_below")
         return {
             "seconds": self.seconds,
             "periodic": [{"period_s": p, "periods": n} for p, n in self.periods],
-            "holds_from_hz": v.holds_from,
-            "holds_to_hz": v.holds_to,
-            "fails_from_hz": v.fails_from,
-            "told_to_hz": v.told_to,
-            "fails_below_hz": v.fails_below,
+            **{f"{end}_hz": getattr(self.verdict, end) for end in ends},
             "bands": [
                 {"low_hz": b.low, "high_hz": b.high, "real": b.H.real, "imag": b.H.imag, "radius95": b.radius, "says": b.says}
-                for b in v.bands
+                for b in self.verdict.bands
             ],
-            "cause": None
-            if cause is None
-            else {
+            "cause": cause
+            and {
                 "name": cause.name,
                 "parameters": [
                     {"name": p.name, "value": p.value, "std": p.std, "ci95": [p.low, p.high], "unit": p.unit}
@@ -61,21 +54,15 @@ class Response:
                 ],
                 "delta_bic": cause.delta_bic,
                 "held_out_gain": cause.held_out_gain,
-                "cannot_be_told_from": list(cause.cannot_be_told_from),
+                "cannot_be_told_from": cause.cannot_be_told_from,
                 "misfit": cause.misfit,
                 "named": cause.named,
                 "share_beside_dry_friction": cause.share,
             },
-            "distortion": None
-            if d is None
-            else {
-                "noise_rms": d.noise,
-                "nonlinear_rms": d.nonlinear,
-                "p_value": d.p_value,
-                "periods": d.periods,
+            "distortion": d
+            and {
+                **_told(d, noise="noise_rms", nonlinear="nonlinear_rms", even="even_rms", odd="odd_rms"),
                 "found": d.found,
-                "even_rms": d.even,
-                "odd_rms": d.odd,
             },
             "response": {
                 "frequency_hz": [w.f for w in self.windows],
@@ -118,44 +105,25 @@ class JointCheck:
         m = self.modes
         return {
             "joint": self.joint,
-            "sentences": list(self.sentences),
+            "sentences": self.sentences,
             "why_not": self.why_not or None,
-            "missing_friction": None
-            if self.friction is None
-            else {"coulomb": self.friction.coulomb, "viscous": self.friction.viscous, "part": self.friction.part},
+            "missing_friction": self.friction,
             "torque": self.torque.as_dict() if self.torque else None,
             "velocity": self.velocity.as_dict() if self.velocity else None,
             "link_inertia": {"mean": self.inertia[0], "std": self.inertia[1]},
             "gravity_stiffness": self.stiffness,
             "why_no_modes": self.why_no_modes or None,
-            "modes": None
-            if m is None
-            else {
-                "order": m.order,
-                "small_motion": m.small,
-                "band_hz": list(m.band),
-                "singular_values": m.singular_values,
-                "held_out_errors": m.errors,
-                "poles": _complex(m.poles),
-                "rigid_poles": _complex(m.rigid),
-                "pairs": [
-                    {
-                        "kind": x.kind,
-                        "frequency_hz": x.frequency,
-                        "frequency_std": x.frequency_std,
-                        "damping": x.damping,
-                        "damping_std": x.damping_std,
-                        "found_again": x.found_again,
-                        "unmodelled": x.unmodelled,
-                    }
-                    for x in m.modes
-                ],
+            "modes": m
+            and {
+                **_told(m, small="small_motion", band="band_hz", errors="held_out_errors", rigid="rigid_poles", modes="pairs"),
+                "pairs": [_told(x, frequency="frequency_hz") for x in m.modes],
             },
         }
 
 
-def _complex(values: Sequence[complex] | np.ndarray[Any, Any]) -> list[list[float]]:
-    return [[float(np.real(x)), float(np.imag(x))] for x in values]
+def _told(value: Any, **names: str) -> dict[str, Any]:
+    """The fields of a dataclass, some of them by another name."""
+    return {names.get(field.name, field.name): getattr(value, field.name) for field in fields(value)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,9 +155,9 @@ class FrequencyCheck:
                 "top_hz": self.top_hz,
                 "recordings": [{"name": n, "seconds": s} for n, s in self.recordings],
                 "joints": [j.as_dict() for j in self.joints],
-                "sentences": list(self.sentences),
-                "warnings": list(self.warnings),
-                "assumptions": list(self.assumptions),
+                "sentences": self.sentences,
+                "warnings": self.warnings,
+                "assumptions": self.assumptions,
                 "provenance": self.provenance,
             }
         )

@@ -51,6 +51,27 @@ class Stretch:
         """Spacing of the grid [s]."""
         return self.motion.period
 
+    def rests(self, joint: int) -> tuple[slice, FloatArray, float]:
+        """Where a joint moves at all; its rests in there, shape (r, 2); the part of the time that it moves."""
+        limit = TOLERANCES.stands_slide if self.motion.robot.is_prismatic[joint] else TOLERANCES.stands
+        # a reversal is no rest, however slow it is: the speed is that of a short while
+        width = max(1, round(0.5 * TOLERANCES.rest / self.period))
+        speed = np.sqrt(np.convolve(self.motion.v[:, joint] ** 2, np.ones(width) / width, "same"))
+        moving = np.flatnonzero(speed > limit)
+        if not moving.size:
+            return slice(0, 0), np.zeros((0, 2)), 0.0
+        whole = slice(int(moving[0]), int(moving[-1]) + 1)
+        still = np.concatenate([[False], speed[whole] <= limit, [False]])
+        edges = np.flatnonzero(np.diff(still.astype(int)))
+        spans = edges.reshape(-1, 2).astype(float)
+        spans = spans[(spans[:, 1] - spans[:, 0]) * self.period > TOLERANCES.rest]
+        part = 1.0 - float(np.sum(spans[:, 1] - spans[:, 0])) / (whole.stop - whole.start)
+        return whole, spans, part
+
+    def tells(self, whole: slice, part: float) -> bool:
+        """Whether a joint that moves there, for a part of the time, moves enough to be judged."""
+        return part >= TOLERANCES.moving and (whole.stop - whole.start) * self.period >= TOLERANCES.shortest
+
     def torque_noise(self, f: FloatArray) -> FloatArray:
         """What the noise of the positions makes of the model's torque: E|X(f)|^2 of an orthonormal transform, shape (K, n).
 

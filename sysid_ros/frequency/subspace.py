@@ -29,20 +29,17 @@ _REGULAR = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """A discrete-time model in innovation form.
+    """A discrete-time model of one input and one output.
 
     Attributes:
-        A: (n, n), B: (n, m), C: (l, n), D: (l, m), K: (n, l). period: of a step [s]. noise: covariance of e times the number of
-            rows in the moments, (l, l). state: from the past z(k-p) .. z(k-1) to x(k), (n, p (m + l)).
+        A: (n, n), B: (n, 1), C: (1, n), D: (1, 1). period: of a step [s]. state: from the past z(k-p) .. z(k-1) to x(k).
     """
 
     A: FloatArray
     B: FloatArray
     C: FloatArray
     D: FloatArray
-    K: FloatArray
     period: float
-    noise: FloatArray
     state: FloatArray
 
     @property
@@ -53,7 +50,7 @@ class StateSpace:
 
     @property
     def zeros(self) -> ComplexArray:
-        """Transmission zeros in continuous time, those that are finite [1/s]; of a model with one input and one output."""
+        """Transmission zeros in continuous time, those that are finite [1/s]."""
         from scipy import linalg
 
         n = len(self.A)
@@ -64,92 +61,62 @@ class StateSpace:
         finite = values[np.isfinite(values) & (np.abs(values) < _FAR) & (np.abs(values) > 1.0 / _FAR)]
         return np.asarray(np.log(finite.astype(complex)) / self.period)
 
-    def response(self, f: FloatArray) -> ComplexArray:
-        """From the first input to the first output at f (K,) [Hz]."""
-        z = np.exp(2j * np.pi * f * self.period)
-        identity = np.eye(len(self.A))
-        through = [(self.C[:1] @ np.linalg.solve(at * identity - self.A, self.B[:, :1]))[0, 0] for at in z]
-        return np.asarray(np.array(through) + self.D[0, 0], dtype=np.complex128)
-
 
 class Moments:
     """Sums over time of products of a window of the past and the present: ``sum_k zeta zeta'``, zeta = [z(k-p) .. z(k)].
 
     Args:
-        p: steps of the past. inputs, outputs: m, l.
+        p: steps of the past.
     """
 
-    def __init__(self, p: int, inputs: int, outputs: int) -> None:
-        self.p, self.m, self.outputs = p, inputs, outputs
+    def __init__(self, p: int) -> None:
+        self.p = p
 
     def of(self, u: FloatArray, y: FloatArray) -> FloatArray:
-        """Of a stretch without gaps, u (N, m), y (N, l); shape ((p + 1)(m + l), (p + 1)(m + l))."""
-        z = np.hstack([u, y])
-        width = (self.p + 1) * z.shape[1]
-        if len(z) <= self.p:
+        """Of a stretch without gaps, u and y of shape (N,); shape (2 (p + 1), 2 (p + 1))."""
+        width = 2 * (self.p + 1)
+        if len(u) <= self.p:
             return np.zeros((width, width))
-        windows = np.lib.stride_tricks.sliding_window_view(z, self.p + 1, axis=0)
+        windows = np.lib.stride_tricks.sliding_window_view(np.stack([u, y], axis=1), self.p + 1, axis=0)
         rows = np.ascontiguousarray(np.swapaxes(windows, 1, 2)).reshape(len(windows), width)
         return np.asarray(rows.T @ rows)
 
-    def model(self, G: FloatArray, order: int, period: float, feedthrough: bool = True) -> tuple[StateSpace, FloatArray]:
-        """The model of an order from moments G, and all singular values, shape (min(f l, p (m + l)),)."""
-        return self.models(G, [order], period, feedthrough)[0]
+    def model(self, G: FloatArray, order: int, period: float) -> tuple[StateSpace, FloatArray]:
+        """The model of an order from moments G, and all singular values, shape (f,)."""
+        return self.models(G, [order], period)[0]
 
-    def models(
-        self, G: FloatArray, orders: list[int], period: float, feedthrough: bool = True
-    ) -> list[tuple[StateSpace, FloatArray]]:
+    def models(self, G: FloatArray, orders: list[int], period: float) -> list[tuple[StateSpace, FloatArray]]:
         """As :meth:`model`, for several orders."""
-        m, outputs, p = self.m, self.outputs, self.p
-        r = m + outputs
-        past = p * r
+        past = 2 * self.p
         scale = np.sqrt(np.maximum(np.diag(G), 1e-300))
         G = G / np.outer(scale, scale) + _REGULAR * np.eye(len(G))
         G = G * np.outer(scale, scale)
-        known = np.arange(past + (m if feedthrough else 0))
-        now = slice(past + m, past + r)
-        coefficients = np.linalg.solve(G[np.ix_(known, known)], G[known, now]).T
+        known, now = slice(past + 1), past + 1
+        coefficients = np.linalg.solve(G[known, known], G[known, now])
         noise = G[now, now] - coefficients @ G[known, now]
-        markov = coefficients[:, :past]
-        f = max(p // 2, max(orders))
-        gamma = np.zeros((f * outputs, past))
+        f = max(self.p // 2, max(orders))
+        gamma = np.zeros((f, past))
         for i in range(f):
-            gamma[i * outputs : (i + 1) * outputs, i * r :] = markov[:, : past - i * r]
-        weight = np.linalg.inv(np.linalg.cholesky(noise + 1e-12 * np.trace(noise) / outputs * np.eye(outputs)))
-        gamma = np.kron(np.eye(f), weight) @ gamma
+            gamma[i, 2 * i :] = coefficients[: past - 2 * i] / np.sqrt(noise)
         root = np.linalg.cholesky(G[:past, :past])
         left, values, _ = np.linalg.svd(gamma @ root, full_matrices=False)
-        return [(self._of_order(G, gamma, left, values, n, period, feedthrough, noise), values) for n in orders]
+        states = [(left[:, :n] / np.sqrt(np.maximum(values[:n], 1e-300))).T @ gamma for n in orders]
+        return [(_with_states(G, to_state, period), values) for to_state in states]
 
-    def _of_order(
-        self,
-        G: FloatArray,
-        gamma: FloatArray,
-        left: FloatArray,
-        values: FloatArray,
-        n: int,
-        period: float,
-        feedthrough: bool,
-        noise: FloatArray,
-    ) -> StateSpace:
-        m, outputs, past = self.m, self.outputs, self.p * (self.m + self.outputs)
-        r = m + outputs
-        to_state = (left[:, :n] / np.sqrt(np.maximum(values[:n], 1e-300))).T @ gamma
-        # zeta -> x(k), u(k), y(k), x(k+1)
-        T = np.zeros((2 * n + r, len(G)))
-        T[:n, :past] = to_state
-        T[n : n + r, past:] = np.eye(r)
-        T[n + r :, r:] = to_state
-        S = T @ G @ T.T
-        inputs = np.arange(n + (m if feedthrough else 0))
-        CD = np.linalg.solve(S[np.ix_(inputs, inputs)], S[inputs, n + m : n + r]).T
-        C = CD[:, :n]
-        D = CD[:, n:] if feedthrough else np.zeros((outputs, m))
-        # e(k) = y - C x - D u takes the place of y(k)
-        E = np.eye(2 * n + r)
-        E[n + m : n + r, :n], E[n + m : n + r, n : n + m] = -C, -D
-        S = E @ S @ E.T
-        every = np.arange(n + r)
-        ABK = np.linalg.solve(S[np.ix_(every, every)], S[every, n + r :]).T
-        A, B, K = (np.asarray(x, dtype=np.float64) for x in (ABK[:, :n], ABK[:, n : n + m], ABK[:, n + m :]))
-        return StateSpace(A, B, np.asarray(C), np.asarray(D), K, period, noise, to_state)
+
+def _with_states(G: FloatArray, to_state: FloatArray, period: float) -> StateSpace:
+    """The model with the states that a map from the past, shape (n, 2 p), makes."""
+    n, past = to_state.shape
+    # zeta -> x(k), u(k), y(k), x(k+1)
+    T = np.zeros((2 * n + 2, len(G)))
+    T[:n, :past] = to_state
+    T[n : n + 2, past:] = np.eye(2)
+    T[n + 2 :, 2:] = to_state
+    S = T @ G @ T.T
+    CD = np.asarray(np.linalg.solve(S[: n + 1, : n + 1], S[: n + 1, n + 1]), dtype=np.float64)
+    # e(k) = y - C x - D u takes the place of y(k)
+    E = np.eye(2 * n + 2)
+    E[n + 1, : n + 1] = -CD
+    S = E @ S @ E.T
+    ABK = np.asarray(np.linalg.solve(S[: n + 2, : n + 2], S[: n + 2, n + 2 :]).T, dtype=np.float64)
+    return StateSpace(ABK[:, :n], ABK[:, n : n + 1], CD[None, :n], CD[None, n:], period, to_state)

@@ -39,8 +39,7 @@ class Form:
 
     Attributes:
         name: of the cause. shape: (parameters, f) -> H. parameters: names of what is searched for.
-        logarithmic: whether the logarithm of each is searched.
-        says: name and unit of what is reported, for each parameter.
+        logarithmic: whether the logarithm of each is searched. says: name and unit of what is reported, for each parameter.
         free_gain: whether the gain is one of them.
     """
 

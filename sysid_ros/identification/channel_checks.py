@@ -32,8 +32,7 @@ def check_channels(robot: RobotModel, recording: Recording, max_gap: float) -> C
         DataError: the effort of a joint is one constant for most of the time that the joint moves.
     """
     spoiled: BoolArray = np.zeros(recording.tau.shape, dtype=np.bool_)
-    problems: list[Problem] = []
-    problems += _gaps(recording, max_gap)
+    problems = _gaps(recording, max_gap)
     for j, joint in enumerate(robot.joint_names):
         problems += _saturated(recording, j, joint, spoiled)
         problems += _frozen_effort(recording, j, joint, spoiled)
@@ -47,19 +46,13 @@ def _gaps(recording: Recording, max_gap: float) -> list[Problem]:
     back, gaps = int(np.sum(steps <= 0.0)), steps[steps > max_gap]
     out = []
     if len(gaps):
+        text = f"{len(gaps)} gaps longer than {max_gap:g} s, {gaps.sum():.1f} s in all, the longest {gaps.max():.1f} s. "
         out.append(
-            Problem(
-                recording.name,
-                "",
-                "gaps",
-                f"{len(gaps)} gaps longer than {max_gap:g} s, {gaps.sum():.1f} s in all, the longest {gaps.max():.1f} s. "
-                "Nothing is fitted across them; record without loss if they matter.",
-            )
+            Problem(recording.name, "", "gaps", f"{text}Nothing is fitted across them; record without loss if they matter.")
         )
     if back:
-        out.append(
-            Problem(recording.name, "", "time_runs_back", f"The stamps run back {back} times; each part is used by itself.")
-        )
+        text = f"The stamps run back {back} times; each part is used by itself."
+        out.append(Problem(recording.name, "", "time_runs_back", text))
     return out
 
 
@@ -91,15 +84,11 @@ def _frozen_effort(recording: Recording, j: int, joint: str, spoiled: BoolArray)
             "time that the joint moves; it measures nothing. Switch on the effort of this joint in its driver and record again, "
             "or leave the joint out of joint_names (--config)."
         )
-    return [
-        Problem(
-            recording.name,
-            joint,
-            "frozen_effort",
-            f"The effort of {joint} stays at {value:g} while the joint moves, {total * period:.1f} s in all, "
-            f"{longest[0] * period:.1f} s from {since:.1f} s on. These rows of {joint} are not used; check its driver.",
-        )
-    ]
+    text = (
+        f"The effort of {joint} stays at {value:g} while the joint moves, {total * period:.1f} s in all, "
+        f"{longest[0] * period:.1f} s from {since:.1f} s on. These rows of {joint} are not used; check its driver."
+    )
+    return [Problem(recording.name, joint, "frozen_effort", text)]
 
 
 def _moving_samples(q: FloatArray, t: FloatArray) -> int:
@@ -117,23 +106,20 @@ def _frozen_position(recording: Recording, j: int, joint: str, spoiled: BoolArra
     v, q, period = recording.v[:, j], recording.q[:, j], recording.period
     starts, lengths = _runs(q)
     total, since = 0, 0.0
+    moves = TOL.moved / TOL.frozen_position
     for r in np.flatnonzero(lengths * period >= TOL.frozen_position):
         where = slice(int(starts[r]), int(starts[r] + lengths[r]))
-        if float(np.median(np.abs(v[where]))) > TOL.frozen_speed:
+        if float(np.median(np.abs(v[where]))) > moves:
             since = since if total else float(recording.t[where.start] - recording.t[0])
             spoiled[where] = True
             total += int(lengths[r])
     if not total:
         return []
-    return [
-        Problem(
-            recording.name,
-            joint,
-            "frozen_position",
-            f"The position of {joint} does not change for {total * period:.1f} s, first at {since:.1f} s, while its velocity "
-            "says that it moves. These rows are not used on any joint; check its encoder.",
-        )
-    ]
+    text = (
+        f"The position of {joint} does not change for {total * period:.1f} s, first at {since:.1f} s, while its velocity says "
+        "that it moves. These rows are not used on any joint; check its encoder."
+    )
+    return [Problem(recording.name, joint, "frozen_position", text)]
 
 
 def _saturated(recording: Recording, j: int, joint: str, spoiled: BoolArray) -> list[Problem]:
@@ -155,15 +141,11 @@ def _saturated(recording: Recording, j: int, joint: str, spoiled: BoolArray) -> 
         found, bound, times = found + int(lengths[at].sum()), extreme, times + len(at)
     if not found:
         return []
-    return [
-        Problem(
-            recording.name,
-            joint,
-            "saturated_effort",
-            f"The effort of {joint} stops at {abs(bound):g} {times} times, {found * period:.2f} s in all: it is saturated. These "
-            f"rows of {joint} are not used; record a slower motion, or raise the limit of the measurement.",
-        )
-    ]
+    text = (
+        f"The effort of {joint} stops at {abs(bound):g} {times} times, {found * period:.2f} s in all: it is saturated. These "
+        f"rows of {joint} are not used; record a slower motion, or raise the limit of the measurement."
+    )
+    return [Problem(recording.name, joint, "saturated_effort", text)]
 
 
 def _outside(robot: RobotModel, recording: Recording, j: int, joint: str) -> list[Problem]:
@@ -171,12 +153,8 @@ def _outside(robot: RobotModel, recording: Recording, j: int, joint: str) -> lis
     part = float(np.mean((q < low - TOL.outside) | (q > high + TOL.outside)))
     if part < TOL.outside_time:
         return []
-    return [
-        Problem(
-            recording.name,
-            joint,
-            "position_outside",
-            f"The position of {joint} goes from {q.min():.3g} to {q.max():.3g}; the URDF allows {low:.3g} to {high:.3g}. Is it "
-            "the URDF of this robot, with this zero?",
-        )
-    ]
+    text = (
+        f"The position of {joint} goes from {q.min():.3g} to {q.max():.3g}; the URDF allows {low:.3g} to {high:.3g}. Is it the "
+        "URDF of this robot, with this zero?"
+    )
+    return [Problem(recording.name, joint, "position_outside", text)]

@@ -60,12 +60,10 @@ def coloured_information(
         mass = both_sides * spectrum / size
         total[np.ix_(here, here)] += np.sum([(part * mass[:, None]).T @ part for part in parts], axis=0)
         # of the scaled rows, so w times the variance of a row
-        level[j] = float(np.sum(both_sides * spectrum * followed) / max(np.sum(both_sides * followed), 1e-300)) / _mean(w, used)
+        level[j] = float(np.sum(both_sides * spectrum * followed) / max(np.sum(both_sides * followed), 1e-300)) / float(
+            w[used].mean()
+        )
     return total, level
-
-
-def _mean(w: FloatArray, used: NDArray[np.bool_]) -> float:
-    return float(w[used].mean())
 
 
 def _places(bag: BagRows) -> NDArray[np.int64]:

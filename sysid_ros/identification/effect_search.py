@@ -56,11 +56,8 @@ def choose_effects(
         # what one effect explained may be another's, which was not there when it was asked for, or was hidden by it
         if len(asked) < 2 or [(type(e), e.joint_names, e.settings) for e in chosen] == before:
             break
-    return chosen, [k for kind, found in knobs.items() for k in found if _is_there(k, kind, chosen)]
-
-
-def _is_there(knob: FoundKnob, kind: type[Effect], chosen: Sequence[Effect]) -> bool:
-    return any(type(e) is kind and (not knob.joint or knob.joint in e.joint_names) for e in chosen)
+    there = {(type(e), joint) for e in chosen for joint in ("", *e.joint_names)}
+    return chosen, [k for kind, found in knobs.items() for k in found if (kind, k.joint) in there]
 
 
 def _joined(effects: Sequence[Effect]) -> list[Effect]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from sysid_ros.exceptions import DataError, SettingsError
-from sysid_ros.identification.channel_checks import CheckedRecording, check_channels
+from sysid_ros.identification.channel_checks import check_channels
 from sysid_ros.identification.effect_search import choose_effects
 from sysid_ros.identification.free_effects import free_model, wishes
 from sysid_ros.identification.held_out import Prior
@@ -14,10 +14,9 @@ from sysid_ros.identification.identify import Choices, identify, require_motion
 from sysid_ros.identification.least_squares import METHODS
 from sysid_ros.identification.plausibility import check_plausible
 from sysid_ros.identification.result import CutOff, Identification, Problem
-from sysid_ros.identification.rows import FORMS, BagRows, SmoothRecording, collect_rows
+from sysid_ros.identification.rows import FORMS, SmoothRecording
 from sysid_ros.identification.spectrum import choose_cutoff
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
 
 
@@ -82,13 +81,6 @@ def _check_motion(robot: RobotModel, recordings: Sequence[SmoothRecording], acce
         if not accept_doubts:
             raise DataError(f"{error} --accept-doubts goes on regardless.") from None
         return [Problem("", "", "implausible_effort", f"{str(error)[0].upper()}{str(error)[1:]}")]
-
-
-def prepared_rows(robot: RobotModel, checked: Sequence[CheckedRecording], cutoff_hz: float) -> tuple[list[BagRows], FloatArray]:
-    """Rows of recordings for links, friction, rotors and offsets, and the URDF's values of these parameters, shape (p,)."""
-    model = free_model(robot)
-    rows = [collect_rows(model, c.recording, c.recording.name, cutoff_hz, spoiled=c.spoiled) for c in checked]
-    return rows, Prior.of(model).mean
 
 
 def _require(choices: Choices) -> None:

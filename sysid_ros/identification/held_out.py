@@ -88,11 +88,6 @@ class Solvers:
         return cls(model, prior, problem.prior_curvature, links, physical)
 
     @property
-    def link_count(self) -> int:
-        """Number of links that have parameters."""
-        return int(self.prior.is_link.sum()) // 10
-
-    @property
     def link_joints(self) -> list[int]:
         """Joints whose links have parameters."""
         return [int(j) for effect in self.model.free if effect.replaces_links for j in effect.joints]
@@ -100,7 +95,7 @@ class Solvers:
     def _each(self, weights: FloatArray | float) -> FloatArray:
         """The weight of the prior of each parameter, shape (p,), 0 of those that are no link's."""
         out = np.zeros(len(self.links))
-        out[self.prior.is_link] = np.repeat(np.broadcast_to(weights, (self.link_count,)), 10)
+        out[self.prior.is_link] = np.repeat(np.broadcast_to(weights, len(self.link_joints)), 10)
         return out
 
     def approximate(self, information: FloatArray, score: FloatArray, weights: FloatArray | float) -> FloatArray:
@@ -145,14 +140,12 @@ class Folds:
     Attributes:
         sums: a part each. weight: of a row of each part, shape (parts, n). fitted: for each part, the parts that are fitted
             where it is held out. split: for each part, which way of splitting the data it belongs to.
-        of_one_bag: the first two parts are then its halves in time.
     """
 
     sums: BagSums
     weight: FloatArray
     fitted: tuple[tuple[int, ...], ...]
     split: tuple[int, ...]
-    of_one_bag: bool
 
     @classmethod
     def of(cls, bags: Sequence[BagRows], found: Fit) -> Folds:
@@ -164,14 +157,14 @@ class Folds:
         if len(bags) > 1:
             every = range(len(bags))
             others = tuple(tuple(c for c in every if c != b) for b in every)
-            return cls(found.sums, found.weight, others, tuple(every), False)
+            return cls(found.sums, found.weight, others, tuple(every))
         (bag,) = bags
         sides = [np.arange(len(bag.t)) >= len(bag.t) // 2, *map(_upper, (*_postures(bag), _size(bag.v), _size(bag.a)))]
         rows = [found.rows[0] * (side == upper)[:, None] for side in sides for upper in (False, True)]
         parts = range(len(rows))
         sums = BagSums.of([bag] * len(rows), rows)
         weight = np.repeat(found.weight, len(rows), axis=0)
-        return cls(sums, weight, tuple((c ^ 1,) for c in parts), tuple(c // 2 for c in parts), True)
+        return cls(sums, weight, tuple((c ^ 1,) for c in parts), tuple(c // 2 for c in parts))
 
     def without(self, part: int) -> tuple[FloatArray, FloatArray]:
         """Information and score of what is fitted where a part is held out, shape (p, p) and (p,)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 
@@ -25,29 +25,15 @@ from sysid_ros.identification.contradictions import check_contradictions
 from sysid_ros.identification.expected_error import error_directions
 from sysid_ros.identification.held_out import Folds, Prior, Solvers
 from sysid_ros.identification.least_squares import Fit, fit, noise_density
-from sysid_ros.identification.payload_difference import PayloadDifference, payload_difference
+from sysid_ros.identification.payload_difference import payload_difference
 from sysid_ros.identification.physical_consistency import PhysicalFit
 from sysid_ros.identification.prior_weight import choose_prior
-from sysid_ros.identification.result import (
-    BaseGroup,
-    CutOff,
-    Identification,
-    JointNoise,
-    Knob,
-    Parameter,
-    PriorChoice,
-    Problem,
-    Repeatability,
-    ResidualSeries,
-    TorqueError,
-    WhitenessTest,
-)
+from sysid_ros.identification.result import CutOff, Identification, Knob, PriorChoice, Problem, ResidualSeries, TorqueError
 from sysid_ros.identification.rows import BagRows
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.identification.torque_error import joint_noise, residual_series, torque_error, whiteness_tests
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.torque.base_parameters import BaseParameters
 from sysid_ros.torque.model_file import EffectBlock, ModelFile, urdf_digest
 from sysid_ros.torque.torque_model import TorqueModel
 
@@ -128,6 +114,7 @@ def identify(
     doubts = check_contradictions(bags, found, prior, model.robot.joint_names, choices.accept_doubts)
     solution = _solve(model, bags, prior, found, choices)
     held_out = _hold_out(bags, prior, solution)
+    loaded_fit = fit(loaded, prior.mean, prior.std, choices.method) if loaded else None
     described = _describe(model, bags, prior, found, solution.theta)
     return Identification(
         joint_names=model.robot.joint_names,
@@ -149,24 +136,13 @@ def identify(
         problems=(*problems, *doubts),
         physical=solution.physical,
         model=_model_file(model, solution.theta, found, _error_elsewhere(held_out, len(bags)), provenance),
-        payload=_payload(model, found, loaded, prior, choices) if loaded else None,
+        payload=payload_difference(model, found, loaded_fit, choices.payload_frame) if loaded_fit else None,
         **described,
     )
 
 
-class _Described(TypedDict):
-    parameters: tuple[Parameter, ...]
-    groups: tuple[BaseGroup, ...]
-    base: BaseParameters
-    bags_condition_number: float
-    noise: tuple[JointNoise, ...]
-    whiteness: tuple[WhitenessTest, ...]
-    repeatability: tuple[Repeatability, ...]
-    record_next: tuple[str, ...]
-
-
-def _describe(model: TorqueModel, bags: Sequence[BagRows], prior: Prior, found: Fit, theta: FloatArray) -> _Described:
-    """How well each parameter is known, in the bags and in each of them, and what to record next."""
+def _describe(model: TorqueModel, bags: Sequence[BagRows], prior: Prior, found: Fit, theta: FloatArray) -> dict[str, Any]:
+    """Fields of the identification: how well each parameter is known, in the bags and in each of them, what to record next."""
     base = base_of_range(model)
     values, stds = per_bag(found, prior, group_matrix(base))
     between = spread(values)
@@ -174,16 +150,16 @@ def _describe(model: TorqueModel, bags: Sequence[BagRows], prior: Prior, found: 
     repeated = repeatability(model, base, group_matrix(base), values, stds)
     condition = condition_number(found.information, base)
     joints = model.robot.joint_names
-    return _Described(
-        parameters=parameter_table(model, theta, found, prior, dict(zip(base.independent, between, strict=True))),
-        groups=groups,
-        base=base,
-        bags_condition_number=condition,
-        noise=tuple(x for b, bag in enumerate(bags) for x in joint_noise(bag, b, found, joints)),
-        whiteness=tuple(x for bag in bags for x in whiteness_tests(bag, found.theta, joints)),
-        repeatability=repeated,
-        record_next=record_next(model.robot, bags, groups, repeated, condition),
-    )
+    return {
+        "parameters": parameter_table(model, theta, found, prior, dict(zip(base.independent, between, strict=True))),
+        "groups": groups,
+        "base": base,
+        "bags_condition_number": condition,
+        "noise": tuple(x for b, bag in enumerate(bags) for x in joint_noise(bag, b, found, joints)),
+        "whiteness": tuple(x for bag in bags for x in whiteness_tests(bag, found.theta, joints)),
+        "repeatability": repeated,
+        "record_next": record_next(model.robot, bags, groups, repeated, condition),
+    }
 
 
 def _solve(model: TorqueModel, bags: Sequence[BagRows], prior: Prior, found: Fit, choices: Choices) -> _Solution:
@@ -213,11 +189,6 @@ def _series(
         return tuple(residual_series(bag, "validation", theta, nominal) for bag in validation)
     parts = zip(held_out.parts, held_out.thetas, strict=True)
     return tuple(residual_series(part, "held out", at, nominal) for part, at in parts)
-
-
-def _payload(model: TorqueModel, empty: Fit, loaded: Sequence[BagRows], prior: Prior, choices: Choices) -> PayloadDifference:
-    with_load = fit(loaded, prior.mean, prior.std, choices.method)
-    return payload_difference(model, empty, with_load, choices.payload_frame)
 
 
 def require_motion(robot: RobotModel, bags: Sequence[BagRows]) -> None:
@@ -255,7 +226,7 @@ def _error_elsewhere(held_out: _HeldOut, bags: int) -> tuple[FloatArray, FloatAr
     if bags == 1:
         # its halves repeat the motion, and a model is always better where it was fitted
         torque_std = torque_std * TOL.one_recording
-    density = np.array([noise_density([part], theta) for part, theta in zip(held_out.parts, held_out.thetas, strict=True)])
+    density = np.array([noise_density(part, theta) for part, theta in zip(held_out.parts, held_out.thetas, strict=True)])
     return torque_std, np.sum(density * seconds, axis=0) / total / np.maximum(2.0 * torque_std**2, 1e-18)
 
 

@@ -65,8 +65,7 @@ def fit(bags: Sequence[BagRows], prior_mean: FloatArray, prior_std: FloatArray, 
     :func:`~sysid_ros.identification.coloured_noise.coloured_information`, and the prior's.
 
     Args:
-        bags: rows; those of joints that stand are left out.
-        prior_mean, prior_std: shape (p,). method: one of :data:`METHODS`.
+        bags: rows; those of joints that stand are left out. prior_mean, prior_std: shape (p,). method: one of :data:`METHODS`.
     """
     rows = [bag.moving.astype(float) for bag in bags]
     sums = BagSums.of(bags, rows)
@@ -78,14 +77,15 @@ def fit(bags: Sequence[BagRows], prior_mean: FloatArray, prior_std: FloatArray, 
     for iteration in range(last_iteration + 1):
         weight: FloatArray = periods / density
         information: FloatArray = prior + sums.information(weight)
-        last, theta = theta, _solve(information, prior @ prior_mean + sums.right_side(weight))
+        last, side = theta, prior @ prior_mean + sums.right_side(weight)
+        theta = np.asarray(np.linalg.solve(information, side), dtype=np.float64)
         moved = float(np.sum((theta - last) * (information @ (theta - last))))
         if iteration == last_iteration or (iteration > 2 and moved < TOL.converged):
             break
         if method == "robust":
             rows = [_huber(bag, residuals(bag, theta)) for bag in bags]
             sums = BagSums.of(bags, rows)
-        found = np.array([noise_density([bag], theta, [factor]) for bag, factor in zip(bags, rows, strict=True)])
+        found = np.array([noise_density(bag, theta, factor) for bag, factor in zip(bags, rows, strict=True)])
         known = found > 0.0
         if method == "ols":
             # one scale for all: it is only weighed against the prior
@@ -134,41 +134,31 @@ def _fit_with_noise(
     )
 
 
-def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
-    return np.asarray(np.linalg.solve(A, b), dtype=np.float64)
-
-
 def residuals(bag: BagRows, theta: FloatArray) -> FloatArray:
     """y - Y theta, shape (N, n) [N m]."""
     return bag.y - bag.Y @ theta
 
 
-def noise_density(bags: Sequence[BagRows], theta: FloatArray, rows: Sequence[FloatArray] | None = None) -> FloatArray:
+def noise_density(bag: BagRows, theta: FloatArray, factor: FloatArray | None = None) -> FloatArray:
     """Spectral density of the residual at zero frequency, a joint, shape (n,) [(N m)^2 s], by batch means over moving rows.
 
     A joint that moves too little for batch means is taken to keep its error for half a second; 0 where it never moves.
 
     Args:
-        rows: factor of each row of each bag, shape (N, n), in place of 1 where the joint moves.
+        factor: of each row, shape (N, n), in place of 1 where the joint moves.
     """
-    n = bags[0].y.shape[1]
-    total, seconds = np.zeros(n), np.zeros(n)
-    for b, bag in enumerate(bags):
-        residual = residuals(bag, theta)
-        for j in range(n):
-            factor = bag.moving[:, j].astype(float) if rows is None else rows[b][:, j]
-            moving = (np.sqrt(factor) * residual[:, j])[factor > 0.0]
-            noise = LongRunVariance(1, bag.period, np.array([1e-12]), memory=1e9)
-            for value in moving[:, None]:
-                noise.add(value)
-            density = (
-                float(noise.variance[0]) * bag.period
-                if noise.known
-                else TOL.unknown_memory * float(np.sum(moving**2)) / max(moving.size, 1)
-            )
-            total[j] += density * moving.size * bag.period
-            seconds[j] += moving.size * bag.period
-    return total / np.maximum(seconds, 1e-9)
+    residual, factor = residuals(bag, theta), bag.moving.astype(float) if factor is None else factor
+    density = np.zeros(residual.shape[1])
+    for j in range(len(density)):
+        moving = (np.sqrt(factor[:, j]) * residual[:, j])[factor[:, j] > 0.0]
+        noise = LongRunVariance(1, bag.period, np.array([1e-12]), memory=1e9)
+        for value in moving[:, None]:
+            noise.add(value)
+        if noise.known:
+            density[j] = float(noise.variance[0]) * bag.period
+        elif moving.size:
+            density[j] = TOL.unknown_memory * float(np.mean(moving**2))
+    return density
 
 
 def rms(values: FloatArray, where: BoolArray | None = None) -> FloatArray:

@@ -27,8 +27,7 @@ class PhysicalFit:
     """Parameters that a real robot can have.
 
     Attributes:
-        theta: shape (p,).
-        weight: of the prior, as used.
+        theta: shape (p,). weight: of the prior, as used.
         divergence: of every link from the URDF's, shape (k,), 0 where it is the URDF's.
         at_bound: names of the parameters that would be negative without their bound.
         loss: what the constraints and the prior cost: ``(theta - free)' A (theta - free) / 2`` above the unconstrained fit.
@@ -171,30 +170,6 @@ class PhysicalProblem:
             back = np.linalg.inv(self._to_theta[block, block])
             out[block, block] = weight * back.T @ np.einsum("aij,bji->ab", steps, steps) @ back
         return out
-
-
-def require_physical(model: TorqueModel, theta: FloatArray) -> None:
-    """Check that every link is a body of positive density, and that friction and rotors are not negative.
-
-    Args:
-        model: whose free effects theta belongs to. theta: shape (p,).
-
-    Raises:
-        DataError: naming all that is not.
-    """
-    wrong = []
-    for effect, where in zip(model.free, model.slices, strict=True):
-        values = theta[where]
-        if effect.replaces_links:
-            wrong += [
-                f"the inertials of link {model.robot.body_names[int(j)]}"
-                for j, body in zip(effect.joints, values.reshape(-1, 10), strict=True)
-                if not inertial_parameters.is_physical(body)
-            ]
-        elif effect.nonnegative:
-            wrong += [f"{name} = {x:.3g}" for name, x in zip(effect.parameter_names, values, strict=True) if x < 0.0]
-    if wrong:
-        raise DataError(f"no robot has these parameters: {', '.join(wrong)}. Identify with physical consistency.")
 
 
 def _off_the_border(upper: FloatArray) -> FloatArray:

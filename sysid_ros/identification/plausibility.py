@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,13 +14,6 @@ from sysid_ros.identification.tolerances import TOL
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
-_CHANNELS: tuple[Callable[[BagRows], FloatArray], ...] = (
-    lambda bag: bag.q,
-    lambda bag: bag.v,
-    lambda bag: bag.a,
-    lambda bag: bag.tau,
-)
-
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
@@ -30,13 +23,12 @@ class Agreement:
     effort is something else than N m, more with a tool that the URDF lacks.
 
     Attributes:
-        slope: NaN where gravity changes too little to judge. error: standard error of it.
+        slope: NaN where gravity changes too little to judge.
         explained: part of what offset and friction leave of the torque that all of the URDF's torque and a rotor explain, 0 to 1;
             NaN where that is next to nothing.
     """
 
     slope: FloatArray
-    error: FloatArray
     explained: FloatArray
 
 
@@ -47,9 +39,9 @@ def agreement(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatArray) -
         nominal: parameters of the URDF's links and 0 of the other effects, shape (p,).
     """
     n = robot.n
-    slope, error, explained, size, load = (np.full(n, np.nan) for _ in range(5))
+    slope, explained, size, load = (np.full(n, np.nan) for _ in range(4))
     asked = np.concatenate([bag.Y @ nominal for bag in bags])
-    q, v, a, tau = (np.concatenate([channel(bag) for bag in bags]) for channel in _CHANNELS)
+    q, v, a, tau = (np.concatenate([getattr(bag, channel) for bag in bags]) for channel in ("q", "v", "a", "tau"))
     moving = np.concatenate([bag.moving for bag in bags])
     gravity = np.array([robot.gravity_torque(x) for x in q])
     for j in range(n):
@@ -63,16 +55,13 @@ def agreement(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatArray) -
         if not power > 0.0:
             continue
         slope[j] = float(x @ y) / power
-        residual = y - slope[j] * x
-        # neighbouring rows are alike, so eight count as one
-        error[j] = np.sqrt(TOL.rows_alike * float(residual @ residual) / len(y) / power)
         x, y = _without(beside[:, :3], asked[here, j]), _without(beside[:, :3], tau[here, j])
         load[j] = np.std(x)
         residual = _without(np.stack([x, _without(beside[:, :3], a[here, j])], axis=1), y)
         explained[j] = 1.0 - float(residual @ residual) / max(float(y @ y), 1e-300)
     judged = size >= max(TOL.judged_gravity * float(np.nanmax(size, initial=0.0)), 1e-6)
     loaded = load >= max(TOL.judged_gravity * float(np.nanmax(load, initial=0.0)), 1e-6)
-    return Agreement(np.where(judged, slope, np.nan), np.where(judged, error, np.nan), np.where(loaded, explained, np.nan))
+    return Agreement(np.where(judged, slope, np.nan), np.where(loaded, explained, np.nan))
 
 
 def check_plausible(robot: RobotModel, bags: Sequence[BagRows], nominal: FloatArray) -> list[Problem]:
@@ -103,8 +92,7 @@ def _explained(robot: RobotModel, found: Agreement) -> tuple[float, str]:
 
 def _low_and_high(found: Agreement) -> tuple[BoolArray, BoolArray]:
     """Joints whose effort is far too small for the arm's weight, and far too large, shape (n,) each."""
-    margin = TOL.slope_errors * found.error
-    return found.slope + margin < TOL.slope_low, found.slope - margin > TOL.slope_high
+    return found.slope < TOL.slope_low, found.slope > TOL.slope_high
 
 
 def _require_torque(robot: RobotModel, found: Agreement) -> None:
@@ -114,8 +102,7 @@ def _require_torque(robot: RobotModel, found: Agreement) -> None:
         DataError: it is not.
     """
     names, against = robot.joint_names, _slopes(robot, found)
-    margin = TOL.slope_errors * found.error
-    if flipped := [names[j] for j in np.flatnonzero(found.slope + margin < TOL.slope_flipped)]:
+    if flipped := [names[j] for j in np.flatnonzero(found.slope < TOL.slope_flipped)]:
         raise DataError(
             f"the effort of {', '.join(flipped)} runs against gravity {against}. Set effort_sign to -1 for these joints in "
             "--config, or give the URDF of the robot that was recorded."
@@ -145,42 +132,27 @@ def _require_torque(robot: RobotModel, found: Agreement) -> None:
 def _doubts(robot: RobotModel, found: Agreement) -> list[Problem]:
     names, against = robot.joint_names, _slopes(robot, found)
     low, high = _low_and_high(found)
-    problems = [
-        Problem("", names[j], "effort_scale", f"The effort of {names[j]} is {_much(found.slope[j])} {against}. {_cure()}")
-        for j in np.flatnonzero(low | high)
-    ]
+    problems = []
+    for j in np.flatnonzero(low | high):
+        much = "smaller" if found.slope[j] < 1.0 else "larger"
+        text = f"The effort of {names[j]} is much {much} than its weight asks for {against}. Check effort_scale of this joint, "
+        problems.append(Problem("", names[j], "effort_scale", f"{text}and whether a spring or balancer carries it."))
     follows, part = _explained(robot, found)
     if follows < TOL.follows_well:
-        problems.append(
-            Problem(
-                "",
-                "",
-                "urdf_mismatch",
-                f"The effort follows the URDF badly: of what friction leaves, it explains {part}; nearly all of it is expected. "
-                "Is it the URDF of the robot that was recorded, with its zero and its joint order?",
-            )
+        text = (
+            f"The effort follows the URDF badly: of what friction leaves, it explains {part}; nearly all of it is expected. "
+            "Is it the URDF of the robot that was recorded, with its zero and its joint order?"
         )
-    doubtful = (found.slope - TOL.slope_errors * found.error > TOL.slope_suspicious) & ~high
+        problems.append(Problem("", "", "urdf_mismatch", text))
+    doubtful = (found.slope > TOL.slope_suspicious) & ~high
     if np.any(doubtful):
         which = ", ".join(names[j] for j in np.flatnonzero(doubtful))
-        problems.append(
-            Problem(
-                "",
-                "",
-                "urdf_mismatch",
-                f"The arm weighs far more than its URDF says, seen at {which} {against}. Is it the URDF of another robot? Else a "
-                "tool that the URDF lacks is identified as part of the last links.",
-            )
+        text = (
+            f"The arm weighs far more than its URDF says, seen at {which} {against}. Is it the URDF of another robot? Else a "
+            "tool that the URDF lacks is identified as part of the last links."
         )
+        problems.append(Problem("", "", "urdf_mismatch", text))
     return problems
-
-
-def _much(slope: float) -> str:
-    return "much smaller than its weight asks for" if slope < 1.0 else "much larger than its weight asks for"
-
-
-def _cure() -> str:
-    return "Check effort_scale of this joint, and whether a spring or balancer carries it."
 
 
 def _without(beside: FloatArray, values: FloatArray) -> FloatArray:

@@ -246,14 +246,12 @@ class Identification:
         theta, covariance: of all effects side by side, shape (p,) and (p, p). names, units: p each.
         parameters: the same with intervals, p entries. groups: the base parameters in words.
         base: the base of the robot's own range, columns in the order of ``names``. bags_condition_number: of these bags.
-        method, form, friction: as chosen on the command line. knobs: nonlinear settings found.
-        cutoff, prior: chosen, and why.
+        method, form, friction: as chosen on the command line. knobs: nonlinear settings found. cutoff, prior: chosen, and why.
         errors: torque error on recordings held out in turn. validation: on those that were never fitted.
         series: the same rows by rows: of ``validation`` if there are any, else of ``errors``.
         noise, whiteness: a joint and a bag. repeatability: of the parameters that each bag determines; empty with one bag.
         problems: found in the bags. record_next: what to record to know more, sentences.
-        physical: outcome of the physical consistency; None where it was switched off.
-        model: to be written to model.yaml.
+        physical: outcome of the physical consistency; None where it was switched off. model: to be written to model.yaml.
         payload: what loaded runs carried, where some were given.
     """
 

@@ -35,13 +35,11 @@ class BagRows:
     """Rows of one recording: ``y = Y theta + noise``.
 
     Attributes:
-        name: where they come from.
-        t: shape (N,) [s]. period: time between rows [s].
+        name: where they come from. t: shape (N,) [s]. period: time between rows [s].
         Y: shape (N, n, p). y: what the known effects leave of the torque, shape (N, n) [N m]. tau: measured torque, shape (N,
             n) [N m].
         moving: rows of joints whose friction is determined, shape (N, n), bool.
-        q, v, a: smooth motion at the rows, shape (N, n).
-        cutoff_hz: of the low-pass that both sides went through [Hz].
+        q, v, a: smooth motion at the rows, shape (N, n). cutoff_hz: of the low-pass that both sides went through [Hz].
     """
 
     name: str
@@ -55,11 +53,6 @@ class BagRows:
     v: FloatArray
     a: FloatArray
     cutoff_hz: float
-
-    @property
-    def seconds(self) -> float:
-        """Time that the rows cover [s]."""
-        return len(self.t) * self.period
 
     def part(self, where: slice | BoolArray, name: str) -> BagRows:
         """Some of the rows, under another name."""
@@ -86,15 +79,13 @@ def collect_rows(
     Raises:
         DataError: the recording is too short to leave a row.
     """
-    recording = measurements if isinstance(measurements, Recording) else _recording(name, measurements)
+    recording = measurements
+    if not isinstance(recording, Recording):
+        try:
+            recording = Recording.from_measurements(name, recording)
+        except DataError as error:
+            raise DataError(f"{error} Record at least 10 s.") from None
     return SmoothRecording.of(model.robot, recording, name, cutoff_hz, max_gap, form, measured_velocity, spoiled).rows(model)
-
-
-def _recording(name: str, measurements: Iterable[Measurement]) -> Recording:
-    try:
-        return Recording.from_measurements(name, measurements)
-    except DataError as error:
-        raise DataError(f"{error} Record at least 10 s.") from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +184,8 @@ class SmoothRecording:
             t[rows] = smooth.t[middle]
             q[rows], v[rows], a[rows] = smooth.q[middle], smooth.v[middle], smooth.a[middle]
             standing = np.maximum(np.maximum(1.0 - np.abs(smooth.v) / limit, 0.0), smooth.spoiled)
-            sides = np.hstack([smooth.tau - self._known(model, smooth), smooth.tau, standing])
+            left = smooth.tau - model.torque_along(self._motion(smooth, slice(None)))
+            sides = np.hstack([left, smooth.tau, standing])
             filtered = np.empty((len(middle), 3 * n))
             self._smooth(sides, None, middle, filtered)
             y[rows], tau[rows], slow[rows] = filtered[:, :n], filtered[:, n : 2 * n], filtered[:, 2 * n :]
@@ -238,9 +230,6 @@ class SmoothRecording:
             out[k] = self.low_pass.kernel @ values[window]
             if momentum is not None:
                 out[k] += self.low_pass.slope @ momentum[window]
-
-    def _known(self, model: TorqueModel, smooth: SmoothMotion) -> FloatArray:
-        return model.torque_along(self._motion(smooth, slice(None)))
 
     def _motion(self, s: SmoothMotion, where: slice) -> Motion:
         return Motion(self.robot, s.t[where] - self.start, s.q[where], s.v[where], s.a[where], s.tau[where])

@@ -26,10 +26,8 @@ class BagSource:
             states, that one is used, and a note says so.
 
     Attributes:
-        topic: the topic that is read.
-        topics: (type, number of messages) of every topic in the bag.
-        message_count: messages on the topic.
-        duration: of the bag [s].
+        topic: the topic that is read. topics: (type, number of messages) of every topic in the bag.
+        message_count: messages on the topic. duration: of the bag [s].
         notes: what the user should know of how the bag is read, one sentence each; reading may add to it.
 
     Raises:

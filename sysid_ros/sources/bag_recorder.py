@@ -40,8 +40,7 @@ class BagRecorder:
     """A new bag, written within ``with``. What was written stays readable when the block is left by an exception.
 
     Args:
-        path: the folder to create.
-        storage: "mcap" or "sqlite3".
+        path: the folder to create. storage: "mcap" or "sqlite3".
 
     Raises:
         BagError: the folder exists already or can't be created, the storage is unknown, or a message does not fit its type.

@@ -30,8 +30,7 @@ class FloatingBagSource:
         inferred.
 
     Attributes:
-        imu_topic, contact_topic: that are read; the second is empty where there is none.
-        notes: as of the joint states.
+        imu_topic, contact_topic: that are read; the second is empty where there is none. notes: as of the joint states.
 
     Raises:
         BagError: there is no such topic, or it carries something else.

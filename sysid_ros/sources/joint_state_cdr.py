@@ -61,8 +61,7 @@ class JointStateDecoder:
         """Records of messages, in their order, without those that are not a JointState.
 
         Args:
-            messages: N serialised messages.
-            receive_times: N times [s].
+            messages: N serialised messages. receive_times: N times [s].
         """
         by_length: dict[int, list[int]] = {}
         for index, message in enumerate(messages):

@@ -22,8 +22,7 @@ class JointTrajectory:
     """A ``trajectory_msgs/JointTrajectory``: points that a controller passes through, with quintic splines between them.
 
     Attributes:
-        joint_names: n names.
-        t: times from the start, ascending, shape (N,) [s].
+        joint_names: n names. t: times from the start, ascending, shape (N,) [s].
         q, v, a: shape (N, n) each [rad or m, a second, a second squared].
 
     Raises:

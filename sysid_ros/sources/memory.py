@@ -11,8 +11,7 @@ class MemorySource:
     """Records from any iterable, with the properties of a bag.
 
     Args:
-        records: in the order in which they were received.
-        robot_description: the URDF that belongs to them.
+        records: in the order in which they were received. robot_description: the URDF that belongs to them.
     """
 
     def __init__(self, records: Iterable[JointStateRecord], robot_description: str | None = None) -> None:
