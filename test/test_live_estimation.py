@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from sysid_ros.exceptions import RobotModelError
-from sysid_ros.online.commit_gate import CommitGate, CommitSettings
-from sysid_ros.online.live_estimation import LiveEstimation
+from sysid_ros.online.live_estimation import CommitGate, LiveEstimation
 from sysid_ros.online.warm_up import warm_up
-from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.online_settings import CommitSettings, OnlineSettings
 from sysid_ros.robot.equivalent_box import equivalent_box
 from sysid_ros.robot.joint_choice import JointChoice
 from sysid_ros.robot.robot_model import RobotModel

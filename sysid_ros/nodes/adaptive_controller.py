@@ -59,7 +59,7 @@ class AdaptiveController(LifecycleNode):
         self.live: LiveControl | None = None
         self._state, self._problem, self._description, self._refusal = "unconfigured", "", "", ""
         self._receive_clock = ReceiveClock()
-        groups = (("", ControllerSettings), ("", ControlSettings), ("", SafetySettings))
+        groups = (ControllerSettings, ControlSettings, SafetySettings)
         self._parameter_source = NodeParameters(self, lambda: self._state != "unconfigured", lambda: None, groups, ())
         self._commands = self.create_lifecycle_publisher(Float64MultiArray, "effort_commands", 1)
         self._reference = self.create_lifecycle_publisher(JointState, "~/reference", _NEWEST)

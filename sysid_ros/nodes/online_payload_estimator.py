@@ -17,18 +17,16 @@ from std_msgs.msg import String
 from sysid_ros.exceptions import SysidError
 from sysid_ros.nodes import services
 from sysid_ros.nodes.diagnostics import NodeState
-from sysid_ros.nodes.messages import record_of, stamp_of
-from sysid_ros.nodes.outputs import Outputs
+from sysid_ros.nodes.messages import Outputs, record_of, stamp_of
 from sysid_ros.nodes.parameters import NodeParameters, NodeSettings
 from sysid_ros.nodes.reporter import Reporter
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock, Timing
 from sysid_ros.nodes.trunk_inputs import TrunkInputs
-from sysid_ros.online.commit_gate import CommitGate, CommitSettings
-from sysid_ros.online.live_estimation import LiveEstimation
+from sysid_ros.online.live_estimation import CommitGate, LiveEstimation
 from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.online.warm_up import warm_up
-from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.online_settings import CommitSettings, OnlineSettings
 from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
 from sysid_ros.sources.robot_description import urdf_text
 from sysid_ros.torque.model_file import ModelFile

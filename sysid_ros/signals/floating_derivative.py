@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from sysid_ros.sample import FREE, FloatArray, Measurement, Sample
-from sysid_ros.signals.causal_derivative import CausalDerivative
+from sysid_ros.signals.causal_filters import CausalDerivative
 
 
 class FloatingDerivative:
