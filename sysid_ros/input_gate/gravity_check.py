@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid_ros.input_gate.limits import largest_gravity_torque
+from sysid_ros.input_gate.mapping import largest_gravity_torque
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 

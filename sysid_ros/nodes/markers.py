@@ -6,8 +6,7 @@ from builtin_interfaces.msg import Time
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sysid_ros.online.payload_estimate import PayloadEstimate
-from sysid_ros.robot.equivalent_box import equivalent_box
-from sysid_ros.robot.rotation import quaternion
+from sysid_ros.robot.rotation import equivalent_box, quaternion
 
 _TEXT_HEIGHT = 0.03
 _COLOURS = {"ok": (0.2, 0.7, 0.3, 0.6), "not_excited": (0.2, 0.5, 0.8, 0.6)}

@@ -19,10 +19,12 @@ from visualization_msgs.msg import MarkerArray
 from sysid_ros.nodes.markers import markers_message
 from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.robot.inertial_parameters import MESSAGE_NAMES, TO_MESSAGE_ORDER
-from sysid_ros.sample import JointStateRecord
+from sysid_ros.sample import FloatArray, JointStateRecord
 
 _MARKER_PERIOD = 0.2
 _ORDER = np.ix_(TO_MESSAGE_ORDER, TO_MESSAGE_ORDER)
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""For what is told once and kept for those who come later."""
 
 
 def record_of(message: JointState, receive_time: float) -> JointStateRecord:
@@ -36,6 +38,26 @@ def stamp_of(t: float) -> Time:
     """A time [s] as a message."""
     sec, nanosec = divmod(round(t * 1e9), 1_000_000_000)
     return Time(sec=sec, nanosec=nanosec)
+
+
+def inertia_of(body: tuple[float, FloatArray, FloatArray] | None, frame: str, stamp: Time) -> InertiaStamped:
+    """The message of a body's mass, com in the frame and tensor about that, axes parallel to the frame; all zero where there is
+    none."""
+    message = InertiaStamped()
+    message.header.stamp, message.header.frame_id = stamp, frame
+    if body is not None:
+        inertia, (mass, com, tensor) = message.inertia, body
+        inertia.m = mass
+        inertia.com.x, inertia.com.y, inertia.com.z = com.tolist()
+        (inertia.ixx, inertia.ixy, inertia.ixz), (_, inertia.iyy, inertia.iyz), (_, _, inertia.izz) = tensor.tolist()
+    return message
+
+
+def body_of(message: InertiaStamped) -> tuple[float, FloatArray, FloatArray]:
+    """Mass, com and tensor of a message, as of :func:`inertia_of`."""
+    i, com = message.inertia, message.inertia.com
+    tensor = np.array([[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]])
+    return i.m, np.array([com.x, com.y, com.z]), tensor
 
 
 def _reliable(depth: int) -> QoSProfile:
@@ -54,11 +76,10 @@ class Outputs:
     """
 
     def __init__(self, node: LifecycleNode) -> None:
-        latched = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
         create = node.create_lifecycle_publisher
         self._payload = create(InertiaStamped, "~/payload", _reliable(10))
-        self._committed = create(InertiaStamped, "~/payload_committed", latched)
+        self._committed = create(InertiaStamped, "~/payload_committed", LATCHED)
         self._parameters = create(Float64MultiArray, "~/parameters", _reliable(10))
         self._com = create(PoseWithCovarianceStamped, "~/center_of_mass", _reliable(10))
         self._effort = create(Float64MultiArray, "~/payload_effort", _reliable(10))
@@ -84,7 +105,7 @@ class Outputs:
 
     def publish(self, estimate: PayloadEstimate, stamp: Time) -> None:
         """Publish an estimate with the stamp of its last sample."""
-        self._payload.publish(_inertia(estimate, stamp))
+        self._payload.publish(inertia_of(None if estimate.is_empty else estimate.body[:3], estimate.frame, stamp))
         self._parameters.publish(_parameters(estimate))
         self._com.publish(_center_of_mass(estimate, stamp))
         effort = np.zeros(len(self._names)) if estimate.is_empty else estimate.payload_effort[self._order]
@@ -102,20 +123,7 @@ class Outputs:
 
     def publish_committed(self, estimate: PayloadEstimate, stamp: Time) -> None:
         """Publish an estimate that passed the commit gate."""
-        self._committed.publish(_inertia(estimate, stamp))
-
-
-def _inertia(estimate: PayloadEstimate, stamp: Time) -> InertiaStamped:
-    """Com in the frame, tensor about the centre of mass with axes parallel to the frame; all zero where nothing is carried."""
-    message = InertiaStamped()
-    message.header.stamp, message.header.frame_id = stamp, estimate.frame
-    if estimate.is_empty:
-        return message
-    inertia, body = message.inertia, estimate.body
-    inertia.m = body.mass
-    inertia.com.x, inertia.com.y, inertia.com.z = body.com.tolist()
-    (inertia.ixx, inertia.ixy, inertia.ixz), (_, inertia.iyy, inertia.iyz), (_, _, inertia.izz) = body.inertia_com.tolist()
-    return message
+        self._committed.publish(inertia_of(None if estimate.is_empty else estimate.body[:3], estimate.frame, stamp))
 
 
 def _parameters(estimate: PayloadEstimate) -> Float64MultiArray:
