@@ -12,8 +12,8 @@ class LongRunVariance:
     """Variance of the mean of a coloured residual, a row: its spectral density at zero frequency over the update period.
 
     Filtered residuals are not white, so their plain variance makes a covariance that is far too small. Batch means (Flegal,
-    Jones 2010) over
-    blocks of growing length see the colour: the block is lengthened as long as that raises the variance significantly.
+    Jones 2010) over blocks of growing length see the colour: the block is lengthened as long as that raises the variance
+    significantly.
 
     Until enough blocks are full the variance is a cautious multiple of the floor.
 

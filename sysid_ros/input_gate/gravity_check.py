@@ -44,11 +44,6 @@ class GravityCheck:
         self.warning = ""
         self.error = ""
 
-    @property
-    def level(self) -> float:
-        """Gravity torque that is worth judging by [N m]."""
-        return self._level
-
     def restart(self) -> None:
         """After a gap, so that no velocity is taken across it."""
         self._last = None

@@ -151,12 +151,8 @@ class FrontEnd:
         self._model = model
         n, p = model.robot.n, model.p
         self.rate = 1.0 / period
-        half_width = window_half_width(self.rate)
-        self._derivative: CausalDerivative | FloatingDerivative = (
-            CausalDerivative(n, period, half_width, use_message_velocity)
-            if base is None
-            else FloatingDerivative(base.robot.n, period, half_width, use_message_velocity)
-        )
+        derivative = CausalDerivative if base is None else FloatingDerivative
+        self._derivative = derivative(n, period, window_half_width(self.rate), use_message_velocity)
         self._raw = np.zeros((n, p + 5 + model.error.c))
         self._columns, self._rest, self._considered = self._raw[:, :p], self._raw[:, p], self._raw[:, p + 5 :]
         cutoff = min(cutoff_hz or default_cutoff(self.rate), 0.4 * self.rate)
@@ -178,11 +174,6 @@ class FrontEnd:
             self._gravity = GravityRow(gravity, cutoff, self.rate, self.period)
             self._bias = bias
             self.rows += bias is not None
-
-    @property
-    def filled(self) -> int:
-        """Samples that were interpolated over lost measurements so far."""
-        return self._derivative.filled
 
     def push(self, measurement: Measurement) -> list[Rows]:
         """Rows that are due: none while the filters fill and between updates, seldom more than one."""

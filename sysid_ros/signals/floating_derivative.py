@@ -33,11 +33,6 @@ class FloatingDerivative:
         self._place = np.zeros(3)
         self._told: deque[tuple[float, FloatArray | None]] = deque(maxlen=4 * half_width + 16)
 
-    @property
-    def filled(self) -> int:
-        """As :attr:`CausalDerivative.filled`."""
-        return self._inner.filled
-
     def push(self, measurement: Measurement) -> list[Sample]:
         """The samples that a measurement completes."""
         trunk = measurement.trunk
