@@ -68,6 +68,7 @@ class VariableForgetting(Estimator):
         self._sensitivity = np.zeros((self.p, 0))
         self.noise = LongRunVariance(self.m, self._period, self._floor)
         self._levels = np.stack([self._floor * self.noise.CAUTION, self._floor, self._part * self._floor])
+        self.row_variance = self._levels[variable_update.SPREAD]
         self.noise_known, self.noise_variance = False, self.noise.variance
         self._spread_count = 0
         self._updates = 0
@@ -119,8 +120,10 @@ class VariableForgetting(Estimator):
         elif done == BLOCK_FULL:
             self._learn_colour()
         self._updates += 1
-        if self._updates % self.FORGET_EVERY == 0 and not self._settling:
-            self._sums.forget(self._P, self._theta, self._sensitivity, self._epsilon)
+        if self._updates % self.FORGET_EVERY == 0:
+            self.row_variance = self._levels[variable_update.SPREAD]  # that of a deep copy is no view of its levels
+            if not self._settling:
+                self._sums.forget(self._P, self._theta, self._sensitivity, self._epsilon)
         if outlier:
             return self._estimate(innovation, "outlier", "the torques do not fit the estimate; they were given less weight")
         if not self.noise.known:
@@ -150,7 +153,6 @@ class VariableForgetting(Estimator):
         inflation: float = 1.0,
     ) -> int:
         blocks, count, rate = self._blocks, self._spread_count, 0.0
-        self.row_variance = self._levels[variable_update.SPREAD]
         if self.noise.known and not self._settling:
             rate = max(1.0 / (count + 1), self._period / self.SPREAD_MEMORY)
         done: int = variable_update.take_in(
