@@ -36,7 +36,7 @@ from rich.table import Table
 from verdict import Target, conclude
 
 from sysid_ros.effects import Payload
-from sysid_ros.estimators import ConstantForgetting, JumpRule, VariableForgetting, kernels
+from sysid_ros.estimators import ConstantForgetting, JumpRule, Problem, VariableForgetting, kernels
 from sysid_ros.online.front_end import FrontEnd, Rows
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online_settings import OnlineSettings
@@ -75,7 +75,7 @@ def contestants() -> dict[str, tuple[Update, Callable[[], FloatArray]]]:
     constant = ConstantForgetting(PRIOR_STD, variance)
     least = np.full(10, np.inf)
     least[0], least[1:4] = 0.03, 5e-3
-    variable = VariableForgetting(PRIOR_STD, variance, PERIOD, 60.0, JumpRule(slice(0, 10), least, 0.125))
+    variable = VariableForgetting(Problem(PRIOR_STD, variance, PERIOD, 60.0, JumpRule(slice(0, 10), least, 0.125)))
     plain = NumpyJoseph()
     filters = []
     for _ in range(2):

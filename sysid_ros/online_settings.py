@@ -1,6 +1,6 @@
-"""Settings of the online estimation: one dataclass that the node, the replay and the configuration file share.
+"""Settings: dataclasses that the nodes, the replay and the configuration file share.
 
-Every field carries its unit, its range and a description, from which the node declares its ROS parameters and the replay reads
+Every field carries its unit, its range and a description, from which a node declares its ROS parameters and the replay reads
 ``--config``. So a setting is written down once.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import MISSING, dataclass, field, fields
-from typing import Any
+from typing import Any, ClassVar, Self
 
 from sysid_ros.estimators import ESTIMATORS
 from sysid_ros.exceptions import SettingsError
@@ -21,21 +21,68 @@ def setting(
     low: float | None = None,
     high: float | None = None,
     choices: Collection[str] = (),
+    fixed: bool = False,
 ) -> Any:
-    """A field with what a parameter tells of itself."""
-    metadata = {"description": description, "unit": unit, "low": low, "high": high, "choices": choices}
+    """A field with what a parameter tells of itself; ``fixed``: it can't be set while its node runs."""
+    metadata = {"description": description, "unit": unit, "low": low, "high": high, "choices": choices, "fixed": fixed}
     if isinstance(default, tuple):
         return field(default_factory=lambda: default, metadata=metadata)
     return field(default=default, metadata=metadata)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OnlineSettings:
-    """Settings of :class:`.online_estimation.OnlineEstimation` and of the :class:`.input_gate.InputGate` before it.
+class Settings:
+    """A group of settings that are checked when they are made; ``prefix`` stands before their names.
 
     Raises:
         SettingsError: a value is of the wrong type or out of its range.
     """
+
+    prefix: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            default = f.default if f.default_factory is MISSING else f.default_factory()
+            object.__setattr__(self, f.name, _checked(self.prefix + f.name, getattr(self, f.name), f.metadata, default))
+
+    @classmethod
+    def from_mapping(cls, values: dict[str, Any], where: str) -> Self:
+        """Settings from a mapping; ``where`` names its origin in the message.
+
+        Raises:
+            SettingsError: a name is unknown, or a value is not allowed.
+        """
+        known = {f.name for f in fields(cls)}
+        unknown = sorted(set(values) - known)
+        if unknown:
+            raise SettingsError(f"{where}: unknown setting {', '.join(unknown)}. Known are {', '.join(sorted(known))}.")
+        try:
+            return cls(**values)
+        except SettingsError as error:
+            raise SettingsError(f"{where}: {error}") from None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommitSettings(Settings):
+    """When an estimate is committed, see :class:`.live_estimation.CommitGate`."""
+
+    prefix: ClassVar[str] = "commit."
+    mass_std: float = setting(0.1, "largest standard deviation of the mass that is committed", "kg", 0.0, 100.0)
+    com_std: float = setting(
+        0.02, "largest standard deviation of the centre of mass, on its worst axis, that is committed", "m", 0.0, 10.0
+    )
+    dwell: float = setting(1.0, "the estimate must stay within the dead band for so long before it is committed", "s", 0.0, 600.0)
+    mass_dead_band: float = setting(
+        0.05, "a mass that differs by less from the committed one is not committed anew", "kg", 0.0, 100.0
+    )
+    com_dead_band: float = setting(
+        0.01, "a centre of mass that differs by less from the committed one is not committed anew", "m", 0.0, 10.0
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OnlineSettings(Settings):
+    """Settings of :class:`.online_estimation.OnlineEstimation` and of the :class:`.input_gate.InputGate` before it."""
 
     # what is read
     joint_names: tuple[str, ...] = setting(
@@ -111,27 +158,6 @@ class OnlineSettings:
 
     # output
     publish_rate: float = setting(50.0, "estimates published a second", "Hz", 0.1, 1000.0)
-
-    def __post_init__(self) -> None:
-        for f in fields(self):
-            default = f.default if f.default_factory is MISSING else f.default_factory()
-            object.__setattr__(self, f.name, _checked(f.name, getattr(self, f.name), f.metadata, default))
-
-    @classmethod
-    def from_mapping(cls, values: dict[str, Any], where: str) -> OnlineSettings:
-        """Settings from a mapping; ``where`` names its origin in the message.
-
-        Raises:
-            SettingsError: a name is unknown, or a value is not allowed.
-        """
-        known = {f.name for f in fields(cls)}
-        unknown = sorted(set(values) - known)
-        if unknown:
-            raise SettingsError(f"{where}: unknown setting {', '.join(unknown)}. Known are {', '.join(sorted(known))}.")
-        try:
-            return cls(**values)
-        except SettingsError as error:
-            raise SettingsError(f"{where}: {error}") from None
 
 
 def _checked(name: str, value: Any, meta: Any, default: Any) -> Any:

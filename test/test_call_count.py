@@ -27,5 +27,5 @@ def test_one_message_takes_few_calls(tmp_path: Path) -> None:
     assert 20 < found["calls"][publication] <= 45
     assert found["with_compiled"][without] <= 25
     assert found["with_compiled"][publication] <= 55
-    assert found["files"][without] <= 14
-    assert found["files"][publication] <= 22
+    assert found["files"][without] <= 12
+    assert found["files"][publication] <= 16

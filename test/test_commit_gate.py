@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.online.commit_gate import CommitGate, CommitSettings
+from sysid_ros.online.live_estimation import CommitGate
 from sysid_ros.online.payload_estimate import PayloadEstimate
+from sysid_ros.online_settings import CommitSettings
 from sysid_ros.robot.inertial_parameters import from_com
 
 SETTINGS = CommitSettings(mass_std=0.1, com_std=0.02, dwell=1.0, mass_dead_band=0.05, com_dead_band=0.01)

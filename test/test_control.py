@@ -11,12 +11,12 @@ from robots import ROBOTS, random_body, random_sample, robot, urdf, with_body
 
 from sysid_ros.control import (
     ArmTorque,
-    CertaintyEquivalence,
     ComputedTorque,
     ControlSettings,
     Reference,
     SlotineLi,
     believed_payload,
+    make_law,
 )
 from sysid_ros.control.feedback import Feedback, postures
 from sysid_ros.effects import CoulombFriction, Payload, RotorInertia, ViscousFriction
@@ -196,7 +196,7 @@ def test_only_the_composite_law_is_drawn_towards_what_it_hears() -> None:
 def test_certainty_equivalence_keeps_what_it_was_told_last() -> None:
     model, theta = robot("small_arm"), body(13)
     s = random_sample(model, np.random.default_rng(14))
-    law = CertaintyEquivalence(ComputedTorque(ArmTorque(model), SETTINGS))
+    law = make_law("certainty_equivalence", ArmTorque(model), SETTINGS)
     law.tell(theta)
     law.tell(None)
     law.torque(s.q, s.v, Reference(s.q, s.v, s.a), 1.0)

@@ -36,7 +36,7 @@ def make_variable(
 ) -> VariableForgetting:
     block = slice(0, len(prior_std)) if block is None else block
     least = 0.01 * prior_std[block]
-    return VariableForgetting(prior_std, variance, period, forgetting_time, JumpRule(block, least, 0.1))
+    return VariableForgetting(Problem(prior_std, variance, period, forgetting_time, JumpRule(block, least, 0.1)))
 
 
 def make_constant(
@@ -552,7 +552,9 @@ def test_no_jump_is_found_in_outliers_and_they_weigh_little() -> None:
 def test_a_change_below_the_least_is_no_jump() -> None:
     Y, tau, _ = problem(count=3000, m=5, p=4)
     tau[1500:] += Y[1500:] @ np.full(4, 0.5)
-    estimator = VariableForgetting(np.full(4, 2.0), np.full(5, 0.01), PERIOD, 60.0, JumpRule(slice(0, 4), np.full(4, 3.0), 0.1))
+    estimator = VariableForgetting(
+        Problem(np.full(4, 2.0), np.full(5, 0.01), PERIOD, 60.0, JumpRule(slice(0, 4), np.full(4, 3.0), 0.1))
+    )
     no_jump(estimator, Y, tau)
 
 

@@ -8,8 +8,9 @@ from motions import Motion, measurements
 from robots import random_body, robot
 
 from sysid_ros.effects import CoulombFriction, LinkInertia, Payload, TorqueOffset, ViscousFriction
-from sysid_ros.online.front_end import FrontEnd, Rows, white_noise_variance
-from sysid_ros.online.judgement import ModelCheck
+from sysid_ros.online.free_parameters import white_noise_variance
+from sysid_ros.online.front_end import FrontEnd, Rows
+from sysid_ros.online.payload_estimate import ModelCheck
 from sysid_ros.online.payload_events import EventLog
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.sample import Measurement

@@ -102,7 +102,7 @@ def test_the_settings_and_the_node_know_its_name() -> None:
     pytest.importorskip("rclpy", reason="rclpy is not installed (extra ros)")
     from sysid_ros.nodes.parameters import ESTIMATOR_GROUPS
 
-    found = {f.name: f for _, group in ESTIMATOR_GROUPS for f in fields(group)}
+    found = {f.name: f for group in ESTIMATOR_GROUPS for f in fields(group)}
     assert NAME in found["estimator"].metadata["choices"]
 
 

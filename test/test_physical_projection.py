@@ -8,7 +8,7 @@ import pytest
 from robots import random_body
 
 from sysid_ros.robot import inertial_parameters as ip
-from sysid_ros.robot.physical_projection import project
+from sysid_ros.robot.inertial_parameters import project
 from sysid_ros.sample import FloatArray
 
 SCALE = np.array([1.0] + [0.1] * 3 + [0.02] * 6)

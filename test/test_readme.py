@@ -20,9 +20,8 @@ import pytest
 from sysid_ros import effects, estimators
 from sysid_ros.cli import main as cli
 from sysid_ros.control.control_settings import ControlSettings, SafetySettings
-from sysid_ros.online.commit_gate import CommitSettings
 from sysid_ros.online.payload_estimate import STATUSES
-from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.online_settings import CommitSettings, OnlineSettings
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"

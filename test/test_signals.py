@@ -7,8 +7,15 @@ import pytest
 from scipy import signal
 
 from sysid_ros.sample import FloatArray, Measurement, Sample
-from sysid_ros.signals.causal_derivative import CausalDerivative, default_cutoff, slope_weights, value_weights, window_half_width
-from sysid_ros.signals.low_pass import LowPassBank, butterworth_sections
+from sysid_ros.signals.causal_filters import (
+    CausalDerivative,
+    LowPassBank,
+    butterworth_sections,
+    default_cutoff,
+    slope_weights,
+    value_weights,
+    window_half_width,
+)
 
 PERIOD = 0.004
 

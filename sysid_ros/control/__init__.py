@@ -1,19 +1,15 @@
 """Control laws that use what is known of an arm and of what it carries."""
 
 from sysid_ros.control.arm_torque import ArmTorque
-from sysid_ros.control.belief import believed_payload
-from sysid_ros.control.certainty_equivalence import CertaintyEquivalence
 from sysid_ros.control.computed_torque import ComputedTorque
 from sysid_ros.control.control_settings import ControlSettings
-from sysid_ros.control.controller import TrackingController
+from sysid_ros.control.controller import Reference, TrackingController, believed_payload
 from sysid_ros.control.laws import LAWS, make_law
-from sysid_ros.control.reference import Reference
 from sysid_ros.control.slotine_li import SlotineLi
 
 __all__ = [
     "LAWS",
     "ArmTorque",
-    "CertaintyEquivalence",
     "ComputedTorque",
     "ControlSettings",
     "Reference",

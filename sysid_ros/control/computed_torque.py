@@ -6,9 +6,8 @@ import numpy as np
 
 from sysid_ros.control.arm_torque import ArmTorque
 from sysid_ros.control.control_settings import ControlSettings
-from sysid_ros.control.controller import TrackingController
+from sysid_ros.control.controller import Reference, TrackingController
 from sysid_ros.control.feedback import Feedback
-from sysid_ros.control.reference import Reference
 from sysid_ros.sample import FloatArray
 
 
@@ -19,12 +18,16 @@ class ComputedTorque(TrackingController):
     carries that and knows it, ``e'' + 2 w e' + w^2 e = 0`` (Siciliano et al. 2009, section 8.5.2). The feedback does not depend
     on what is believed: a loop whose gains grow with the estimate may swing up at the moment the payload drops.
 
+    With ``listens`` it takes an estimator's payload for the truth: certainty equivalence (Goodwin, Sin 1984, section 6.3).
+
     Args:
         arm: the model. settings: bandwidth, usual payload and blend. payload: that it believes in at first, shape (10,).
     """
 
-    def __init__(self, arm: ArmTorque, settings: ControlSettings, payload: FloatArray | None = None) -> None:
-        self._arm, self._settings = arm, settings
+    def __init__(
+        self, arm: ArmTorque, settings: ControlSettings, payload: FloatArray | None = None, listens: bool = False
+    ) -> None:
+        self._arm, self._settings, self._listens = arm, settings, listens
         self.feedback = Feedback(arm, settings)
         self._payload = np.zeros(10) if payload is None else np.array(payload, dtype=float)
         self._begin = self._target = self._payload
@@ -33,6 +36,10 @@ class ComputedTorque(TrackingController):
     @property
     def payload(self) -> FloatArray:
         return self._payload
+
+    def tell(self, payload: FloatArray | None) -> None:
+        if self._listens and payload is not None:
+            self.carry(payload)
 
     def carry(self, payload: FloatArray) -> None:
         """Believe in another payload, shape (10,), from now on; the change is spread over ``settings.blend``."""

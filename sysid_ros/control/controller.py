@@ -1,12 +1,31 @@
-"""TrackingController: what turns a wanted motion and the measured state into joint torques."""
+"""TrackingController: what turns a wanted motion and the measured state into torques; what it may believe of an estimate."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
 
 from sysid_ros.control.feedback import Feedback
-from sysid_ros.control.reference import Reference
+from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.sample import FloatArray
+
+_BELIEVED = ("ok", "no_payload", "not_excited")
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """The wanted motion at one instant, in the model's joint order.
+
+    Attributes:
+        q: positions, shape (n,) [rad or m]. v: velocities, shape (n,) [rad/s or m/s].
+        a: accelerations, shape (n,) [rad/s^2 or m/s^2].
+    """
+
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
 
 
 class TrackingController(ABC):
@@ -33,3 +52,16 @@ class TrackingController(ABC):
 
     def tell(self, payload: FloatArray | None) -> None:  # noqa: B027 - to hear nothing is right for most laws
         """Hear of the payload that may be believed, shape (10,), or that none may be (None). Most laws do not listen."""
+
+
+def believed_payload(estimate: PayloadEstimate, mass_std: float) -> FloatArray | None:
+    """Ten parameters, shape (10,), where the estimator stands by them; else None.
+
+    Args:
+        estimate: believed in the status ok, no_payload (then there is none: zeros) and not_excited.
+        mass_std: largest standard deviation of a mass that is believed [kg].
+    """
+    # not >, so that NaN is not believed
+    if estimate.status not in _BELIEVED or not estimate.mass_std <= mass_std or not np.isfinite(estimate.theta).all():
+        return None
+    return np.zeros(10) if estimate.status == "no_payload" else np.array(estimate.theta)

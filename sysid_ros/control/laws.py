@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from sysid_ros.control.arm_torque import ArmTorque
-from sysid_ros.control.certainty_equivalence import CertaintyEquivalence
 from sysid_ros.control.computed_torque import ComputedTorque
 from sysid_ros.control.control_settings import ControlSettings
 from sysid_ros.control.controller import TrackingController
@@ -21,8 +20,6 @@ def make_law(name: str, arm: ArmTorque, settings: ControlSettings) -> TrackingCo
     """
     if name in ("slotine_li", "composite"):
         return SlotineLi(arm, settings, composite=name == "composite")
-    if name == "certainty_equivalence":
-        return CertaintyEquivalence(ComputedTorque(arm, settings))
-    if name == "computed_torque":
-        return ComputedTorque(arm, settings)
+    if name in ("certainty_equivalence", "computed_torque"):
+        return ComputedTorque(arm, settings, listens=name == "certainty_equivalence")
     raise SettingsError(f"the law is {name!r}; it must be one of {', '.join(LAWS)}.")

@@ -8,8 +8,7 @@ import numpy as np
 
 from sysid_ros.control.arm_torque import ArmTorque
 from sysid_ros.control.control_settings import SafetySettings
-from sysid_ros.control.controller import TrackingController
-from sysid_ros.control.reference import Reference
+from sysid_ros.control.controller import Reference, TrackingController
 from sysid_ros.control.timed_motion import TimedMotion
 from sysid_ros.exceptions import DataError
 from sysid_ros.sample import FloatArray

@@ -6,11 +6,10 @@ import numpy as np
 
 from sysid_ros.control.arm_torque import ArmTorque
 from sysid_ros.control.control_settings import ControlSettings
-from sysid_ros.control.controller import TrackingController
+from sysid_ros.control.controller import Reference, TrackingController
 from sysid_ros.control.feedback import Feedback, postures
-from sysid_ros.control.reference import Reference
 from sysid_ros.robot import inertial_parameters
-from sysid_ros.robot.physical_projection import project
+from sysid_ros.robot.inertial_parameters import project
 from sysid_ros.sample import FloatArray
 
 _SLOWEST = 10.0

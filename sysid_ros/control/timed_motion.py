@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import BPoly, CubicSpline
 
-from sysid_ros.control.reference import Reference
+from sysid_ros.control.controller import Reference
 from sysid_ros.exceptions import DataError
 from sysid_ros.sample import FloatArray
 

@@ -7,10 +7,9 @@ from typing import ClassVar
 import numpy as np
 
 from sysid_ros.estimators import kernels, variable_update
-from sysid_ros.estimators.block_innovations import BlockInnovations
 from sysid_ros.estimators.estimator import Estimate, Estimator, Problem
-from sysid_ros.estimators.jump_search import JumpRule, JumpSearch
-from sysid_ros.estimators.long_run_variance import LongRunVariance
+from sysid_ros.estimators.jump_search import JumpSearch
+from sysid_ros.estimators.long_run_variance import BlockInnovations, LongRunVariance
 from sysid_ros.estimators.row_sums import RowSums
 from sysid_ros.estimators.variable_update import BLOCK_FULL, BROKEN_DOWN, NOT_ORDINARY, TAKEN_IN
 from sysid_ros.sample import FloatArray
@@ -34,12 +33,7 @@ class VariableForgetting(Estimator):
     Rows that fit, which nearly all do, are done in one call of :func:`variable_update.take_in`.
 
     Args:
-        prior_std: standard deviation of each parameter before any data, shape (p,).
-        floor: least variance of a row, shape (m,).
-        period: time between updates [s].
-        forgetting_time: time constant of the resetting [s].
-        jump: which parameters may jump.
-        part: least variance of a single row as a part of ``floor``, which is that of the mean of many: what a low-pass leaves.
+        problem: what there is to estimate; forgotten is towards its prior.
     """
 
     watches_itself: ClassVar[bool] = True
@@ -55,28 +49,18 @@ class VariableForgetting(Estimator):
     INDEPENDENT = 0.1
     """Time after which a coloured residual counts as a new one, in the first rows [s]."""
 
-    def __init__(
-        self,
-        prior_std: FloatArray,
-        floor: FloatArray,
-        period: float,
-        forgetting_time: float,
-        jump: JumpRule,
-        part: float = 1.0,
-    ) -> None:
-        super().__init__(len(prior_std), len(floor))
-        self._prior_variance = np.asarray(prior_std, dtype=float) ** 2
-        self._floor = np.asarray(floor, dtype=float)
-        self._part = part
-        self._period = period
-        self._epsilon = min(self.FORGET_EVERY * period / forgetting_time, 0.5)
-        self._jump = jump
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(len(problem.prior_std), len(problem.floor))
+        self._prior_variance = np.asarray(problem.prior_std, dtype=float) ** 2
+        self._floor = np.asarray(problem.floor, dtype=float)
+        self._part, self._period, self._jump = problem.part, problem.period, problem.jump
+        self._epsilon = min(self.FORGET_EVERY * problem.period / problem.forgetting_time, 0.5)
         self._no_extra = np.zeros(self.m)
         self.reset()
 
     @classmethod
     def of(cls, problem: Problem) -> VariableForgetting:
-        return cls(problem.prior_std, problem.floor, problem.period, problem.forgetting_time, problem.jump, problem.part)
+        return cls(problem)
 
     def reset(self) -> None:
         self._theta = np.zeros(self.p)
@@ -84,6 +68,7 @@ class VariableForgetting(Estimator):
         self._sensitivity = np.zeros((self.p, 0))
         self.noise = LongRunVariance(self.m, self._period, self._floor)
         self._levels = np.stack([self._floor * self.noise.CAUTION, self._floor, self._part * self._floor])
+        self.row_variance = self._levels[variable_update.SPREAD]
         self.noise_known, self.noise_variance = False, self.noise.variance
         self._spread_count = 0
         self._updates = 0
@@ -135,8 +120,10 @@ class VariableForgetting(Estimator):
         elif done == BLOCK_FULL:
             self._learn_colour()
         self._updates += 1
-        if self._updates % self.FORGET_EVERY == 0 and not self._settling:
-            self._sums.forget(self._P, self._theta, self._sensitivity, self._epsilon)
+        if self._updates % self.FORGET_EVERY == 0:
+            self.row_variance = self._levels[variable_update.SPREAD]  # that of a deep copy is no view of its levels
+            if not self._settling:
+                self._sums.forget(self._P, self._theta, self._sensitivity, self._epsilon)
         if outlier:
             return self._estimate(innovation, "outlier", "the torques do not fit the estimate; they were given less weight")
         if not self.noise.known:
@@ -166,7 +153,6 @@ class VariableForgetting(Estimator):
         inflation: float = 1.0,
     ) -> int:
         blocks, count, rate = self._blocks, self._spread_count, 0.0
-        self.row_variance = self._levels[variable_update.SPREAD]
         if self.noise.known and not self._settling:
             rate = max(1.0 / (count + 1), self._period / self.SPREAD_MEMORY)
         done: int = variable_update.take_in(

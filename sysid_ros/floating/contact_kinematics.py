@@ -16,8 +16,7 @@ class ContactKinematics:
 
     Args:
         robot: the model. frames: names of k links that it has. offsets: points of the links, in their axes, shape (k, 3) [m];
-        None:
-            their origins.
+            None: their origins.
 
     Attributes:
         joints_above: number of joints between the base and each link. carriers: those that move each link, shape (k, n), bool.
@@ -37,9 +36,8 @@ class ContactKinematics:
                 self.carriers[i, self._model.joints[joint].idx_v] = True
 
     def origins(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The points, shape (k, 3) [m], and the motion that each joint gives to a body around the base's origin, shape (6, n):
-        velocity
-        and angular velocity. A point p of a link that joint j carries has the Jacobian ``v_j + w_j x p``."""
+        """The points, shape (k, 3) [m], and velocity and angular velocity that each joint gives to a body around the base's
+        origin, shape (6, n). A point p of a link that joint j carries has the Jacobian ``v_j + w_j x p``."""
         motions = pin.computeJointJacobians(self._model, self._data, q)
         origins = np.empty((len(self._ids), 3))
         for i, frame in enumerate(self._ids):

@@ -93,10 +93,6 @@ class ContactProjection:
         """
         self._noise = joint_variance, row_variance
 
-    def reset(self) -> None:
-        """Forget normal and stance."""
-        self._t = -np.inf
-
     def update(self, sample: Sample, rest: FloatArray, told: FloatArray | None) -> Stance:
         """Make the basis for a sample; the arrays of what comes back are overwritten by the next one.
 
@@ -109,25 +105,10 @@ class ContactProjection:
         dt = 0.0 if fresh else sample.t - self._t
         self._t = sample.t
         trusted, slips, stretched = kernels.follow(
-            origins,
-            motions,
-            self.base.contacts.carriers,
-            self._radius,
-            sample.v,
-            sample.a,
-            rest,
-            self._nobody if told is None else told,
-            dt,
-            fresh,
-            self._weight,
-            self.points,
-            self.matrix,
-            stance.forces,
-            stance.normal,
-            stance.loaded,
-            stance.stands,
-            self.loads,
-        )
+            origins, motions, self.base.contacts.carriers, self._radius, sample.v, sample.a, rest,
+            self._nobody if told is None else told, dt, fresh, self._weight,
+            self.points, self.matrix, stance.forces, stance.normal, stance.loaded, stance.stands, self.loads,
+        )  # fmt: skip
         if self._noise is not None:
             kernels.decorrelate(self.matrix, *self._noise, self._factor, self._variance)
         stance.trusted, stance.slips, stance.stretched, stance.told = trusted, slips, stretched, told is not None
@@ -145,9 +126,8 @@ class ContactProjection:
         return variance
 
     def leg_torque(self, wrench: FloatArray) -> FloatArray:
-        """The smallest torques of the loaded legs that hold a wrench (6,) on the trunk, shape (n - 6,) [N m]: of a payload, what
-        it
-        costs; of a residual, what is missing."""
+        """The smallest torques of the loaded legs that hold a wrench (6,) on the trunk, shape (n - 6,) [N m]: what a payload
+        costs; what is missing in a residual."""
         columns = self.matrix * self._carrying
         gram = columns @ columns.T
         # one pair of feet can't hold a moment about the line between them, and with no leg loaded nothing can be held

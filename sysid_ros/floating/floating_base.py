@@ -96,9 +96,8 @@ class FloatingBase:
         """Positions, velocities and accelerations of all n joints.
 
         Args:
-            q, v, a: of the legs. omega: of the trunk [rad/s]. force: specific force of the trunk's origin [m/s^2]. omega_dot:
-            angular
-                acceleration [rad/s^2]; the three in the trunk's axes, shape (3,).
+            q, v, a: of the legs. omega: of the trunk [rad/s]. force: specific force of the trunk's origin [m/s^2].
+            omega_dot: angular acceleration [rad/s^2]; the three in the trunk's axes, shape (3,).
         """
         x, y, z = omega
         product = np.array([y * z, -x * z, x * y])

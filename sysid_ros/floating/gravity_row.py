@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from sysid_ros.sample import FloatArray, Sample
-from sysid_ros.signals.low_pass import LowPassBank
+from sysid_ros.signals.causal_filters import LowPassBank
 
 
 class GravityRow:

@@ -97,9 +97,8 @@ class StanceLog:
                 )
         if self.slipping > _SHARE * total:
             sentences.append(
-                f"Feet that stand move against each other in {100 * self.slipping / total:.0f} % of the time: the "
-                f"robot slips, or "
-                "its kinematics are not those of the URDF."
+                f"Feet that stand move against each other in {100 * self.slipping / total:.0f} % of the time: the robot slips, "
+                "or its kinematics are not those of the URDF."
             )
         if self.stretched > _SHARE * total:
             sentences.append(

@@ -16,7 +16,7 @@ from sysid_ros.identification.least_squares import Fit
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot import inertial_parameters
-from sysid_ros.robot.physical_projection import project
+from sysid_ros.robot.inertial_parameters import project
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.torque_model import TorqueModel
 
@@ -58,7 +58,7 @@ def payload_difference(model: TorqueModel, empty: Fit, loaded: Fit, frame: str =
 
     with the information A of each run and T, which puts a body in ``frame`` into the parameters of the link that carries it.
     The covariance takes the coloured residuals of both runs into account; the estimate goes to the nearest body that can exist
-    in its metric (see :func:`sysid_ros.robot.physical_projection.project`).
+    in its metric (see :func:`sysid_ros.robot.inertial_parameters.project`).
 
     Args:
         model: free effects of both fits. empty, loaded: fits to runs without and with the payload.

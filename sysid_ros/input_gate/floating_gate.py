@@ -38,11 +38,6 @@ class FloatingGate:
         self._restarts = 0
 
     @property
-    def robot(self) -> RobotModel:
-        """Model of the legs."""
-        return self.joints.robot
-
-    @property
     def received(self) -> int:
         """Messages of the joints."""
         return self.joints.received
@@ -94,28 +89,19 @@ class FloatingGate:
         """As of :class:`InputGate`, with what is wrong with IMU and contacts."""
         health = self.joints.health(now)
         age = float("inf") if self._last_matched is None else now - self._last_matched
-        if health.level >= Level.ERROR:
+        level, text, doubtful = health.level, health.text, self.trunk.warnings
+        if level >= Level.ERROR:
             unmatched = health.accepted > 0 and self.accepted == 0
-            before = f" None of those before found its IMU message: {self._why_unmatched()}" if unmatched else ""
-            return replace(health, text=health.text + before, counts=dict(self.counts), accepted=self.accepted, age=age)
-        if health.accepted > 0 and age > self._settings.sensor_timeout:
-            return replace(
-                health,
-                level=Level.ERROR,
-                text=f"No joint state finds its IMU message: {self._why_unmatched()}",
-                counts=dict(self.counts),
-                accepted=self.accepted,
-                age=age,
-                warnings=(*health.warnings, *self.trunk.warnings),
-            )
-        doubtful = self.trunk.warnings
+            text += f" None of those before found its IMU message: {self._why_unmatched()}" if unmatched else ""
+            doubtful = ()
+        elif health.accepted > 0 and age > self._settings.sensor_timeout:
+            level, text = Level.ERROR, f"No joint state finds its IMU message: {self._why_unmatched()}"
+        else:
+            age = health.age
+            level, text = (Level.WARN, " ".join(doubtful)) if doubtful else (level, text)
+        warnings = (*health.warnings, *doubtful)
         return replace(
-            health,
-            level=Level.WARN if doubtful else health.level,
-            text=" ".join(doubtful) if doubtful else health.text,
-            counts=dict(self.counts),
-            accepted=self.accepted,
-            warnings=(*health.warnings, *doubtful),
+            health, level=level, text=text, counts=dict(self.counts), accepted=self.accepted, age=age, warnings=warnings
         )
 
     def _why_unmatched(self) -> str:

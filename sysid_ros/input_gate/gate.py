@@ -9,8 +9,7 @@ import numpy as np
 from sysid_ros.input_gate import gravity_check, health, kernel, rejections
 from sysid_ros.input_gate.gravity_check import GravityCheck
 from sysid_ros.input_gate.health import GateHealth
-from sysid_ros.input_gate.limits import largest_gravity_torque, plausible_limits
-from sysid_ros.input_gate.mapping import Mapping, effort_factor
+from sysid_ros.input_gate.mapping import Mapping, effort_factor, largest_gravity_torque, plausible_limits
 from sysid_ros.input_gate.rejections import Rejection
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid_ros.input_gate.limits import largest_gravity_torque
+from sysid_ros.input_gate.mapping import largest_gravity_torque
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
@@ -43,11 +43,6 @@ class GravityCheck:
         self._since_verdict = 0
         self.warning = ""
         self.error = ""
-
-    @property
-    def level(self) -> float:
-        """Gravity torque that is worth judging by [N m]."""
-        return self._level
 
     def restart(self) -> None:
         """After a gap, so that no velocity is taken across it."""

@@ -29,15 +29,14 @@ class TrunkGate:
 
     Between two IMU messages the values are interpolated; a measurement waits until an IMU message of its stamp or a later one is
     there. Contacts carry no stamp: the last one received holds. Where the IMU sits comes from the setting ``imu_frame``, else
-    from
-    the message's ``frame_id``, a link that is fixed to the trunk; or from ``imu_xyz`` and ``imu_rpy``, where one of them is set.
+    from the message's ``frame_id``, a link that is fixed to the trunk; or from ``imu_xyz`` and ``imu_rpy``, where they are set.
 
     Args:
         base: the robot. settings: ``imu_frame``, ``imu_xyz``, ``imu_rpy`` and ``sensor_timeout`` are read.
 
     Attributes:
         counts: rejected messages by reason; those of the joints that found no IMU are among them. last_texts: a sentence each.
-        imu_messages, contact_messages: received.
+        imu_messages: received.
 
     Raises:
         RobotModelError: ``imu_frame`` is no link of the URDF.
@@ -47,7 +46,7 @@ class TrunkGate:
         self._base, self._settings = base, settings
         self.counts: Counter[str] = Counter()
         self.last_texts: dict[str, str] = {}
-        self.imu_messages = self.contact_messages = 0
+        self.imu_messages = 0
         self._poses: dict[str, tuple[FloatArray, FloatArray] | Rejection] = {}
         self._imu: deque[tuple[float, FloatArray, FloatArray, FloatArray]] = deque()
         self._waiting: deque[tuple[Measurement, FloatArray | None]] = deque()
@@ -65,9 +64,8 @@ class TrunkGate:
         mean = float(np.linalg.norm(self._mean))
         if mean < _WEIGHTLESS:
             return (
-                f"The IMU's linear_acceleration is {mean:.2f} m/s^2 on average; standing still it must be 9.81, the "
-                f"specific force. "
-                "The driver takes gravity out: publish the raw acceleration.",
+                f"The IMU's linear_acceleration is {mean:.2f} m/s^2 on average; standing still it must be 9.81, the specific "
+                "force. The driver takes gravity out: publish the raw acceleration.",
             )
         if mean < _IN_G:
             return (
@@ -87,7 +85,6 @@ class TrunkGate:
 
     def contacts(self, record: ContactRecord) -> None:
         """Take in which feet stand."""
-        self.contact_messages += 1
         feet = self._base.contact_frames
         try:
             values = np.asarray(record.values, dtype=float)
@@ -98,9 +95,8 @@ class TrunkGate:
             self._reject(
                 Rejection(
                     "contacts_length",
-                    f"A contact message holds {values.size} values, {np.isfinite(values).sum()} of them finite; it "
-                    f"must hold one for "
-                    f"each of {', '.join(feet)}. Set contact_frames to the feet in the order of the message.",
+                    f"A contact message holds {values.size} values, {np.isfinite(values).sum()} of them finite; it must hold one "
+                    f"for each of {', '.join(feet)}. Set contact_frames to the feet in the order of the message.",
                 )
             )
             return
@@ -159,9 +155,8 @@ class TrunkGate:
             offset = self._imu[-1][0] - t
             return Rejection(
                 "imu_stamps",
-                f"The stamps of the IMU are {abs(offset):.2f} s {'ahead of' if offset > 0 else 'behind'} those of the "
-                f"joints; within "
-                f"{_WAIT:g} s they are matched. Synchronise the clocks, or stamp both messages when they are measured.",
+                f"The stamps of the IMU are {abs(offset):.2f} s {'ahead of' if offset > 0 else 'behind'} those of the joints; "
+                f"within {_WAIT:g} s they are matched. Synchronise the clocks, or stamp both messages when they are measured.",
             )
         worst = next(reversed(self.last_texts.values()), "No message of the IMU was usable.")
         return Rejection("imu_unusable", f"No message of the IMU is usable: {worst}")
@@ -180,9 +175,8 @@ class TrunkGate:
         if not (np.abs(omega).max() <= _FASTEST and np.abs(force).max() <= _HARDEST):
             return Rejection(
                 "imu_range",
-                f"The IMU tells {omega} rad/s and {force} m/s^2; finite numbers up to {_FASTEST:g} rad/s and "
-                f"{_HARDEST:g} m/s^2 are "
-                "believed. If they are in degrees, make the driver publish rad/s.",
+                f"The IMU tells {omega} rad/s and {force} m/s^2; finite numbers up to {_FASTEST:g} rad/s and {_HARDEST:g} m/s^2 "
+                "are believed. If they are in degrees, make the driver publish rad/s.",
             )
         t = record.stamp or record.receive_time
         if self._imu and t <= self._imu[-1][0]:
@@ -211,9 +205,8 @@ class TrunkGate:
         found = f"has the frame '{frame}', which is" if frame else "names no frame_id, and none is"
         return Rejection(
             "imu_frame",
-            f"The IMU {found} no link that is fixed to the trunk '{self._base.trunk}'; those are {', '.join(fixed)}. "
-            f"Set imu_frame to "
-            "one of them, or imu_xyz and imu_rpy to where the IMU sits in the trunk.",
+            f"The IMU {found} no link that is fixed to the trunk '{self._base.trunk}'; those are {', '.join(fixed)}. Set "
+            "imu_frame to one of them, or imu_xyz and imu_rpy to where the IMU sits in the trunk.",
         )
 
     def _reject(self, rejection: Rejection) -> None:

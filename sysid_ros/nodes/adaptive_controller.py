@@ -24,20 +24,20 @@ from sysid_ros.control.live_control import LiveControl
 from sysid_ros.exceptions import SysidError
 from sysid_ros.input_gate import InputGate, Level
 from sysid_ros.input_gate.rejections import Rejection
-from sysid_ros.nodes.controller_messages import in_order, inertia_of, payload_of, points_of
+from sysid_ros.nodes.controller_messages import MASSLESS, in_order, payload_of, points_of
 from sysid_ros.nodes.controller_settings import ControllerSettings
 from sysid_ros.nodes.diagnostics import diagnostic_array, status_message
-from sysid_ros.nodes.messages import record_of, stamp_of
+from sysid_ros.nodes.messages import LATCHED, inertia_of, record_of, stamp_of
 from sysid_ros.nodes.parameters import NodeParameters
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock
 from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.inertial_parameters import to_com
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.sources.robot_description import urdf_text
 from sysid_ros.torque.model_file import ModelFile
 
-_LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)
 _WATCH, _REPORT, _TELL = 0.02, 1.0, 0.1
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -59,7 +59,7 @@ class AdaptiveController(LifecycleNode):
         self.live: LiveControl | None = None
         self._state, self._problem, self._description, self._refusal = "unconfigured", "", "", ""
         self._receive_clock = ReceiveClock()
-        groups = (("", ControllerSettings), ("", ControlSettings), ("", SafetySettings))
+        groups = (ControllerSettings, ControlSettings, SafetySettings)
         self._parameter_source = NodeParameters(self, lambda: self._state != "unconfigured", lambda: None, groups, ())
         self._commands = self.create_lifecycle_publisher(Float64MultiArray, "effort_commands", 1)
         self._reference = self.create_lifecycle_publisher(JointState, "~/reference", _NEWEST)
@@ -68,9 +68,9 @@ class AdaptiveController(LifecycleNode):
         committed = "online_payload_estimator/payload_committed"
         self._kept = (
             self.create_subscription(JointState, "joint_states", self._on_joint_states, _NEWEST),
-            self.create_subscription(String, "robot_description", self._on_description, _LATCHED),
+            self.create_subscription(String, "robot_description", self._on_description, LATCHED),
             self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, 1),
-            self.create_subscription(InertiaStamped, committed, self._on_payload, _LATCHED),
+            self.create_subscription(InertiaStamped, committed, self._on_payload, LATCHED),
             self.create_service(Trigger, "~/hold", self._on_hold),
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -239,15 +239,15 @@ class AdaptiveController(LifecycleNode):
 
     def _tell(self) -> None:
         if self.live is not None and self._state == "active":
-            self._payload.publish(inertia_of(self.live.law.payload, self._arm.payload.frame, stamp_of(self._receive_clock.now())))
+            theta, stamp = self.live.law.payload, stamp_of(self._receive_clock.now())
+            body = to_com(theta) if theta[0] > MASSLESS else None
+            self._payload.publish(inertia_of(body, self._arm.payload.frame, stamp))
 
     def _report(self) -> None:
         now = 1e-9 * self.get_clock().now().nanoseconds
         self._receive_clock.follow(now)
-        statuses = [self._input_status(), self._control_status()]
-        name = self.get_fully_qualified_name().lstrip("/")
         robot = self.live.robot.name if self.live is not None else ""
-        self._diagnostics.publish(diagnostic_array(stamp_of(max(now, 0.0)), name, robot, statuses))
+        self._diagnostics.publish(diagnostic_array(self, now, robot, [self._input_status(), self._control_status()]))
 
     def _input_status(self) -> DiagnosticStatus:
         if self.live is None or self._state != "active":

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import InertiaStamped
 from trajectory_msgs.msg import JointTrajectory
 
 from sysid_ros.exceptions import DataError
+from sysid_ros.nodes.messages import body_of
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.sample import FloatArray
 
-_MASSLESS = 1e-6
+MASSLESS = 1e-6
+"""Less than this is no payload [kg]."""
 
 
 def points_of(message: JointTrajectory) -> tuple[FloatArray, FloatArray, FloatArray | None, FloatArray | None]:
@@ -51,27 +52,13 @@ def payload_of(message: InertiaStamped, frame: str) -> FloatArray:
             f"the payload is told in the frame '{message.header.frame_id}'; the controller's is '{frame}'. Set frame_id alike on "
             "both nodes."
         )
-    i, com = message.inertia, message.inertia.com
-    if abs(i.m) < _MASSLESS:
+    mass, com, tensor = body_of(message)
+    if abs(mass) < MASSLESS:
         return np.zeros(10)
-    tensor = np.array([[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]])
-    theta = inertial_parameters.from_com(i.m, np.array([com.x, com.y, com.z]), tensor)
+    theta = inertial_parameters.from_com(mass, com, tensor)
     if not np.isfinite(theta).all() or not inertial_parameters.is_physical(theta):
-        raise DataError(f"a payload of {i.m:g} kg with this inertia is no body that can exist, so it was not taken over.")
+        raise DataError(f"a payload of {mass:g} kg with this inertia is no body that can exist, so it was not taken over.")
     return np.asarray(theta)
-
-
-def inertia_of(theta: FloatArray, frame: str, stamp: Any) -> InertiaStamped:
-    """The message of ten parameters, com in the frame and the tensor about it; all zero where nothing is carried."""
-    message = InertiaStamped()
-    message.header.stamp, message.header.frame_id = stamp, frame
-    if theta[0] > _MASSLESS:
-        mass, com, tensor = inertial_parameters.to_com(theta)
-        inertia = message.inertia
-        inertia.m = mass
-        inertia.com.x, inertia.com.y, inertia.com.z = com.tolist()
-        (inertia.ixx, inertia.ixy, inertia.ixz), (_, inertia.iyy, inertia.iyz), (_, _, inertia.izz) = tensor.tolist()
-    return message
 
 
 def in_order(names: Sequence[str], wanted: Sequence[str]) -> list[int]:

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from sysid_ros.control import LAWS
-from sysid_ros.exceptions import SettingsError
-from sysid_ros.online_settings import setting
+from sysid_ros.online_settings import Settings, setting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ControllerSettings:
-    """What is controlled and how.
-
-    Raises:
-        SettingsError: a value is of the wrong type or not among those allowed.
-    """
+class ControllerSettings(Settings):
+    """What is controlled and how."""
 
     urdf_path: str = setting("", "the robot's URDF; empty: it is taken from the topic robot_description")
     model_path: str = setting("", "model.yaml of 'sysid identify'; empty: the URDF's links and <dynamics> are what is known")
@@ -25,11 +20,3 @@ class ControllerSettings:
     law: str = setting("composite", "the control law", choices=LAWS)
     autostart: bool = setting(False, "configure and activate at the start: efforts are sent from the first state on")
     executor: str = setting("events", "as of the estimator", choices=("single", "events"))
-
-    def __post_init__(self) -> None:
-        for f in fields(self):
-            value, choices = getattr(self, f.name), f.metadata["choices"]
-            if choices and value not in choices:
-                raise SettingsError(f"{f.name} is {value!r}; it must be one of {', '.join(choices)}.")
-        if len(self.gravity) != 3:
-            raise SettingsError(f"gravity has {len(self.gravity)} values; it must have three.")

@@ -15,18 +15,18 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import InertiaStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
+from sysid_ros.nodes.messages import LATCHED, body_of
 from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.pages import TruthSegment
 from sysid_ros.robot.inertial_parameters import TO_MESSAGE_ORDER
 
 ESTIMATOR, ROBOT = "online_payload_estimator", "simulated_robot"
-_LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
@@ -57,7 +57,7 @@ class DemoMonitor(Node):
             self.create_subscription(InertiaStamped, f"{ESTIMATOR}/payload", self._on_payload, 10),
             self.create_subscription(Float64MultiArray, f"{ESTIMATOR}/parameters", self._on_parameters, 10),
             self.create_subscription(JointState, f"{ESTIMATOR}/residual_efforts", self._on_residual, _BEST_EFFORT),
-            self.create_subscription(InertiaStamped, f"{ROBOT}/truth", self._on_truth, _LATCHED),
+            self.create_subscription(InertiaStamped, f"{ROBOT}/truth", self._on_truth, LATCHED),
             self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10),
         )
 
@@ -117,10 +117,7 @@ class DemoMonitor(Node):
         start = _seconds(message.header.stamp)
         if self.truth:
             self.truth[-1] = replace(self.truth[-1], end=start)
-        i = message.inertia
-        com = np.array([i.com.x, i.com.y, i.com.z])
-        tensor = np.array([[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]])
-        self.truth.append(TruthSegment(start, math.inf, i.m, com, tensor))
+        self.truth.append(TruthSegment(start, math.inf, *body_of(message)))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:

@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
 
 from sysid_ros.input_gate import GateHealth, Level
+from sysid_ros.nodes.messages import stamp_of
 from sysid_ros.nodes.timing import TimingReport
 from sysid_ros.online.live_estimation import LiveEstimation
 from sysid_ros.robot.inertial_parameters import MESSAGE_NAMES, TO_MESSAGE_ORDER
@@ -144,12 +146,12 @@ def timing_status(report: TimingReport, published: int) -> DiagnosticStatus:
     return status_message("timing", level, text, values)
 
 
-def diagnostic_array(stamp: Any, node_name: str, hardware_id: str, statuses: list[DiagnosticStatus]) -> DiagnosticArray:
+def diagnostic_array(node: Node, ros_time: float, hardware_id: str, statuses: list[DiagnosticStatus]) -> DiagnosticArray:
     """The statuses in one message, each named 'node: status'; the node's name with its namespace, so that two arms differ."""
     message = DiagnosticArray(status=statuses)
-    message.header.stamp = stamp
+    message.header.stamp = stamp_of(max(ros_time, 0.0))
     for status in statuses:
-        status.name = f"{node_name}: {status.name}"
+        status.name = f"{node.get_fully_qualified_name().lstrip('/')}: {status.name}"
         status.hardware_id = hardware_id
     return message
 

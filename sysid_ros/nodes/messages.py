@@ -1,11 +1,33 @@
-"""Conversions between messages and the package's values that several nodes need."""
+"""Between messages and values: what comes in as records, and what the node publishes of the payload and when."""
 
 from __future__ import annotations
 
-from builtin_interfaces.msg import Time
-from sensor_msgs.msg import JointState
+import array
+import time
+from collections.abc import Sequence
+from typing import Any
 
-from sysid_ros.sample import JointStateRecord
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import InertiaStamped, PoseWithCovarianceStamped
+from rclpy.lifecycle import LifecycleNode
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
+from visualization_msgs.msg import Marker, MarkerArray
+
+from sysid_ros.online.payload_estimate import PayloadEstimate
+from sysid_ros.robot.inertial_parameters import MESSAGE_NAMES, TO_MESSAGE_ORDER
+from sysid_ros.robot.rotation import equivalent_box, quaternion
+from sysid_ros.sample import FloatArray, JointStateRecord
+
+_MARKER_PERIOD = 0.2
+_TEXT_HEIGHT = 0.03
+_COLOURS = {"ok": (0.2, 0.7, 0.3, 0.6), "not_excited": (0.2, 0.5, 0.8, 0.6)}
+_DOUBTFUL = (0.9, 0.6, 0.1, 0.6)
+_ORDER = np.ix_(TO_MESSAGE_ORDER, TO_MESSAGE_ORDER)
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""For what is told once and kept for those who come later."""
 
 
 def record_of(message: JointState, receive_time: float) -> JointStateRecord:
@@ -19,3 +41,144 @@ def stamp_of(t: float) -> Time:
     """A time [s] as a message."""
     sec, nanosec = divmod(round(t * 1e9), 1_000_000_000)
     return Time(sec=sec, nanosec=nanosec)
+
+
+def inertia_of(body: tuple[float, FloatArray, FloatArray] | None, frame: str, stamp: Time) -> InertiaStamped:
+    """The message of a body's mass, com in the frame and tensor about that, axes parallel to the frame; all zero where there is
+    none."""
+    message = InertiaStamped()
+    message.header.stamp, message.header.frame_id = stamp, frame
+    if body is not None:
+        inertia, (mass, com, tensor) = message.inertia, body
+        inertia.m = mass
+        inertia.com.x, inertia.com.y, inertia.com.z = com.tolist()
+        (inertia.ixx, inertia.ixy, inertia.ixz), (_, inertia.iyy, inertia.iyz), (_, _, inertia.izz) = tensor.tolist()
+    return message
+
+
+def body_of(message: InertiaStamped) -> tuple[float, FloatArray, FloatArray]:
+    """Mass, com and tensor of a message, as of :func:`inertia_of`."""
+    i, com = message.inertia, message.inertia.com
+    tensor = np.array([[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]])
+    return i.m, np.array([com.x, com.y, com.z]), tensor
+
+
+def _reliable(depth: int) -> QoSProfile:
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
+
+
+class Outputs:
+    """The publishers of the payload; silent unless the node is active.
+
+    Args:
+        node: that they belong to.
+
+    Attributes:
+        published: number of estimates. joints: in the model's order, as last told.
+        with_markers: whether markers are published while somebody subscribes.
+    """
+
+    def __init__(self, node: LifecycleNode) -> None:
+        best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+        create = node.create_lifecycle_publisher
+        self._payload = create(InertiaStamped, "~/payload", _reliable(10))
+        self._committed = create(InertiaStamped, "~/payload_committed", LATCHED)
+        self._parameters = create(Float64MultiArray, "~/parameters", _reliable(10))
+        self._com = create(PoseWithCovarianceStamped, "~/center_of_mass", _reliable(10))
+        self._effort = create(Float64MultiArray, "~/payload_effort", _reliable(10))
+        self._residual = create(JointState, "~/residual_efforts", best_effort)
+        self._markers = create(MarkerArray, "~/markers", _reliable(1))
+        self._next_markers = 0.0
+        self.joints: tuple[str, ...] | None = None
+        self._names: list[str] = []
+        self._order: Any = None
+        self._effort_message, self._residual_message = Float64MultiArray(), JointState()
+        self.published = 0
+        self.with_markers = True
+
+    def use_joints(self, model_order: tuple[str, ...], controller_order: Sequence[str]) -> None:
+        """The joints' order in the outputs: the controller's where it names the same joints, else the model's."""
+        self.joints = model_order
+        same = set(model_order) == set(controller_order)
+        self._names = list(controller_order if same else model_order)
+        self._order = [list(model_order).index(name) for name in self._names]
+        dimension = MultiArrayDimension(label=",".join(self._names), size=len(self._names), stride=len(self._names))
+        self._effort_message.layout = MultiArrayLayout(dim=[dimension])
+        self._residual_message.name = self._names
+
+    def publish(self, estimate: PayloadEstimate, stamp: Time) -> None:
+        """Publish an estimate with the stamp of its last sample."""
+        self._payload.publish(inertia_of(None if estimate.is_empty else estimate.body[:3], estimate.frame, stamp))
+        self._parameters.publish(_parameters(estimate))
+        self._com.publish(_center_of_mass(estimate, stamp))
+        effort = np.zeros(len(self._names)) if estimate.is_empty else estimate.payload_effort[self._order]
+        self._effort_message.data = array.array("d", effort.tobytes())
+        self._effort.publish(self._effort_message)
+        self._residual_message.header.stamp = stamp
+        self._residual_message.effort = array.array("d", estimate.residual[self._order].tobytes())
+        self._residual.publish(self._residual_message)
+        self.published += 1
+        now = time.monotonic()
+        if self.with_markers and now >= self._next_markers:
+            self._next_markers = now + _MARKER_PERIOD
+            if self._markers.get_subscription_count() > 0:
+                self._markers.publish(markers_message(estimate, stamp))
+
+    def publish_committed(self, estimate: PayloadEstimate, stamp: Time) -> None:
+        """Publish an estimate that passed the commit gate."""
+        self._committed.publish(inertia_of(None if estimate.is_empty else estimate.body[:3], estimate.frame, stamp))
+
+
+def _parameters(estimate: PayloadEstimate) -> Float64MultiArray:
+    """11 x 10: row 0 the parameters about the frame's origin, rows 1 to 10 their covariance, ordered as the second label says."""
+    rows = np.empty((11, 10))
+    rows[0] = estimate.theta[TO_MESSAGE_ORDER]
+    rows[1:] = estimate.covariance[_ORDER]
+    layout = MultiArrayLayout(
+        dim=[
+            MultiArrayDimension(label="estimate;covariance", size=11, stride=110),
+            MultiArrayDimension(label=",".join(MESSAGE_NAMES), size=10, stride=10),
+        ]
+    )
+    return Float64MultiArray(layout=layout, data=array.array("d", rows.tobytes()))
+
+
+def _center_of_mass(estimate: PayloadEstimate, stamp: Time) -> PoseWithCovarianceStamped:
+    """Centre of mass with its covariance; element 0 of the covariance is -1 where nothing is carried (as in sensor_msgs/Imu)."""
+    message = PoseWithCovarianceStamped()
+    message.header.stamp, message.header.frame_id = stamp, estimate.frame
+    pose = message.pose.pose
+    pose.orientation.w = 1.0
+    covariance = np.zeros((6, 6))
+    if estimate.is_empty:
+        covariance[0, 0] = -1.0
+    else:
+        pose.position.x, pose.position.y, pose.position.z = estimate.body.com.tolist()
+        covariance[:3, :3] = estimate.body.com_covariance
+    message.pose.covariance = covariance.ravel()
+    return message
+
+
+def markers_message(estimate: PayloadEstimate, stamp: Time) -> MarkerArray:
+    """The payload as RViz and Foxglove draw it, equivalent box and text; both are deleted where nothing is carried."""
+    box, text = (Marker(ns="payload", id=i) for i in range(2))
+    for marker in (box, text):
+        marker.header.stamp, marker.header.frame_id = stamp, estimate.frame
+        marker.frame_locked = True
+    if estimate.is_empty:
+        box.action = text.action = Marker.DELETE
+        return MarkerArray(markers=[box, text])
+    size, rotation = equivalent_box(estimate.mass, estimate.inertia_com)
+    com = estimate.com.tolist()
+    box.type, text.type = Marker.CUBE, Marker.TEXT_VIEW_FACING
+    for marker, lift in ((box, 0.0), (text, 0.5 * float(size.max()) + _TEXT_HEIGHT)):
+        p, c = marker.pose.position, marker.color
+        p.x, p.y, p.z = com[0], com[1], com[2] + lift
+        marker.pose.orientation.w = 1.0
+        c.r, c.g, c.b, c.a = _COLOURS.get(estimate.status, _DOUBTFUL)
+    o, s = box.pose.orientation, box.scale
+    o.x, o.y, o.z, o.w = quaternion(rotation)
+    s.x, s.y, s.z = size.tolist()
+    text.scale.z, text.color.a = _TEXT_HEIGHT, 1.0
+    text.text = f"{estimate.mass:.2f} kg (std {estimate.mass_std:.2f}) {estimate.status}"
+    return MarkerArray(markers=[box, text])

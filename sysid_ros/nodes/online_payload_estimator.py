@@ -17,24 +17,21 @@ from std_msgs.msg import String
 from sysid_ros.exceptions import SysidError
 from sysid_ros.nodes import services
 from sysid_ros.nodes.diagnostics import NodeState
-from sysid_ros.nodes.messages import record_of, stamp_of
-from sysid_ros.nodes.outputs import Outputs
+from sysid_ros.nodes.messages import LATCHED, Outputs, record_of, stamp_of
 from sysid_ros.nodes.parameters import NodeParameters, NodeSettings
 from sysid_ros.nodes.reporter import Reporter
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock, Timing
 from sysid_ros.nodes.trunk_inputs import TrunkInputs
-from sysid_ros.online.commit_gate import CommitGate, CommitSettings
-from sysid_ros.online.live_estimation import LiveEstimation
+from sysid_ros.online.live_estimation import CommitGate, LiveEstimation
 from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.online.warm_up import warm_up
-from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.online_settings import CommitSettings, OnlineSettings
 from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
 from sysid_ros.sources.robot_description import urdf_text
 from sysid_ros.torque.model_file import ModelFile
 
 _INPUT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)
-_LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -72,7 +69,7 @@ class OnlinePayloadEstimator(LifecycleNode):
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible_qos),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
-        self._descriptions = self.create_subscription(String, "robot_description", self._on_description, _LATCHED)
+        self._descriptions = self.create_subscription(String, "robot_description", self._on_description, LATCHED)
         services.create(self, self._live_or_refusal, self._publish_committed)
         self._reporter = Reporter(self, self._receive_clock, lambda: self.live, self._state_now)
         if self.get_parameter("autostart").value and self.trigger_configure() == _SUCCESS:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import Field, dataclass, fields
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
@@ -12,48 +12,29 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.online.commit_gate import CommitSettings
-from sysid_ros.online_settings import OnlineSettings
-
-
-def _setting(default: str | bool, description: str, choices: tuple[str, ...] = (), fixed: bool = False) -> Any:
-    metadata = {"description": description, "unit": "", "low": None, "high": None, "choices": choices, "fixed": fixed}
-    return field(default=default, metadata=metadata)
+from sysid_ros.online_settings import CommitSettings, OnlineSettings, Settings, setting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NodeSettings:
-    """What only the node needs.
+class NodeSettings(Settings):
+    """What only the node needs."""
 
-    Raises:
-        SettingsError: a value is of the wrong type or not among those allowed.
-    """
-
-    urdf_path: str = _setting("", "the robot's URDF; empty: it is taken from the topic robot_description")
-    model_path: str = _setting("", "model.yaml of 'sysid identify'; empty: the URDF's links and <dynamics> are what is known")
-    autostart: bool = _setting(True, "configure and activate at the start, without a lifecycle manager", fixed=True)
-    executor: str = _setting(
+    urdf_path: str = setting("", "the robot's URDF; empty: it is taken from the topic robot_description")
+    model_path: str = setting("", "model.yaml of 'sysid identify'; empty: the URDF's links and <dynamics> are what is known")
+    autostart: bool = setting(True, "configure and activate at the start, without a lifecycle manager", fixed=True)
+    executor: str = setting(
         "events",
         "rclpy's EventsExecutor, where this rclpy has it, or its SingleThreadedExecutor, which takes more than twice the load",
         choices=("single", "events"),
         fixed=True,
     )
-    disabled_at_startup: bool = _setting(False, "start frozen, until the service ~/enable")
-    publish_markers: bool = _setting(True, "publish ~/markers while somebody subscribes")
-
-    def __post_init__(self) -> None:
-        for f in fields(self):
-            value, choices = getattr(self, f.name), f.metadata["choices"]
-            if choices and value not in choices:
-                raise SettingsError(f"{f.name} is {value!r}; it must be one of {', '.join(choices)}.")
-            if not isinstance(value, type(f.default)):
-                wanted = "true or false" if isinstance(f.default, bool) else "a string"
-                raise SettingsError(f"{f.name} is {value!r}; it must be {wanted}.")
+    disabled_at_startup: bool = setting(False, "start frozen, until the service ~/enable")
+    publish_markers: bool = setting(True, "publish ~/markers while somebody subscribes")
 
 
-Settings = TypeVar("Settings")
-ESTIMATOR_GROUPS: tuple[tuple[str, type], ...] = (("", NodeSettings), ("", OnlineSettings), ("commit.", CommitSettings))
-ESTIMATOR_LIVE = frozenset(["publish_markers", *(f"commit.{f.name}" for f in fields(CommitSettings))])
+Group = TypeVar("Group", bound=Settings)
+ESTIMATOR_GROUPS: tuple[type[Settings], ...] = (NodeSettings, OnlineSettings, CommitSettings)
+ESTIMATOR_LIVE = frozenset(["publish_markers", *(CommitSettings.prefix + f.name for f in fields(CommitSettings))])
 """Parameters of the estimator that may be set while it runs."""
 _ARRAYS = (Parameter.Type.DOUBLE_ARRAY, Parameter.Type.STRING_ARRAY)
 
@@ -67,7 +48,7 @@ class NodeParameters:
         node: whose parameters they are.
         is_configured: whether the node has left the state unconfigured.
         on_change: called when one was set.
-        groups: prefix of the names and dataclass of each group of settings; their fields tell description, unit and range.
+        groups: of settings, whose fields tell description, unit and range.
         live: names that may be set at any time, the others while the node is unconfigured.
     """
 
@@ -76,12 +57,12 @@ class NodeParameters:
         node: Node,
         is_configured: Callable[[], bool],
         on_change: Callable[[], None],
-        groups: Sequence[tuple[str, type]] = ESTIMATOR_GROUPS,
+        groups: Sequence[type[Settings]] = ESTIMATOR_GROUPS,
         live: Collection[str] = ESTIMATOR_LIVE,
     ) -> None:
         self._node, self._is_configured, self._on_change, self._live = node, is_configured, on_change, live
         self._problems: dict[str, str] = {}
-        self._fields = {prefix + f.name: (cls, f) for prefix, cls in groups for f in fields(cls)}
+        self._fields = {cls.prefix + f.name: (cls, f) for cls in groups for f in fields(cls)}
         for name, (cls, f) in self._fields.items():
             self._declare(name, cls, f)
         self._warn_of_unknown()
@@ -94,12 +75,12 @@ class NodeParameters:
         """One sentence for each value that was given and is not allowed."""
         return list(self._problems.values())
 
-    def read(self, group: type[Settings]) -> Settings:
+    def read(self, group: type[Group]) -> Group:
         """The settings of one of the groups."""
         values = {f.name: self._node.get_parameter(name).value for name, (cls, f) in self._fields.items() if cls is group}
         return group(**{name: _plain(value) for name, value in values.items()})
 
-    def _declare(self, name: str, cls: type, f: Field[Any]) -> None:
+    def _declare(self, name: str, cls: type[Settings], f: Field[Any]) -> None:
         kind, meta = _type_of(f), f.metadata
         notes = [meta["description"]]
         if meta["unit"]:
@@ -108,7 +89,7 @@ class NodeParameters:
             notes.append(f"(one of {', '.join(meta['choices'])})")
         elif meta["low"] is not None:
             notes.append(f"({meta['low']:g} to {meta['high']:g})")
-        descriptor = ParameterDescriptor(description=" ".join(notes), read_only=meta.get("fixed", False))
+        descriptor = ParameterDescriptor(description=" ".join(notes), read_only=meta["fixed"])
         if kind == Parameter.Type.DOUBLE:
             descriptor.floating_point_range = [FloatingPointRange(from_value=float(meta["low"]), to_value=float(meta["high"]))]
         overrides = self._node._parameter_overrides
@@ -188,7 +169,7 @@ def _plain(value: Any) -> Any:
     return tuple(value) if not isinstance(value, str | bool | float) else value
 
 
-def _problem(name: str, cls: type, f: Field[Any], p: Parameter) -> str:
+def _problem(name: str, cls: type[Settings], f: Field[Any], p: Parameter) -> str:
     kind = _type_of(f)
     if p.type_ != kind:
         found, wanted = (k.name.lower().replace("_", " ") for k in (p.type_, kind))

@@ -11,7 +11,6 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from sysid_ros.nodes import diagnostics
-from sysid_ros.nodes.messages import stamp_of
 from sysid_ros.nodes.timing import ReceiveClock, Timing
 from sysid_ros.online.live_estimation import LiveEstimation
 
@@ -59,8 +58,7 @@ class Reporter:
             diagnostics.timing_status(self.timing.report(), node.published),
         ]
         robot = live.robot.name if live is not None else ""
-        name = self._node.get_fully_qualified_name().lstrip("/")
-        self._publisher.publish(diagnostics.diagnostic_array(stamp_of(max(ros_time, 0.0)), name, robot, statuses))
+        self._publisher.publish(diagnostics.diagnostic_array(self._node, ros_time, robot, statuses))
         if live is not None:
             self._log_news(live)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
@@ -21,45 +22,33 @@ def create(
         publish_committed: publishes an estimate that was committed.
     """
 
-    def reset(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        live = live_or_refusal()
-        if isinstance(live, str):
-            response.message = live
-        else:
-            live.reset("the service ~/reset was called")
-            response.success, response.message = True, "The estimation was started again."
-        return response
+    def reset(live: LiveEstimation, request: Trigger.Request) -> tuple[bool, str]:
+        live.reset("the service ~/reset was called")
+        return True, "The estimation was started again."
 
-    def tare(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        live = live_or_refusal()
-        if isinstance(live, str):
-            response.message = live
-        else:
-            response.success = live.estimation.latest is not None
-            response.message = live.estimation.tare()
-            live.commit.interrupt("The estimate was tared.")
-        return response
+    def tare(live: LiveEstimation, request: Trigger.Request) -> tuple[bool, str]:
+        known = live.estimation.latest is not None
+        live.commit.interrupt("The estimate was tared.")
+        return known, live.estimation.tare()
 
-    def commit(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        live = live_or_refusal()
-        if isinstance(live, str):
-            response.message = live
-        else:
-            response.success, response.message = live.commit_now()
-            if response.success and live.commit.committed is not None:
-                publish_committed(live.commit.committed)
-        return response
+    def commit(live: LiveEstimation, request: Trigger.Request) -> tuple[bool, str]:
+        done, sentence = live.commit_now()
+        if done and live.commit.committed is not None:
+            publish_committed(live.commit.committed)
+        return done, sentence
 
-    def enable(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        live = live_or_refusal()
-        if isinstance(live, str):
-            response.message = live
-        else:
-            live.set_enabled(request.data)
-            response.success = True
-            response.message = "The estimation goes on." if request.data else "The estimate is frozen and not published."
-        return response
+    def enable(live: LiveEstimation, request: SetBool.Request) -> tuple[bool, str]:
+        live.set_enabled(request.data)
+        return True, "The estimation goes on." if request.data else "The estimate is frozen and not published."
 
-    for callback in (reset, tare, commit):
-        node.create_service(Trigger, f"~/{callback.__name__}", callback)
-    node.create_service(SetBool, "~/enable", enable)
+    def offer(kind: Any, act: Callable[[LiveEstimation, Any], tuple[bool, str]]) -> None:
+        def answer(request: Any, response: Any) -> Any:
+            live = live_or_refusal()
+            response.success, response.message = (False, live) if isinstance(live, str) else act(live, request)
+            return response
+
+        node.create_service(kind, f"~/{act.__name__}", answer)
+
+    for act in (reset, tare, commit):
+        offer(Trigger, act)
+    offer(SetBool, enable)

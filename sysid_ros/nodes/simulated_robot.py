@@ -16,7 +16,7 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -24,6 +24,7 @@ from std_srvs.srv import Trigger
 
 from sysid_ros.control import Reference
 from sysid_ros.exceptions import SettingsError, SysidError
+from sysid_ros.nodes.messages import LATCHED, inertia_of
 from sysid_ros.nodes.simulation_parameters import ARM_ONLY, PARAMETERS, typed
 from sysid_ros.nodes.trunk_outputs import TrunkOutputs
 from sysid_ros.sample import FloatArray, Measurement
@@ -31,7 +32,6 @@ from sysid_ros.simulation import ArmScenario, ArmSimulation
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 from sysid_ros.simulation.quadruped_simulation import QuadrupedSimulation, QuadrupedState
 
-_LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _SERVE_EVERY = 0.01
 _SERVE_COMMANDS_EVERY = 0.0005
 _LATE = 0.1
@@ -58,8 +58,8 @@ class SimulatedRobot(Node):
         self._effort: FloatArray | None = None
         self.simulation = self._make_simulation()
         self._joint_states = self.create_publisher(JointState, "joint_states", 10)
-        self._description = self.create_publisher(String, "robot_description", _LATCHED)
-        self._truth = self.create_publisher(InertiaStamped, "~/truth", _LATCHED)
+        self._description = self.create_publisher(String, "robot_description", LATCHED)
+        self._truth = self.create_publisher(InertiaStamped, "~/truth", LATCHED)
         self._pick_service = self.create_service(Trigger, "~/pick", self._on_pick)
         self._effort_commands = None
         if self._commanded:
@@ -181,18 +181,9 @@ class SimulatedRobot(Node):
             self.get_logger().info(f"{kind} at {t:.3f} s")
 
     def _publish_truth(self, t: float) -> None:
-        message = InertiaStamped()
-        message.header.stamp = self._stamp(t)
-        message.header.frame_id = self.simulation.frame
-        payload = self.simulation.payload
-        if payload is not None and self.simulation.carries:
-            inertia = message.inertia
-            inertia.m = payload.mass
-            inertia.com.x, inertia.com.y, inertia.com.z = payload.com.tolist()
-            (inertia.ixx, inertia.ixy, inertia.ixz), (_, inertia.iyy, inertia.iyz), (_, _, inertia.izz) = (
-                payload.inertia_com.tolist()
-            )
-        self._truth.publish(message)
+        p = self.simulation.payload
+        body = (p.mass, p.com, p.inertia_com) if p is not None and self.simulation.carries else None
+        self._truth.publish(inertia_of(body, self.simulation.frame, self._stamp(t)))
 
     def _stamp(self, t: float) -> Any:
         stamp: Time = self._start_stamp + Duration(nanoseconds=round(t * 1e9))

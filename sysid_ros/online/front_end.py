@@ -1,7 +1,8 @@
-"""FrontEnd: measurements at the robot's rate to filtered rows of the equation at the estimator's rate."""
+"""Cadence: how fast measurements come; FrontEnd: from them to filtered rows of the equation at the estimator's rate."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,15 +14,75 @@ from sysid_ros.floating.gravity_row import GravityRow
 from sysid_ros.floating.stance_log import StanceLog
 from sysid_ros.floating.standing_columns import StandingColumns
 from sysid_ros.sample import FREE, FloatArray, Measurement, Sample
-from sysid_ros.signals.causal_derivative import CausalDerivative, default_cutoff, window_half_width
+from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank, default_cutoff, window_half_width
 from sysid_ros.signals.floating_derivative import FloatingDerivative
-from sysid_ros.signals.low_pass import LowPassBank
 from sysid_ros.torque.torque_model import TorqueModel
 
 _TRUSTED = 0.99
 """Part of a row that is from when the feet carried the robot, from which on their velocity is that of the trunk."""
 _SLOW = 0.06
 """Speed of a joint below which dry friction is not what a model says [rad/s]."""
+FIRST = 25
+"""Measurements from which rate and noise of the torque are read before anything is estimated."""
+_LONGEST_STEP = 1.0
+"""Longest time between measurements while the rate is not known [s]."""
+_SHORTEST_PERIOD = 5e-5
+"""Measurements do not come faster, whatever their stamps say [s]."""
+_CHECK_EVERY = 300
+"""Measurements after which the rate is looked at again."""
+_LONGEST_FILL = 10.5
+"""Longest step that is interpolated over [periods]."""
+
+
+class Cadence:
+    """Reads the period between measurements from the first of them, and watches that it stays.
+
+    Args:
+        max_gap: a longer step between measurements breaks the row of them [s].
+    """
+
+    def __init__(self, max_gap: float) -> None:
+        self._max_gap = max_gap
+        self._last_t = -math.inf
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the rate; the next measurement is a first one."""
+        self._first: list[Measurement] = []
+        self._period = 0.0
+        self._longest_step = math.inf
+        self._since_check, self._checked_t = 0, 0.0
+
+    def follows(self, t: float) -> bool:
+        """Take in a stamp [s]. False where it does not follow the ones before: time jumped, there was a gap, or measurements come
+        at another rate than the first of them did, as after a burst."""
+        step, self._last_t = t - self._last_t, t
+        if not 0.0 < step <= self._longest_step:
+            return False
+        self._since_check += 1
+        return self._since_check < _CHECK_EVERY or self._keeps_rate(t)
+
+    def first(self, measurement: Measurement) -> list[Measurement]:
+        """Take in one of the first measurements; all of them, once there are enough to know the rate."""
+        self._longest_step = _LONGEST_STEP
+        self._first.append(measurement)
+        if len(self._first) < FIRST:
+            return []
+        first, self._first = self._first, []
+        self._period = max(float(np.median(np.diff([m.t for m in first]))), _SHORTEST_PERIOD)
+        self._since_check, self._checked_t = 0, measurement.t
+        self._longest_step = max(min(self._max_gap, _LONGEST_FILL * self._period), 3.5 * self._period)
+        return first
+
+    @property
+    def period(self) -> float:
+        """Usual time between measurements, once known [s]."""
+        return self._period
+
+    def _keeps_rate(self, t: float) -> bool:
+        faster = self._since_check * self._period / (t - self._checked_t)
+        self._since_check, self._checked_t = 0, t
+        return 0.6 < faster < 1.4
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,12 +151,8 @@ class FrontEnd:
         self._model = model
         n, p = model.robot.n, model.p
         self.rate = 1.0 / period
-        half_width = window_half_width(self.rate)
-        self._derivative: CausalDerivative | FloatingDerivative = (
-            CausalDerivative(n, period, half_width, use_message_velocity)
-            if base is None
-            else FloatingDerivative(base.robot.n, period, half_width, use_message_velocity)
-        )
+        derivative = CausalDerivative if base is None else FloatingDerivative
+        self._derivative = derivative(n, period, window_half_width(self.rate), use_message_velocity)
         self._raw = np.zeros((n, p + 5 + model.error.c))
         self._columns, self._rest, self._considered = self._raw[:, :p], self._raw[:, p], self._raw[:, p + 5 :]
         cutoff = min(cutoff_hz or default_cutoff(self.rate), 0.4 * self.rate)
@@ -117,11 +174,6 @@ class FrontEnd:
             self._gravity = GravityRow(gravity, cutoff, self.rate, self.period)
             self._bias = bias
             self.rows += bias is not None
-
-    @property
-    def filled(self) -> int:
-        """Samples that were interpolated over lost measurements so far."""
-        return self._derivative.filled
 
     def push(self, measurement: Measurement) -> list[Rows]:
         """Rows that are due: none while the filters fill and between updates, seldom more than one."""
@@ -204,19 +256,3 @@ def _fill_beside(raw: FloatArray, first: int, v: FloatArray, a: FloatArray, tau:
         raw[j, first + 1] = a[j]
         raw[j, first + 2] = tau[j]
         raw[j, first + 3] = max(1.0 - abs(v[j]) / _SLOW, 0.0)
-
-
-def white_noise_variance(measurements: list[Measurement]) -> FloatArray:
-    """Variance of the white part of the torques, shape (n,) [(N m)^2]: from their second differences, in which motion hardly
-    shows.
-
-    The median makes it robust against single faults; 0.455 is the median of chi-squared with one degree of freedom.
-    """
-    return white_variance(np.array([m.tau for m in measurements]))
-
-
-def white_variance(channels: FloatArray) -> FloatArray:
-    """Variance of the white part of each of c channels at N even samples, (N, c) -> (c,)."""
-    second = np.diff(channels, 2, axis=0)
-    variance: FloatArray = np.median(second * second, axis=0) / 0.455 / 6.0
-    return variance

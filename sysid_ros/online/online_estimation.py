@@ -17,15 +17,13 @@ from sysid_ros.floating.floating_base import FloatingBase, floating_base_of
 from sysid_ros.floating.ground_contact import GroundContact
 from sysid_ros.floating.stance_log import StanceLog
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
-from sysid_ros.online.front_end import FrontEnd, Rows
-from sysid_ros.online.judgement import Judgement
-from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
+from sysid_ros.online.front_end import Cadence, FrontEnd, Rows
+from sysid_ros.online.payload_estimate import Judgement, PayloadEstimate, PayloadEvent
 from sysid_ros.online.payload_events import EventLog
 from sysid_ros.online_settings import OnlineSettings
-from sysid_ros.robot.physical_projection import project
+from sysid_ros.robot.inertial_parameters import project
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FREE, FloatArray, Measurement
-from sysid_ros.signals.cadence import Cadence
 from sysid_ros.torque.model_file import ModelFile
 
 _STANDS = 0.15

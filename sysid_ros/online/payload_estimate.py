@@ -1,4 +1,4 @@
-"""PayloadEstimate and PayloadEvent: what the online estimation says of the payload, as values."""
+"""PayloadEstimate and PayloadEvent: what the online estimation says of the payload; Judgement: whether that may be believed."""
 
 from __future__ import annotations
 
@@ -8,10 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sysid_ros.estimators import Estimate, Estimator
+from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 STATUSES = ("ok", "warming_up", "not_excited", "not_physical", "stale", "no_payload", "inconsistent")
+_STAYS_KNOWN = 1.5
+"""A mass that was known stays known up to so many times the limit, or the status would flicker at it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,3 +133,117 @@ class PayloadEstimate:
     def com_std(self) -> FloatArray:
         """Standard deviation of the centre of mass, shape (3,) [m]."""
         return np.sqrt(np.diag(self.body.com_covariance))
+
+
+class ModelCheck:
+    """Compares what known model and payload leave unexplained with the torque itself and with the noise it could be.
+
+    A payload is only as good as the arm's model beneath it. Where the residual is both a large part of the torque and far above
+    the noise that the torque signal itself shows at high frequency (or that the model states), it is not noise: the model is
+    wrong.
+
+    Args:
+        robot: for the names of the joints.
+        memory: time constant of the averages [updates]. rows: how many of its joints have rows, from the first on; None: all.
+
+    Attributes:
+        ready: True once there are enough updates for a verdict.
+        part: as of the last verdict, rms of what is unexplained over rms of the torque, a joint, shape (n,); 0 where the joint
+            carries next to nothing.
+    """
+
+    PART = 0.25
+    TIMES_NOISE = 10.0
+    JOINTS = 0.6
+    REMAINS = 0.03
+    FEWEST = 300
+
+    def __init__(self, robot: RobotModel, memory: float = 3000.0, rows: int | None = None) -> None:
+        n = robot.n if rows is None else rows
+        self._names = robot.joint_names[:n]
+        self._weak = 0.005 * np.where(np.isfinite(robot.effort_limit), robot.effort_limit, 50.0)[:n]
+        self._memory = memory
+        self._torque = np.zeros(n)
+        self._unexplained = np.zeros(n)
+        self._count = 0
+        self.ready = False
+        self.part: FloatArray = np.zeros(n)
+
+    def add(self, torque: FloatArray, unexplained: FloatArray) -> None:
+        """Take in measured torque and what known model and payload leave of it, after the low-pass, shape (n,) each [N m]."""
+        self._count += 1
+        self.ready = self._count >= self.FEWEST
+        rate = max(1.0 / self._count, 1.0 / self._memory)
+        self._torque += rate * (torque * torque - self._torque)
+        self._unexplained += rate * (unexplained * unexplained - self._unexplained)
+
+    def verdict(self, noise: FloatArray, residual: FloatArray, floor: FloatArray) -> str:
+        """A sentence that names the worst joints where the model is wrong, else an empty string.
+
+        Args:
+            noise: long-run variance of the residual, a joint, shape (n,). residual: its variance, shape (n,) [(N m)^2].
+            floor: what is known to be noise, as a long-run variance, shape (n,).
+        """
+        if not self.ready:
+            return ""
+        self.part = part = np.sqrt(self._unexplained / np.maximum(self._torque, self._weak**2))
+        if float(part.sum()) < self.PART * part.size:
+            return ""
+        usual = float(np.quantile(np.sqrt(noise / floor), self.JOINTS))
+        # noise that is slow is far above its white part too, but it is small beside the torque
+        remains = float(np.sqrt(residual).sum() / np.sqrt(np.maximum(self._torque, self._weak**2)).sum())
+        if usual < self.TIMES_NOISE or remains < self.REMAINS:
+            return ""
+        worst = np.argsort(-np.sqrt(self._unexplained))[:3]
+        listed = ", ".join(
+            f"{self._names[i]} {np.sqrt(self._unexplained[i]):.2g} N m ({100 * part[i]:.0f} % of its torque)" for i in worst
+        )
+        times = f"{usual:.0f}" if usual < 1000.0 else "over a thousand"
+        return (
+            f"The residual is far above any noise that it could be ({times} times): rms {listed}. "
+            "The robot's model does not explain these torques; the payload can't be trusted. "
+            "Identify the arm without a payload ('sysid identify') and give the model with --model."
+        )
+
+
+class Judgement:
+    """Turns what estimator and model check know into one of the statuses in :data:`STATUSES`.
+
+    Args:
+        robot: for the names of its joints. settings: the limits. floor: least variance of a row, shape (n,), of those
+            rows that are torques.
+
+    Attributes:
+        check: takes in the rows of a moving robot.
+    """
+
+    def __init__(self, robot: RobotModel, settings: OnlineSettings, floor: FloatArray) -> None:
+        self._settings = settings
+        self._floor = floor
+        self.check = ModelCheck(robot, rows=floor.size)
+        self._known = False
+
+    def status(self, estimate: Estimate, estimator: Estimator, mass: float, mass_std: float) -> tuple[str, str]:
+        """Status and reason for a mass [kg] and its standard deviation [kg]."""
+        s, n, noise_known = self._settings, self._floor.size, estimator.noise_known
+        if noise_known:
+            wrong = self.check.verdict(estimator.noise_variance[:n], estimator.row_variance[:n], self._floor)
+            if wrong:
+                return "inconsistent", wrong
+        limit = max(s.mass_std_limit, 0.05 * abs(mass))
+        self._known = mass_std <= (_STAYS_KNOWN if self._known else 1.0) * limit
+        unknown = not self._known
+        if estimate.status == "not_excited" and (unknown or not noise_known):
+            known_to = f"the mass is known to {mass_std:.2g} kg only" if unknown else "the noise of the torques is not known yet"
+            return "not_excited", f"The robot stands; {known_to}. Move the joints that carry the payload."
+        reason = f"{estimate.reason[0].upper()}{estimate.reason[1:]}." if estimate.reason else ""
+        if not noise_known or estimate.status == "warming_up":
+            return "warming_up", f"{reason or 'The noise of the torques is not known yet.'} Keep moving."
+        if not self.check.ready:
+            return "warming_up", "Whether the robot's model explains the torques is not known yet. Keep moving."
+        if unknown:
+            return "warming_up", f"The mass is known to {mass_std:.2g} kg only. Keep moving."
+        level = max(s.no_payload_mass, 1.96 * mass_std)
+        if abs(mass) < level:
+            return "no_payload", f"No payload above {level:.2g} kg."
+        return "ok", "The robot stands; the estimate is held." if estimate.status == "not_excited" else reason

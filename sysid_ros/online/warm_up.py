@@ -8,7 +8,7 @@ from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.input_gate import FloatingGate, InputGate
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online_settings import OnlineSettings
-from sysid_ros.robot.physical_projection import project
+from sysid_ros.robot.inertial_parameters import project
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FREE, ContactRecord, ImuRecord, JointStateRecord, Measurement
 

@@ -1,4 +1,4 @@
-"""Rotations between their forms, by pinocchio."""
+"""Rotations between their forms, by pinocchio, and the box by which an inertia is drawn."""
 
 from __future__ import annotations
 
@@ -18,3 +18,16 @@ def rotation_of(rpy: Sequence[float] | FloatArray) -> FloatArray:
 def quaternion(rotation: FloatArray) -> list[float]:
     """x, y, z, w of a rotation matrix of shape (3, 3)."""
     return [float(x) for x in pin.Quaternion(rotation).coeffs()]
+
+
+def equivalent_box(mass: float, inertia_com: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Edges (3,) [m] and rotation (3, 3) of the homogeneous box with this mass and inertia about its centre.
+
+    The box's principal moments are m/12 (b^2 + c^2) and so on; an edge whose square comes out
+    negative is drawn one millimetre long.
+    """
+    moments, axes = np.linalg.eigh(inertia_com)
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 0] = -axes[:, 0]
+    squares = 6.0 / mass * (moments.sum() - 2.0 * moments)
+    return np.sqrt(np.maximum(squares, 1e-6)), axes

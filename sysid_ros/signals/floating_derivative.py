@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from sysid_ros.sample import FREE, FloatArray, Measurement, Sample
-from sysid_ros.signals.causal_derivative import CausalDerivative
+from sysid_ros.signals.causal_filters import CausalDerivative
 
 
 class FloatingDerivative:
@@ -32,11 +32,6 @@ class FloatingDerivative:
         self._last: tuple[float, FloatArray] | None = None
         self._place = np.zeros(3)
         self._told: deque[tuple[float, FloatArray | None]] = deque(maxlen=4 * half_width + 16)
-
-    @property
-    def filled(self) -> int:
-        """As :attr:`CausalDerivative.filled`."""
-        return self._inner.filled
 
     def push(self, measurement: Measurement) -> list[Sample]:
         """The samples that a measurement completes."""

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-from sysid_ros.effects import Acts, Depends, Effect, JointEffect, Motion
+from sysid_ros.effects import Acts, Depends, Effect, Motion
 from sysid_ros.exceptions import SysidError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
@@ -75,7 +73,6 @@ class TorqueModel:
         self.p = ends[-1]
         self.parameter_names = tuple(name for e in self.free for name in e.parameter_names)
         self.units = tuple(unit for e in self.free for unit in e.units)
-        self._write_joint_effects_together()
         replaced = [k for k in self.known if k.effect.replaces_links]
         links_free = [e.id for e in self.free if e.replaces_links]
         if replaced and links_free:
@@ -87,20 +84,6 @@ class TorqueModel:
         self._correction = correction if self._urdf_links and np.any(correction) else None
         self.error = KnownError(robot, self.known, uncertainty if self._urdf_links else None)
         self._others = tuple(k for k in self.known if not k.effect.replaces_links)
-
-    def _write_joint_effects_together(self) -> None:
-        """Find the effects with one column a joint: at the robot's rate an assignment for each would cost more than its curve."""
-        self._joint_effects: list[JointEffect] = []
-        self._blocks: list[tuple[Effect, slice]] = []
-        starts = []
-        for effect, where in zip(self.free, self.slices, strict=True):
-            if (diagonal := effect.diagonal) is not None:
-                self._joint_effects.append(diagonal)
-                starts.append(where.start)
-            else:
-                self._blocks.append((effect, where))
-        self._starts = np.array(starts, dtype=np.intp)
-        self._curves = np.zeros((len(starts), self.robot.n))
 
     # What a robot's description could hold of all that is known: the URDF's own, where it is known, and the effects' sums.
 
@@ -195,22 +178,10 @@ class TorqueModel:
             considered: takes what the uncertainty of the known effects does, shape (n, ``error.c``).
         """
         np.subtract(sample.tau, self._known_torque(sample, considered), out=rest)
-        for effect, where in self._blocks:
+        for effect, where in zip(self.free, self.slices, strict=True):
             effect.fill(sample, columns[:, where])
-        if self._joint_effects:
-            for k, effect in enumerate(self._joint_effects):
-                self._curves[k] = effect.curve(sample)
-            _write_diagonals(self._curves, self._starts, columns)
 
 
 def _from_link_to_message(k: KnownEffect) -> tuple[bool, int, bool]:
     """Where in the order of :meth:`TorqueModel.torques_along` an effect comes."""
     return k.effect.as_delay(k.theta) != 0.0, list(Acts).index(k.effect.acts), Depends.DRIVE in k.effect.depends_on
-
-
-@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _write_diagonals(curves: FloatArray, starts: NDArray[np.intp], columns: FloatArray) -> None:
-    """Each row of ``curves``, shape (k, n), as the diagonal of an n x n block of ``columns`` that begins at its start."""
-    for k in range(starts.size):
-        for j in range(curves.shape[1]):
-            columns[j, starts[k] + j] = curves[k, j]
