@@ -7,7 +7,7 @@ import pytest
 from motions import Motion
 from robots import robot
 
-from sysid_ros.diagnosis.robot_likelihood import Likelihoods, robot_likelihood, wrong_robot
+from sysid_ros.diagnosis.robot_likelihood import Likelihoods, _independent, robot_likelihood, wrong_robot
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
@@ -52,13 +52,21 @@ def test_torques_of_no_robot_are_refused_with_a_reason() -> None:
     assert "--urdf" in reason
 
 
-@pytest.mark.parametrize("seconds", [1.0, 10.0, 100.0])
-def test_what_was_seen_shortly_does_not_outweigh_that_a_given_urdf_is_usually_right(seconds: float) -> None:
+@pytest.mark.parametrize("rows", [1.0, 10.0, 100.0])
+def test_little_data_do_not_outweigh_that_a_given_urdf_is_usually_right(rows: float) -> None:
     zero = np.zeros(3)
-    found = Likelihoods(zero - 0.1, zero, zero - 1.0, seconds)
+    found = Likelihoods(zero - 0.1, zero, zero - 1.0, rows)
     assert found.gain == pytest.approx(-0.3)
-    assert (found.probability > 0.5) == (seconds < np.log(99.0) / 0.3)
-    assert Likelihoods(zero, zero, zero, seconds).probability == pytest.approx(0.99)
+    assert (found.probability > 0.5) == (rows < np.log(99.0) / 0.3)
+    assert Likelihoods(zero, zero, zero, rows).probability == pytest.approx(0.99)
+
+
+def test_rows_that_follow_one_another_count_as_fewer() -> None:
+    rng = np.random.default_rng(0)
+    white = rng.normal(size=4000)
+    assert _independent(white) == pytest.approx(4000, rel=0.15)
+    slow = np.convolve(white, np.ones(20), "valid")
+    assert _independent(slow) == pytest.approx(len(slow) / 20, rel=0.4)
 
 
 def test_nothing_is_said_of_too_little() -> None:

@@ -38,25 +38,25 @@ _CARRIED = np.array([1.0] + [0.15] * 3 + [0.03] * 6)
 """A payload, times its mass: within 0.15 m of the flange."""
 _SLOW = 0.15
 """Second width of the sign of a velocity [rad/s], for friction that falls with the speed."""
+_GRAVITY = (0.0, -1.0, 1.0)
+"""Gravity as it is, taken out of the efforts, counted twice."""
 _OWN = 0.3
 """Standard deviation of a friction, an offset, a rotor's torque, as a part of the usual torque; of a gain, as a part of it."""
 
 
 _USUALLY_RIGHT = 0.99
 """Probability that a URDF that somebody gives is the robot's, before any data."""
-_CORRELATED = 1.0
-"""Time within which what a model leaves keeps its sign [s]: that many seconds count as one row."""
 
 
 @dataclass(frozen=True)
 class Likelihoods:
-    """Mean log-likelihood of a left-out row of each joint, shape (n,): with the URDF, with free bodies, with no robot; and for
-    how long that was seen [s]."""
+    """Mean log-likelihood of a left-out row of each joint, shape (n,): with the URDF, with free bodies, with no robot; and how
+    many rows are independent of one another."""
 
     urdf: FloatArray
     free: FloatArray
     no_robot: FloatArray
-    seconds: float
+    rows: float
 
     @property
     def gain(self) -> float:
@@ -66,7 +66,7 @@ class Likelihoods:
     @property
     def probability(self) -> float:
         """That the URDF is the robot's rather than that one of the others holds."""
-        odds = np.log(_USUALLY_RIGHT / (1.0 - _USUALLY_RIGHT)) + self.gain * self.seconds / _CORRELATED
+        odds = np.log(_USUALLY_RIGHT / (1.0 - _USUALLY_RIGHT)) + self.gain * self.rows
         return float(1.0 / (1.0 + np.exp(-np.clip(odds, -700.0, 700.0))))
 
 
@@ -91,28 +91,30 @@ def wrong_robot(robot: RobotModel, recordings: Sequence[Recording]) -> str | Non
 
 def robot_likelihood(robot: RobotModel, recordings: Sequence[Recording]) -> Likelihoods | None:
     """What the recordings say of a URDF; None where nothing of them can be used."""
-    found = [m for r in recordings for m in motions(robot, r)]
-    if not found:
+    parts = [_rows(robot, m) for r in recordings for m in motions(robot, r)]
+    if not parts:
         return None
-    parts = [_rows(robot, m) for m in found]
-    q, links, payload, own, waves, tau = (np.concatenate(x) for x in zip(*parts, strict=True))
+    q, links, payload, own, waves, gravity, tau = (np.concatenate(x) for x in zip(*parts, strict=True))
     regions = _regions(q)
     usual = np.maximum(np.sqrt(np.mean(tau**2, axis=0)), 1e-9)
     total = float(robot.pi[::10].sum())
     most = max(0.5 * total, float(usual.max()) / (9.81 * 0.3))
-    U, F, B = (np.zeros(robot.n) for _ in range(3))
+    U, F, B, rows = (np.zeros(robot.n) for _ in range(4))
     for j in range(robot.n):
         of_joint = _OWN * usual[j] / np.maximum(np.abs(own[:, j]).max(axis=0), 1e-9)
-        of_joint[-2:] = _OWN, 1.0  # a gain; gravity that is missing or counted twice
+        of_joint[-1] = _OWN  # a gain
         known = np.concatenate([_inexactness(robot), most * _CARRIED, of_joint])
         columns = np.concatenate([links[:, j], payload[:, j], own[:, j]], axis=1)
-        U[j] = _left_out(columns * known, tau[:, j] - links[:, j] @ robot.pi, regions)
+        known_torque = links[:, j] @ robot.pi
+        tried = [_left_out(columns * known, tau[:, j] - known_torque - c * gravity[:, j], regions) for c in _GRAVITY]
+        U[j], left = max(tried, key=lambda found: found[0])
+        rows[j] = _independent(left)
         free = np.concatenate([np.tile(max(total, most) * _BODY, robot.n), of_joint])
-        F[j] = _left_out(np.concatenate([links[:, j], own[:, j]], axis=1) * free, tau[:, j], regions)
+        F[j], _ = _left_out(np.concatenate([links[:, j], own[:, j]], axis=1) * free, tau[:, j], regions)
         size = usual[j] / np.maximum(np.sqrt(np.mean(waves**2, axis=0)), 1e-9)
-        none = np.concatenate([waves * size, own[:, j, :-3] * of_joint[:-3]], axis=1)
-        B[j] = _left_out(none, tau[:, j], regions)
-    return Likelihoods(U, F, B, sum(len(m.t) * m.period for m in found))
+        none = np.concatenate([waves * size, own[:, j, :6] * of_joint[:6]], axis=1)
+        B[j], _ = _left_out(none, tau[:, j], regions)
+    return Likelihoods(U, F, B, float(np.median(rows)))
 
 
 def _rows(robot: RobotModel, m: Motion) -> tuple[FloatArray, ...]:
@@ -130,11 +132,20 @@ def _rows(robot: RobotModel, m: Motion) -> tuple[FloatArray, ...]:
     q, v, a, rigid = m.q, m.v, m.a, m.rigid_torque
     sign = smoothed_sign(v)
     friction = [np.ones_like(v), v, v * np.abs(v), a, sign, np.tanh(v / _SLOW)]
-    own = np.stack([*friction, np.abs(rigid) * sign, rigid, m.gravity_torque], axis=-1)
+    turns = [np.sin(q), np.cos(q), np.sin(2.0 * q), np.cos(2.0 * q)]
+    own = np.stack([*friction, *turns, np.abs(rigid) * sign, rigid], axis=-1)
     circle = np.concatenate([np.sin(q), np.cos(q)], axis=1)
     (i, k), (s, t) = np.triu_indices(circle.shape[1], 1), np.triu_indices(robot.n)
     waves = np.concatenate([circle, circle[:, i] * circle[:, k], a, v[:, s] * v[:, t]], axis=1)
-    return q[::every], low(m.regressor), low(m.payload_regressor(robot.default_frame)), low(own), low(waves), low(m.tau)
+    return (
+        q[::every],
+        low(m.regressor),
+        low(m.payload_regressor(robot.default_frame)),
+        low(own),
+        low(waves),
+        low(m.gravity_torque),
+        low(m.tau),
+    )
 
 
 def _inexactness(robot: RobotModel) -> FloatArray:
@@ -157,8 +168,8 @@ def _regions(q: FloatArray) -> NDArray[np.intp]:
     return np.asarray(kmeans2(q / scale, _REGIONS, seed=0, minit="++")[1], dtype=np.intp)
 
 
-def _left_out(X: FloatArray, y: FloatArray, regions: NDArray[np.intp]) -> float:
-    """Mean log-likelihood of a row of the regions left out in turn, under the noise that they show.
+def _left_out(X: FloatArray, y: FloatArray, regions: NDArray[np.intp]) -> tuple[float, FloatArray]:
+    """Mean log-likelihood of a row of the regions left out in turn, under the noise that they show, and their errors, shape (N,).
 
     Args:
         X: columns times the standard deviation of their parameters. y: shape (N,).
@@ -172,4 +183,14 @@ def _left_out(X: FloatArray, y: FloatArray, regions: NDArray[np.intp]) -> float:
             at = regions == r
             error[at] = y[at] - X[at] @ np.linalg.solve((A - own) / noise + np.eye(X.shape[1]), (b - side) / noise)
         noise = max(float(np.mean(error**2)), 1e-12)
-    return -0.5 * float(np.log(2.0 * np.pi * noise) + 1.0)
+    return -0.5 * float(np.log(2.0 * np.pi * noise) + 1.0), error
+
+
+def _independent(error: FloatArray) -> float:
+    """How many rows of a series count: N over the sum of its autocorrelation up to where that is first lost in the noise
+    (Geyer 1992)."""
+    power = np.abs(np.fft.rfft(error - error.mean(), 2 * len(error))) ** 2
+    correlation = np.fft.irfft(power)[: len(error)]
+    correlation = correlation / max(float(correlation[0]), 1e-300)
+    lost = np.flatnonzero(correlation <= 0.0)
+    return float(len(error) / (2.0 * np.sum(correlation[: int(lost[0]) if lost.size else len(error)]) - 1.0))
