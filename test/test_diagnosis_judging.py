@@ -19,8 +19,8 @@ from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.leftover import leftovers
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared, prepare
-from sysid_ros.diagnosis.robot_likelihood import wrong_robot
 from sysid_ros.diagnosis.signal_faults import velocity_lag
+from sysid_ros.diagnosis.wrong_robot import wrong_robot
 from sysid_ros.robot.robot_model import RobotModel
 
 

@@ -29,8 +29,8 @@ README, EXTENDING = ROOT / "README.md", DOCS / "extending.md"
 BESIDE = [ROOT / "CONTRIBUTING.md", ROOT / "bags" / "README.md", ROOT / "benchmarks" / "README.md"]
 DOCUMENTS = [README, *sorted(DOCS.rglob("*.md")), *BESIDE]
 NODES = ROOT / "sysid_ros" / "nodes"
-TOPICS = re.findall(r'"(~/\w+)"', (NODES / "outputs.py").read_text(encoding="utf-8"))
-SERVICES = [f"~/{name}" for name in re.findall(r"def (\w+)\(request:", (NODES / "services.py").read_text(encoding="utf-8"))]
+TOPICS = re.findall(r'"(~/\w+)"', (NODES / "messages.py").read_text(encoding="utf-8"))
+SERVICES = [f"~/{name}" for name in re.findall(r"def (\w+)\(live: LiveEstimation, request:", (NODES / "services.py").read_text(encoding="utf-8"))]
 
 _FENCE = re.compile(r"(?:<!-- (?P<mark>[^\n]*?) -->\n)?^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
 _LINK = re.compile(r"!?\[[^]]*\]\(([^)\s]+)\)")

@@ -28,12 +28,12 @@ from sysid_ros.diagnosis.message_faults import in_order
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.reporting import report
 from sysid_ros.diagnosis.result import Diagnosis, SimulationError
-from sysid_ros.diagnosis.robot_likelihood import wrong_robot
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.strong_contacts import strong_contacts
 from sysid_ros.diagnosis.temperature import known_everywhere
 from sysid_ros.diagnosis.time_or_temperature import better_drift
 from sysid_ros.diagnosis.urdf_part import urdf_part
+from sysid_ros.diagnosis.wrong_robot import wrong_robot
 from sysid_ros.exceptions import DataError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording

@@ -205,8 +205,7 @@ class RobotModel:
         """As :meth:`payload_regressor`, into ``out``, where :meth:`rnea` has just run on the same q, v, a (its body accelerations
         are used)."""
         body = pin.frameBodyRegressor(self.model, self.data, frame)
-        # of a robot with one joint it comes as a vector
-        jacobian = pin.computeFrameJacobian(self.model, self.data, q, frame, pin.LOCAL).reshape(6, self.n, order="F")
+        jacobian = pin.computeFrameJacobian(self.model, self.data, q, frame, pin.LOCAL).reshape(6, self.n)  # (6,) of one joint
         _transposed_product(jacobian, body, out)
 
     def rnea_along(self, q: FloatArray, v: FloatArray, a: FloatArray, gravity: FloatArray | None = None) -> FloatArray:
