@@ -32,9 +32,6 @@ NODES = ROOT / "sysid_ros" / "nodes"
 TOPICS = re.findall(r'"(~/\w+)"', (NODES / "messages.py").read_text(encoding="utf-8"))
 _SERVICE = re.compile(r"def (\w+)\(live: LiveEstimation, request:")
 SERVICES = [f"~/{name}" for name in _SERVICE.findall((NODES / "services.py").read_text(encoding="utf-8"))]
-    f"~/{name}"
-    for name in re.findall(r"def (\w+)\(live: LiveEstimation, request:", (NODES / "services.py").read_text(encoding="utf-8"))
-]
 
 _FENCE = re.compile(r"(?:<!-- (?P<mark>[^\n]*?) -->\n)?^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
 _LINK = re.compile(r"!?\[[^]]*\]\(([^)\s]+)\)")
