@@ -29,6 +29,8 @@ from sysid_ros.diagnosis.message_faults import find_message_faults
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.signal_faults import velocity_lag
 from sysid_ros.effects import CHANNEL_EFFECTS, EFFECTS
+from sysid_ros.effects.parameter import CHAIN
+from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.hidden_effects import (
     CAUSES,
     Circumstances,
@@ -109,10 +111,16 @@ def _check_widths(trial: Trial) -> None:
         if p.std is None or q is None:
             continue
         assert np.all(np.asarray(p.std) > 0.0), f"{p.name} of {trial.large.id} has a std of {p.std}"
-        ratios += np.atleast_1d(np.asarray(q.std) / np.asarray(p.std)).tolist()
+        ratios += np.atleast_1d(_of_noise(q) / _of_noise(p)).tolist()
     if ratios and trial.large.id not in AS_SURE_AS_BEFORE:
         usual = float(np.sqrt(LITTLE / MUCH))
         assert 0.6 * usual < np.median(ratios) < 1.6 * usual, f"intervals of {trial.large.id} narrow by {ratios}, not by {usual}"
+
+
+def _of_noise(p: Parameter) -> FloatArray:
+    """The part of a standard deviation that comes from the noise: that of the chain is the same for any amount of data."""
+    std, chain = np.asarray(p.std, dtype=float), CHAIN * np.asarray(p.value, dtype=float)
+    return np.asarray(np.sqrt(np.where(std > np.abs(chain), std**2 - chain**2, std**2)))
 
 
 def inside(finding: Finding, truth: HiddenEffect) -> Iterator[bool]:
