@@ -307,7 +307,7 @@ def test_nothing_is_sent_before_it_is_activated(bench: Callable[..., Bench]) -> 
         ({"bandwidth": 0.0}, "bandwidth is 0"),
         ({"urdf_path": "/nowhere.urdf"}, "nowhere.urdf"),
         ({"frame_id": "nowhere"}, "nowhere"),
-        ({"gravity": [0.0, 0.0]}, "gravity has 2"),
+        ({"gravity": [0.0, 0.0]}, "gravity is (0.0, 0.0); it must be three numbers"),
     ],
 )
 def test_a_bad_parameter_fails_configure_with_the_reason(
