@@ -226,6 +226,7 @@ def test_a_fault_of_units_signs_or_order_is_measured(id_: str) -> None:
         assert 10.0 < evidence(SMALL, LITTLE).delta_bic < large.delta_bic
 
 
+@pytest.mark.slow
 def test_a_cause_of_torque_is_measured() -> None:
     trial = trial_of("viscous_friction", 1)
     assert trial is not None

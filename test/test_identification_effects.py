@@ -114,6 +114,7 @@ def test_friction_that_would_give_power_is_refused(size: float, accepted: bool) 
     assert all(value >= 0.0 for value in own)
 
 
+@pytest.mark.slow
 def test_effects_of_a_test_file_are_found_by_the_command(tmp_path: Path) -> None:
     ripple = LoadRipple(MODEL, [ELBOW], N=9.0), np.array([0.20, 0.15])
     bags = [bag_of(tmp_path / f"bag{k}", with_effects(k, ripple, (SidewaysPull(MODEL), np.array([0.4])))) for k in (1, 2)]
@@ -142,6 +143,7 @@ def test_effects_of_a_test_file_are_found_by_the_command(tmp_path: Path) -> None
     assert abs(json.loads((tmp_path / "replay.json").read_text())["payload"]["mass"]) < 0.15
 
 
+@pytest.mark.slow
 def test_what_is_not_there_does_not_become_free() -> None:
     recordings = [with_effects(seed) for seed in (1, 2)]
     choices = Choices(effects=(LoadRipple.id, SidewaysPull.id, "cogging"))

@@ -42,7 +42,6 @@ class PreslidingHysteresis(JointCurves):
     family = "dry friction"
     usual = 0.3
     nonnegative = True
-    between = (0.0, np.inf)
     jumps = True
     symbols = ("Fc",)
     symbol_units = ("N m",)

@@ -13,7 +13,6 @@ class QuadraticFriction(JointEffect):
     id = "quadratic_friction"
     label = "friction with the square of the speed"
     nonnegative = True
-    between = (0.0, np.inf)
     simpler = "viscous_friction"
     symbol = "c"
     unit = "N m s^2/rad^2"

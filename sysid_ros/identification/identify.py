@@ -144,10 +144,11 @@ def identify(
 def _describe(model: TorqueModel, bags: Sequence[BagRows], prior: Prior, found: Fit, theta: FloatArray) -> dict[str, Any]:
     """Fields of the identification: how well each parameter is known, in the bags and in each of them, what to record next."""
     base = base_of_range(model)
-    values, stds = per_bag(found, prior, group_matrix(base))
+    matrix = group_matrix(base)
+    values, stds = per_bag(found, prior, matrix)
     between = spread(values)
     groups = base_groups(model, base, found, prior, between)
-    repeated = repeatability(model, base, group_matrix(base), values, stds)
+    repeated = repeatability(model, base, matrix, values, stds)
     condition = condition_number(found.information, base)
     joints = model.robot.joint_names
     return {
