@@ -33,7 +33,7 @@ from verdict import Target, conclude
 
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, JointStateRecord
-from sysid_ros.simulation.bag_and_truth import START_TIME
+from sysid_ros.simulation.arm_record import START_TIME
 from sysid_ros.simulation.description import arm_description
 from sysid_ros.sources import BagRecorder
 

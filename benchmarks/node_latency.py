@@ -91,7 +91,7 @@ class Quadruped:
 
     def attach(self, node: Node) -> None:
         """IMU and contacts are published by this node too."""
-        from sysid_ros.nodes.trunk_outputs import TrunkOutputs
+        from sysid_ros.nodes.simulated_robot import TrunkOutputs
 
         self._trunk = TrunkOutputs(node)
 

@@ -42,7 +42,7 @@ from sysid_ros.online.replay import Replay, replay
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation import ArmScenario, simulate_arm
-from sysid_ros.simulation.bag_and_truth import START_TIME, write_recording
+from sysid_ros.simulation.arm_record import START_TIME, write_recording
 from sysid_ros.sources import BagRecorder, BagSource
 
 _COMMAND = "from sysid_ros.cli.main import main; main()"

@@ -15,7 +15,7 @@ from sysid_ros.cli.simulate import command
 from sysid_ros.exceptions import SysidError
 from sysid_ros.robot.inertial_parameters import to_com
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.simulation.bag_and_truth import truth_path
+from sysid_ros.simulation.arm_record import truth_path
 from sysid_ros.simulation.description import arm_description
 from sysid_ros.sources import BagSource
 

@@ -17,9 +17,8 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from sysid_ros.cli.demo import demo
-from sysid_ros.cli.demo_display import Display, Picture, panel
+from sysid_ros.cli.demo_display import Display, Picture, compare, objections, panel
 from sysid_ros.cli.demo_processes import DemoProcess, ProcessFailed, ros_arguments
-from sysid_ros.cli.demo_verdict import compare, objections
 from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
 from sysid_ros.pages import TruthSegment
 from sysid_ros.robot import inertial_parameters

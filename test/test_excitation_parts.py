@@ -10,13 +10,12 @@ from robots import ROBOTS, robot
 from test_collision_model import chain
 
 from sysid_ros.exceptions import DataError, SettingsError
-from sysid_ros.excitation.constraints import MotionConstraints
 from sysid_ros.excitation.criteria import ExcitationCriteria, random_states
 from sysid_ros.excitation.excitation_settings import ExcitationSettings
 from sysid_ros.excitation.feasibility import Feasibility
 from sysid_ros.excitation.fourier_trajectory import FourierBasis, FourierTrajectory
-from sysid_ros.excitation.joint_limits_file import read_joint_limits
-from sysid_ros.excitation.motion_limits import JointLimit, MotionLimits
+from sysid_ros.excitation.motion_limits import JointLimit, MotionLimits, read_joint_limits
+from sysid_ros.excitation.optimiser import MotionConstraints
 from sysid_ros.identification import BaseParameters, free_model
 from sysid_ros.robot.collision_model import CollisionModel
 from sysid_ros.robot.robot_model import RobotModel

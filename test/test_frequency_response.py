@@ -10,9 +10,8 @@ from scipy import fft, signal
 
 from sysid_ros.frequency.beyond_linear import distortion
 from sysid_ros.frequency.causes import find_cause
-from sysid_ros.frequency.lines import Record
+from sysid_ros.frequency.lines import Record, bridged, find_periods
 from sysid_ros.frequency.local_fit import circular_quantile, local_fit
-from sysid_ros.frequency.periods import bridged, find_periods
 from sysid_ros.frequency.verdict import verdict
 from sysid_ros.sample import FloatArray
 

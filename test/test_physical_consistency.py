@@ -13,9 +13,8 @@ from robots import ROBOTS, random_body, random_sample, robot, urdf
 from sysid_ros.effects import LinkInertia
 from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.identification import free_model
-from sysid_ros.identification.physical_consistency import PhysicalProblem
+from sysid_ros.identification.physical_consistency import PhysicalProblem, reference_bodies
 from sysid_ros.identification.prior_weight import WEIGHTS, choose_weights
-from sysid_ros.identification.reference_bodies import reference_bodies
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray

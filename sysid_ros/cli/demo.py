@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING
 import click
 from rich.console import Console
 
-from sysid_ros.cli.demo_display import Display, Picture, comparison_table
+from sysid_ros.cli.demo_display import CRITERION, EVENT_DELAY, Display, Picture, compare, comparison_table, objections
 from sysid_ros.cli.demo_processes import DemoProcess, ProcessFailed, ros_arguments, write_urdf
-from sysid_ros.cli.demo_verdict import CRITERION, EVENT_DELAY, compare, objections
 from sysid_ros.exceptions import SysidError
 from sysid_ros.online.payload_estimate import PayloadEvent
 from sysid_ros.pages import TruthSegment, write_payload_plot

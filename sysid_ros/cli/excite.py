@@ -15,8 +15,7 @@ from sysid_ros.cli.output import ManyValues, note, progress_bar, require_folders
 from sysid_ros.exceptions import BagError, SettingsError
 from sysid_ros.excitation.excitation_settings import ExcitationSettings
 from sysid_ros.excitation.excite import Excitation, excite, steps
-from sysid_ros.excitation.joint_limits_file import read_joint_limits
-from sysid_ros.excitation.motion_limits import JointLimit
+from sysid_ros.excitation.motion_limits import JointLimit, read_joint_limits
 from sysid_ros.identification import free_model
 from sysid_ros.pages import check_plot_path, write_plot
 from sysid_ros.robot.collision_model import CollisionModel

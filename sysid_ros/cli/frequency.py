@@ -5,13 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
 
 from sysid_ros.cli import options as opt
-from sysid_ros.cli.frequency_tables import show
 from sysid_ros.cli.inputs import provenance, read_config, settings_from
-from sysid_ros.cli.output import ManyValues, note, progress_bar, require_folders, warn, write_json
+from sysid_ros.cli.output import ManyValues, note, progress_bar, report, require_folders, table, warn, write_json
 from sysid_ros.cli.recordings import read_recordings, warn_of
-from sysid_ros.frequency import check_frequency
+from sysid_ros.frequency import FrequencyCheck, JointCheck, check_frequency
+from sysid_ros.frequency.causes import Cause
+from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.pages import check_plot_path
 from sysid_ros.torque.model_file import ModelFile
 
@@ -78,3 +82,88 @@ def command(
         model = f"{model_path.name}" if model_path else "the URDF"
         write_frequency_plot(plot_path, result, f"Measured torque over that of {model}: {', '.join(b.name for b in bags)}")
         note(f"Plot written to {plot_path}.")
+
+
+def show(result: FrequencyCheck) -> None:
+    """Print the table and the findings."""
+    console = report()
+    _show_joints(console, result)
+    console.print("[bold]Findings[/bold]")
+    for sentence in (*result.sentences, *(s for check in result.joints for s in check.sentences)):
+        console.print(f"- {escape(sentence)}")
+    _show_modes(console, result)
+    console.print("[bold]Assumed[/bold]")
+    for sentence in result.assumptions:
+        console.print(f"- {escape(sentence)}")
+
+
+def _show_joints(console: Console, result: FrequencyCheck) -> None:
+    title = f"Measured torque over the model's, up to {result.top_hz:.3g} Hz (95 %, within 10 %)"
+    headings = ("holds\nHz", "fails\nfrom Hz", "told\nto Hz", "used\ns", "periods", "noise at 1 Hz\nN m/√Hz", "missed")
+    out = table(title, "joint", *headings, words=["missed"])
+    for check in result.joints:
+        out.add_row(check.joint, *_row(check))
+    console.print(out)
+
+
+def _row(check: JointCheck) -> tuple[str, ...]:
+    if check.torque is None:
+        return ("", "", "", "", "", "", "not checked")
+    r, v = check.torque, check.torque.verdict
+    holds = "–" if v.holds_to is None else f"{v.holds_from:.2g} to {v.holds_to:.3g}"
+    fails = "–" if v.fails_from is None else f"{v.fails_from:.3g}"
+    told = "–" if v.told_to is None else f"{v.told_to:.3g}"
+    near = min(range(len(r.windows)), key=lambda i: abs(r.windows[i].f - 1.0), default=None)
+    noise = "" if near is None else f"{r.density[near]:.2g}"
+    periods = ", ".join(f"{n} x {p:.3g} s" for p, n in r.periods) or "–"
+    missed = _missed(r.cause) if check.friction is None else f"dry friction, {check.friction.coulomb:.2g} N m"
+    return holds, fails, told, f"{r.seconds:.0f}", periods, noise, missed
+
+
+def _missed(cause: Cause | None) -> str:
+    if cause is None:
+        return "not told"
+    if cause.name == "nothing" or cause.effect < TOLERANCES.negligible:
+        return "nothing"
+    if cause.share < TOLERANCES.mostly_smooth:
+        return "not told (dry friction)"
+    if not cause.explains:
+        return "not explained"
+    words = []
+    for p in cause.parameters:
+        if p.name == "zero_ratio" or (p.name == "gain" and cause.name != "gain"):
+            continue
+        scale, unit = (1e3, "ms") if p.name == "delay" else (1.0, p.unit)
+        words.append(f"{p.value * scale:.3g} {unit}".strip() if p.name != "damping" else f"damping {p.value:.2g}")
+    return f"{cause.name.replace('_', ' ').replace('+', ' + ')} {', '.join(words)}"
+
+
+def _show_modes(console: Console, result: FrequencyCheck) -> None:
+    made = [c for c in result.joints if c.modes is not None]
+    if made:
+        headings = ("band\nHz", "order", "rigid poles\n1/s", "pair", "frequency\nHz", "damping", "found\nagain", "")
+        out = table("State-space check: torque to velocity", "joint", *headings)
+        for check in made:
+            _add_modes(out, check)
+        console.print(out)
+    for check in result.joints:
+        if check.modes is None and check.torque is not None:
+            console.print(f"No state-space check of {escape(check.joint)}: {escape(check.why_no_modes)}")
+
+
+def _add_modes(out: Table, check: JointCheck) -> None:
+    m = check.modes
+    assert m is not None
+    rigid = ", ".join(f"{x.real:.2g}" if abs(x.imag) < 1e-9 else f"{x.real:.2g} {x.imag:+.2g}i" for x in m.rigid)
+    first = (check.joint, f"{m.band[0]:.2g} to {m.band[1]:.2g}", str(m.order), rigid)
+    if not m.modes:
+        out.add_row(*first, "none", "", "", "", "")
+    for i, x in enumerate(m.modes):
+        out.add_row(
+            *(first if i == 0 else ("",) * 4),
+            f"{x.kind}s",
+            f"{x.frequency:.3g} ± {1.96 * x.frequency_std:.2g}",
+            f"{x.damping:.2g} ± {1.96 * x.damping_std:.1g}",
+            f"{100.0 * x.found_again:.0f} %",
+            "unmodelled" if x.unmodelled else "not sure",
+        )

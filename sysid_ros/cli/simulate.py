@@ -13,7 +13,7 @@ from sysid_ros.cli.simulate_hidden import record_hidden
 from sysid_ros.cli.simulate_output import conclude, payload_rows, prepare, simulated
 from sysid_ros.cli.simulate_quadruped import quadruped
 from sysid_ros.simulation import ArmScenario, simulate_arm
-from sysid_ros.simulation.bag_and_truth import write_recording
+from sysid_ros.simulation.arm_record import write_recording
 from sysid_ros.sources import BagRecorder
 
 

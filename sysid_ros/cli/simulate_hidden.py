@@ -14,7 +14,7 @@ from sysid_ros.cli.output import progress_bar, warn
 from sysid_ros.cli.simulate_output import Rows, conclude, named_option
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.sample import JointStateRecord
-from sysid_ros.simulation.bag_and_truth import START_TIME
+from sysid_ros.simulation.arm_record import START_TIME
 from sysid_ros.simulation.description import arm_description
 from sysid_ros.sources import BagRecorder
 

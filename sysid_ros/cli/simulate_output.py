@@ -13,7 +13,7 @@ from sysid_ros.cli.output import progress_bar, report, require_folders, write_js
 from sysid_ros.exceptions import BagError, SettingsError, SysidError
 
 try:
-    from sysid_ros.simulation.bag_and_truth import START_TIME, truth_path, write_truth
+    from sysid_ros.simulation.arm_record import START_TIME, truth_path, write_truth
 except ModuleNotFoundError as missing:
     if not (missing.name or "").startswith("pybullet"):
         raise

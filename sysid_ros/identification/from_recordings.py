@@ -7,7 +7,7 @@ from typing import Any
 
 from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.identification.channel_checks import check_channels
-from sysid_ros.identification.effect_search import choose_effects
+from sysid_ros.identification.effect_choice import choose_effects
 from sysid_ros.identification.free_effects import free_model, wishes
 from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.identify import Choices, identify, require_motion

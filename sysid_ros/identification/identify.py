@@ -46,7 +46,7 @@ class Choices:
         method: one of :data:`sysid_ros.identification.least_squares.METHODS`. form: one of ``rows.FORMS``, for the record.
         friction: "auto" or a form of dry friction, see :func:`~sysid_ros.identification.free_effects.wishes`.
         effects: ids of effects that become free where they predict better, see
-            :func:`~sysid_ros.identification.effect_search.choose_effects`.
+            :func:`~sysid_ros.identification.effect_choice.choose_effects`.
         physical: links that can exist, friction and rotors of 0 or more. prior_weight: None to choose it by held-out error.
         payload_frame: link that carries the payload of loaded runs; the robot's last by default.
         accept_doubts: go on where effort and URDF, or the bags among each other, don't fit, and only say so.

@@ -35,7 +35,7 @@ from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.inertial_parameters import to_com
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.sources.robot_description import urdf_text
+from sysid_ros.sources.source import urdf_text
 from sysid_ros.torque.model_file import ModelFile
 
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)

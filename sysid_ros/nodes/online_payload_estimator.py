@@ -28,7 +28,7 @@ from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.online.warm_up import warm_up
 from sysid_ros.online_settings import CommitSettings, OnlineSettings
 from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
-from sysid_ros.sources.robot_description import urdf_text
+from sysid_ros.sources.source import urdf_text
 from sysid_ros.torque.model_file import ModelFile
 
 _INPUT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)

@@ -18,19 +18,50 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
+from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import Float32MultiArray, Float64MultiArray, MultiArrayDimension, String
 from std_srvs.srv import Trigger
 
 from sysid_ros.control import Reference
 from sysid_ros.exceptions import SettingsError, SysidError
 from sysid_ros.nodes.messages import LATCHED, inertia_of
 from sysid_ros.nodes.simulation_parameters import ARM_ONLY, PARAMETERS, typed
-from sysid_ros.nodes.trunk_outputs import TrunkOutputs
 from sysid_ros.sample import FloatArray, Measurement
 from sysid_ros.simulation import ArmScenario, ArmSimulation
+from sysid_ros.simulation.quadruped_description import IMU_LINK
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 from sysid_ros.simulation.quadruped_simulation import QuadrupedSimulation, QuadrupedState
+
+
+class TrunkOutputs:
+    """Publishes ``imu`` and ``contacts``, reliable and of depth 10 as drivers do.
+
+    Args:
+        node: the node.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._imu = node.create_publisher(Imu, "imu", 10)
+        self._contacts = node.create_publisher(Float32MultiArray, "contacts", 10)
+        self._message = Imu()
+        self._message.header.frame_id = IMU_LINK
+        self._feet = Float32MultiArray()
+
+    def publish(self, state: QuadrupedState, stamp: Any) -> None:
+        """Publish what an instant's sensors tell."""
+        feet, message = self._feet, self._message
+        if not feet.layout.dim:
+            size = state.contacts.size
+            feet.layout.dim = [MultiArrayDimension(label="foot", size=size, stride=size)]
+        feet.data = array.array("f", state.contacts.tolist())
+        self._contacts.publish(feet)
+        message.header.stamp = stamp
+        r, w, f = message.orientation, message.angular_velocity, message.linear_acceleration
+        r.x, r.y, r.z, r.w = state.orientation.tolist()
+        w.x, w.y, w.z = state.omega.tolist()
+        f.x, f.y, f.z = state.specific_force.tolist()
+        self._imu.publish(message)
+
 
 _SERVE_EVERY = 0.01
 _SERVE_COMMANDS_EVERY = 0.0005

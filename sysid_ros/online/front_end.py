@@ -10,9 +10,8 @@ from numba import njit
 
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase
-from sysid_ros.floating.gravity_row import GravityRow
+from sysid_ros.floating.gravity_row import GravityRow, StandingColumns
 from sysid_ros.floating.stance_log import StanceLog
-from sysid_ros.floating.standing_columns import StandingColumns
 from sysid_ros.sample import FREE, FloatArray, Measurement, Sample
 from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank, default_cutoff, window_half_width
 from sysid_ros.signals.floating_derivative import FloatingDerivative
@@ -96,7 +95,7 @@ class Rows:
         slow: part of the row from when the joint hardly moved, where dry friction is not what a model says, shape (n,), 0 to 1.
         acceleration: shape (n,) [rad/s^2].
         tau: measured torque, shape (n,) [N m].
-        considered: torque of the errors of what is known, shape (n, c) [N m], see :class:`.known_error.KnownError`.
+        considered: torque of the errors of what is known, shape (n, c) [N m], see :class:`.known_effect.KnownError`.
         sample: the newest sample that went in, not filtered.
         trust: part of the row from when the feet of a floating base carried it, 0 to 1; 1 on an arm.
     """

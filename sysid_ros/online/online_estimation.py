@@ -11,11 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from sysid_ros.estimators import Estimate, Estimator
-from sysid_ros.floating import ground_contact
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase, floating_base_of
-from sysid_ros.floating.ground_contact import GroundContact
-from sysid_ros.floating.stance_log import StanceLog
+from sysid_ros.floating.stance_log import STANDS, STANDS_AGAIN, GroundContact, StanceLog
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
 from sysid_ros.online.front_end import Cadence, FrontEnd, Rows
 from sysid_ros.online.payload_estimate import Judgement, PayloadEstimate, PayloadEvent
@@ -209,12 +207,12 @@ class OnlineEstimation:
         state = ground.update(rows.trust, front_end.period)
         if ground.lifted and not lifted:
             self._log.lift(rows.sample.t - ground.seconds)
-        if state == ground_contact.STANDS_AGAIN:
+        if state == STANDS_AGAIN:
             assert self.estimator is not None
             self._set_down = rows.sample.t - ground.seconds
             self.estimator.forget()
             self._make_judgement()
-        return state in (ground_contact.STANDS, ground_contact.STANDS_AGAIN)
+        return state in (STANDS, STANDS_AGAIN)
 
     def _held(self, rows: Rows, ground: GroundContact) -> PayloadEstimate:
         """What is given out while the robot is lifted: no claim."""

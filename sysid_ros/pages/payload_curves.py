@@ -1,4 +1,4 @@
-"""What the figure of a payload shows, as arrays: quantities with their 95 % bands, spans of one status, limits."""
+"""What the figure of a payload shows, as arrays: quantities with their 95 % bands, spans of one status, limits, the truth."""
 
 from __future__ import annotations
 
@@ -9,8 +9,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
-from sysid_ros.pages.truth import TruthSegment
 from sysid_ros.sample import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class TruthSegment:
+    """The payload that was really there from ``start`` to ``end``.
+
+    Attributes:
+        start, end: stamps of the same clock as the estimates [s].
+        mass: [kg]; 0 where nothing was carried.
+        com: centre of mass in the estimate's frame, shape (3,) [m].
+        inertia_com: inertia about the centre of mass, axes parallel to the frame, shape (3, 3) [kg m^2].
+    """
+
+    start: float
+    end: float
+    mass: float
+    com: FloatArray
+    inertia_com: FloatArray
+
 
 QUANTILE = 1.96
 BELIEVED = ("ok", "no_payload")

@@ -19,6 +19,7 @@ from sysid_ros.pages.payload_curves import (
     Quantities,
     Quantity,
     Span,
+    TruthSegment,
     event_text,
     last_known,
     longest_step,
@@ -26,7 +27,6 @@ from sysid_ros.pages.payload_curves import (
     relative_times,
     status_spans,
 )
-from sysid_ros.pages.truth import TruthSegment
 from sysid_ros.sample import FloatArray
 
 _MOST_POINTS = 5000

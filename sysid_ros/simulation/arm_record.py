@@ -1,15 +1,17 @@
-"""simulate_arm: a whole scenario as arrays in memory."""
+"""simulate_arm: a whole scenario as arrays in memory, and as a recording with the truth in a file beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.sample import FloatArray, Measurement
+from sysid_ros.sample import FloatArray, JointStateRecord, Measurement
 from sysid_ros.simulation.arm_simulation import ArmSimulation
 from sysid_ros.simulation.scenario import ArmScenario
 
@@ -96,3 +98,41 @@ def _check_followed(simulation: ArmSimulation, exact: list[Measurement]) -> None
             f"{error[worst]:.2f} rad away from the motion; {_LOST} rad is allowed. Take a lighter payload nearer to the flange "
             "or less friction, or let the controller know the payload."
         )
+
+
+START_TIME = 1_700_000_000.0
+"""Stamp of the first message [s]: a date as on a real robot, always the same, so that a scenario gives the same bag again."""
+
+
+class Recorder(Protocol):
+    """What a recording is written to; :class:`sysid_ros.sources.bag_recorder.BagRecorder` is one."""
+
+    def write_robot_description(self, urdf: str, receive_time: float) -> None:
+        """The URDF's text."""
+
+    def write_joint_states(self, records: Iterable[JointStateRecord]) -> None:
+        """Joint states in the order of time."""
+
+
+def truth_path(bag: Path) -> Path:
+    """Where the truth of a bag is: ``NAME.truth.json`` beside it."""
+    return bag.with_name(f"{bag.name}.truth.json")
+
+
+def joint_state_records(record: ArmRecord) -> Iterator[JointStateRecord]:
+    """The messages of a simulated recording; they are received at their stamps."""
+    names = tuple(record.truth["joint_names"])
+    for k, t in enumerate(record.t.tolist()):
+        velocity = () if record.v is None else record.v[k]
+        yield JointStateRecord(t, t, names, record.q[k], velocity, record.tau[k])
+
+
+def write_recording(record: ArmRecord, recorder: Recorder) -> None:
+    """Write the description and the messages into an open recorder."""
+    recorder.write_robot_description(record.urdf, float(record.t[0]))
+    recorder.write_joint_states(joint_state_records(record))
+
+
+def write_truth(truth: dict[str, Any], path: Path) -> None:
+    """Write the truth as JSON."""
+    path.write_text(json.dumps(truth, indent=2) + "\n")

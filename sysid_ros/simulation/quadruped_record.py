@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
-from sysid_ros.simulation.bag_and_truth import Recorder
+from sysid_ros.simulation.arm_record import Recorder
 from sysid_ros.simulation.quadruped_description import IMU_LINK
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 from sysid_ros.simulation.quadruped_simulation import QuadrupedSimulation, QuadrupedState

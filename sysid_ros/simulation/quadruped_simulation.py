@@ -15,9 +15,8 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.rotation import rotation_of
 from sysid_ros.sample import FREE, FloatArray
 from sysid_ros.simulation.arm import STEP
-from sysid_ros.simulation.hoist import Hoist
 from sysid_ros.simulation.payload import Payload, truth_of_payload
-from sysid_ros.simulation.quadruped import QuadrupedWorld, TrunkState
+from sysid_ros.simulation.quadruped import Hoist, QuadrupedWorld, TrunkState
 from sysid_ros.simulation.quadruped_controller import QuadrupedController
 from sysid_ros.simulation.quadruped_description import FEET, IMU_LINK, TRUNK, quadruped_description
 from sysid_ros.simulation.quadruped_motion import Trot, TrunkMotion

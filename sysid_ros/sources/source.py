@@ -1,10 +1,12 @@
-"""What every source of joint states offers."""
+"""What every source of joint states offers; one of records in memory; and where the URDF comes from."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Protocol
 
+from sysid_ros.exceptions import RobotModelError
 from sysid_ros.sample import JointStateRecord
 
 
@@ -33,3 +35,61 @@ class Source(Protocol):
 
     def __iter__(self) -> Iterator[JointStateRecord]:
         """The records."""
+
+
+class MemorySource:
+    """Records from any iterable, with the properties of a bag.
+
+    Args:
+        records: in the order in which they were received. robot_description: the URDF that belongs to them.
+    """
+
+    def __init__(self, records: Iterable[JointStateRecord], robot_description: str | None = None) -> None:
+        self._records = tuple(records)
+        self.robot_description = robot_description
+        self.notes: list[str] = []
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The joints that any record names, in the order in which they come up."""
+        return tuple(dict.fromkeys(name for names in dict.fromkeys(r.names for r in self._records) for name in names))
+
+    @property
+    def message_count(self) -> int:
+        """How many records there are."""
+        return len(self._records)
+
+    @property
+    def duration(self) -> float:
+        """Receive time of the last record minus that of the first [s]."""
+        return self._records[-1].receive_time - self._records[0].receive_time if self._records else 0.0
+
+    def __iter__(self) -> Iterator[JointStateRecord]:
+        return iter(self._records)
+
+
+def urdf_text(urdf_path: str | Path | None, source: Source | None = None) -> str:
+    """The URDF's text from ``urdf_path``, else from the ``/robot_description`` that was recorded with the data.
+
+    Raises:
+        RobotModelError: there is no such file, it is not text, or neither of the two gives a URDF.
+    """
+    if urdf_path is None or str(urdf_path) == "":
+        if source is not None and (text := source.robot_description) is not None:
+            return text
+        where = "no URDF file is given" if source is None else "no URDF file is given and the data hold no /robot_description"
+        raise RobotModelError(f"{where}. Give the robot's URDF with --urdf FILE, or record /robot_description with the bag.")
+    path = Path(urdf_path)
+    if path.is_dir():
+        raise RobotModelError(f"URDF '{path}' is a folder. Give the .urdf file itself.")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise RobotModelError(f"URDF '{path}' does not exist. Give the path of the robot's .urdf file.") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise RobotModelError(
+            f"URDF '{path}' can't be read as text: {error}. Give the path of the robot's .urdf file."
+        ) from error
+    if "<xacro:" in text or path.suffix == ".xacro":
+        raise RobotModelError(f"URDF '{path}' is a xacro file. Expand it first: xacro {path.name} > robot.urdf")
+    return text

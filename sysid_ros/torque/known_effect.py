@@ -1,11 +1,16 @@
-"""KnownEffect: a cause of torque whose parameters are given."""
+"""KnownEffect: a cause of torque whose parameters are given; KnownError: what their uncertainty does to the torque."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from sysid_ros.effects import Effect
-from sysid_ros.sample import FloatArray
+from sysid_ros.exceptions import ModelFileError
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,3 +26,47 @@ class KnownEffect:
     effect: Effect
     theta: FloatArray
     covariance: FloatArray | None = None
+
+
+class KnownError:
+    """``error of the known torque = Z z``, z ~ N(0, 1), with Z = Y L and ``L L'`` the covariance of the known parameters.
+
+    Args:
+        robot: the arm.
+        known: its known effects.
+        directions: L, shape (number of known parameters, c), rows in the order of the effects; None where it is not known.
+
+    Attributes:
+        c: number of directions.
+
+    Raises:
+        ModelFileError: L does not fit the effects.
+    """
+
+    def __init__(self, robot: RobotModel, known: Sequence[KnownEffect], directions: FloatArray | None) -> None:
+        count = sum(k.effect.p for k in known)
+        if directions is not None and directions.shape[0] != count:
+            raise ModelFileError(
+                f"the model's uncertainty has {directions.shape[0]} rows, its effects have {count} parameters. "
+                "Write the model again with 'sysid identify'."
+            )
+        self.c = 0 if directions is None else directions.shape[1]
+        self._links = np.zeros((10 * robot.n, self.c))
+        self._others: list[tuple[Effect, FloatArray]] = []
+        if directions is None:
+            return
+        start = 0
+        for k in known:
+            rows = directions[start : start + k.effect.p]
+            start += k.effect.p
+            if k.effect.replaces_links:
+                nothing = k.effect.as_links(np.zeros(k.effect.p))
+                self._links += np.stack([(k.effect.as_links(d) - nothing).ravel() for d in rows.T], axis=1)
+            else:
+                self._others.append((k.effect, rows))
+
+    def fill(self, sample: Sample, regressor: FloatArray, out: FloatArray) -> None:
+        """Write Z into ``out`` of shape (n, c), given the links' regressor (n, 10 n) at the sample."""
+        out[:] = regressor @ self._links
+        for effect, rows in self._others:
+            effect.add_spread(sample, rows, out)

@@ -13,8 +13,7 @@ from sysid_ros.exceptions import SysidError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
-from sysid_ros.torque.known_effect import KnownEffect
-from sysid_ros.torque.known_error import KnownError
+from sysid_ros.torque.known_effect import KnownEffect, KnownError
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +40,7 @@ class TorqueModel:
         known: effects whose parameters are given. Without the links' inertials among them or among the free ones, and unless
             ``links`` is False, the URDF's links and its ``<dynamics>`` (damping, friction) are known.
         links: False where the measured torque is already free of the robot's own torque.
-        uncertainty: of the known effects, see :class:`sysid_ros.torque.known_error.KnownError`.
+        uncertainty: of the known effects, see :class:`sysid_ros.torque.known_effect.KnownError`.
         turns: speed at which the dry friction of the URDF's ``<dynamics>`` has turned, which no URDF says, shape () or (n,)
             [rad/s].
 
