@@ -21,7 +21,7 @@ from sysid_ros.signals.floating_derivative import FloatingDerivative
 
 pytest.importorskip("pybullet_data", reason="PyBullet, which brings the quadruped, is not installed (extra sim)")
 
-from sysid_ros.simulation.quadruped_description import quadruped_description
+from sysid_ros.simulation.description import quadruped_description
 
 QUADRUPED_URDF = quadruped_description()
 LEGS = RobotModel.from_urdf(QUADRUPED_URDF)

@@ -13,10 +13,12 @@ from sysid_ros.exceptions import SettingsError
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FREE, FloatArray
-from sysid_ros.simulation.quadruped_description import BACK, FEET, TRUNK, quadruped_description
+from sysid_ros.simulation.description import FEET, TRUNK, quadruped_description
 from sysid_ros.simulation.quadruped_record import QuadrupedRecord, simulate_quadruped
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 
+BACK = 0.057
+"""Height of the back above the trunk's origin [m]."""
 QUIET: dict[str, Any] = {
     "encoder_noise": 0.0,
     "velocity_noise": 0.0,

@@ -17,13 +17,9 @@ _SOFT_STOP = 5.0
 _LINES = 15
 _WRITE_URDF = """
 import pathlib, sys
-from sysid_ros.simulation.{module} import {function}
-pathlib.Path(sys.argv[1]).write_text({function}())
+from sysid_ros.simulation.description import {robot}_description
+pathlib.Path(sys.argv[1]).write_text({robot}_description())
 """
-_DESCRIPTIONS = {
-    "arm": ("description", "arm_description"),
-    "quadruped": ("quadruped_description", "quadruped_description"),
-}
 
 
 class ProcessFailed(SysidError):
@@ -93,8 +89,7 @@ def write_urdf(path: Path, robot: str) -> None:
     Raises:
         ProcessFailed: it could not be written.
     """
-    module, function = _DESCRIPTIONS[robot]
-    command = [sys.executable, "-c", _WRITE_URDF.format(module=module, function=function), str(path)]
+    command = [sys.executable, "-c", _WRITE_URDF.format(robot=robot), str(path)]
     done = subprocess.run(command, env=child_environment(os.environ), capture_output=True, text=True, check=False)
     if done.returncode:
         raise ProcessFailed(f"The simulated robot's URDF could not be written to {path}:\n{done.stderr}")

@@ -28,7 +28,7 @@ from sysid_ros.nodes.messages import LATCHED, inertia_of
 from sysid_ros.nodes.simulation_parameters import ARM_ONLY, PARAMETERS, typed
 from sysid_ros.sample import FloatArray, Measurement
 from sysid_ros.simulation import ArmScenario, ArmSimulation
-from sysid_ros.simulation.quadruped_description import IMU_LINK
+from sysid_ros.simulation.description import IMU_LINK
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 from sysid_ros.simulation.quadruped_simulation import QuadrupedSimulation, QuadrupedState
 

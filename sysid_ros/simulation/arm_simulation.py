@@ -12,10 +12,12 @@ from sysid_ros.control import Reference
 from sysid_ros.robot.drive import Drive
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement
-from sysid_ros.simulation.arm import STEP, ArmWorld
+from sysid_ros.simulation.arm import ArmWorld
+from sysid_ros.simulation.bullet_world import STEP
 from sysid_ros.simulation.description import HOME, TIP_LINK, arm_description
-from sysid_ros.simulation.payload import Payload, truth_of_payload, urdf_with_payload
+from sysid_ros.simulation.payload import Payload, urdf_with_payload
 from sysid_ros.simulation.scenario import CONTROL_RATE, ArmScenario
+from sysid_ros.simulation.simulation import Simulation
 from sysid_ros.simulation.trajectory import ExcitingTrajectory
 
 _FREQUENCY = 50.0
@@ -61,7 +63,7 @@ Command = Callable[[FloatArray, FloatArray, Reference], FloatArray]
 """Torques for the exact state q, v and what is wanted, shape (n,) each."""
 
 
-class ArmSimulation:
+class ArmSimulation(Simulation):
     """The arm of a scenario, one message at a time.
 
     A message at t holds q at t, the torque that acts from t on (for one physics step), and as velocity the mean of the steps
@@ -74,19 +76,12 @@ class ArmSimulation:
 
     Attributes:
         robot: model of the empty arm.
-        urdf: its description, the one that belongs to the messages.
-        frame: the tip link.
-        payload: the body, or None.
-        events: (t [s], "pick" | "drop") of all that happened, t of the first message that shows it.
     """
 
     def __init__(self, scenario: ArmScenario, command: Command | None = None) -> None:
+        super().__init__(scenario, arm_description(), TIP_LINK)
         self.scenario = scenario
-        self.urdf = arm_description()
-        self.frame = TIP_LINK
         self.robot = RobotModel.from_urdf(self.urdf)
-        self.payload: Payload | None = scenario.payload
-        self.events: list[tuple[float, str]] = []
         n = self.robot.n
         rotor = scenario.per_joint("rotor_inertia", n)
         self._offset = scenario.per_joint("torque_offset", n)
@@ -104,35 +99,14 @@ class ArmSimulation:
         self._noise = np.random.default_rng(noise_seed)
         self.trajectory = _motion(scenario, np.random.default_rng(motion_seed), self.robot, loaded)
         self._schedule = _schedule(scenario)
-        self._k = 0
-        self.world = ArmWorld(self.urdf, self.frame)
+        self.world: ArmWorld = ArmWorld(self.urdf, self.frame)
         self.world.reset(self.trajectory.centre, np.zeros(n))
 
-    @property
-    def t(self) -> float:
-        """Time of the next physics step since the start [s]."""
-        return self._k / CONTROL_RATE
+    def _tie(self, payload: Payload) -> None:
+        self.world.pick(payload)
 
-    @property
-    def carries(self) -> bool:
-        """True while the payload is tied to the tip."""
-        return self.world.body.tied
-
-    def pick(self) -> bool:
-        """Tie the payload on now; False where there is none, or it is on already."""
-        if self.payload is None or self.carries:
-            return False
-        self.world.pick(self.payload)
-        self.events.append((self.t, "pick"))
-        return True
-
-    def drop(self) -> bool:
-        """Let the payload go now; False where none is carried."""
-        if not self.carries:
-            return False
+    def _untie(self) -> None:
         self.world.body.untie()
-        self.events.append((self.t, "drop"))
-        return True
 
     def step(self) -> Measurement:
         """Simulate until the next message and return this one, without noise; see :meth:`noisy`."""
@@ -149,28 +123,17 @@ class ArmSimulation:
         v = None if exact.v is None or not s.velocity else exact.v + s.velocity_noise * noise[2]
         return Measurement(exact.t, exact.q + s.encoder_noise * noise[0], v, exact.tau + s.torque_noise * noise[1])
 
-    def close(self) -> None:
-        """Free the PyBullet world."""
-        self.world.close()
-
     def truth(self, start_time: float = 0.0) -> dict[str, Any]:
         """All that the recording hides, in plain types; times are stamps, ``start_time`` [s] is the first one."""
         s = self.scenario
-        return {
-            "format": 1,
-            "robot": self.robot.name,
-            "joint_names": list(self.robot.joint_names),
-            "frame": self.frame,
-            "start_time": start_time,
-            "duration": s.duration if math.isfinite(s.duration) else None,
-            "rate": s.rate,
-            "seed": s.seed,
-            **truth_of_payload(self.payload, self.events, start_time),
-            "noise": {"encoder": s.encoder_noise, "torque": s.torque_noise, "velocity": s.velocity_noise if s.velocity else None},
-            "effects": {x.name: s.per_joint(x.name, self.robot.n).tolist() for x in s.joint_settings()},
-            "controller_knows_payload": s.controller_knows_payload,
-            "timing": "q, velocity and effort belong to the header stamp; the effort is the torque of the 1 ms that begins there",
-        }
+        return self._truth(
+            s,
+            start_time,
+            noise={"encoder": s.encoder_noise, "torque": s.torque_noise, "velocity": s.velocity_noise if s.velocity else None},
+            effects={x.name: s.per_joint(x.name, self.robot.n).tolist() for x in s.joint_settings()},
+            controller_knows_payload=s.controller_knows_payload,
+            timing="q, velocity and effort belong to the header stamp; the effort is the torque of the 1 ms that begins there",
+        )
 
     def _physics_step(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         for action in self._schedule.get(self._k, ()):

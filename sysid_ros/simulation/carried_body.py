@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pybullet
 
+from sysid_ros.robot.rotation import quaternion
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.payload import Payload
 
@@ -46,7 +47,7 @@ class CarriedBody:
         if moving is not None:
             _, _, velocity, omega = moving
         moments, axes = payload.principal()
-        body_orientation = self.quaternion(axes)
+        body_orientation = quaternion(axes)
         # the body's frame is put at its centre of mass along its principal axes, where PyBullet keeps its state anyway
         _, orientation = pybullet.multiplyTransforms([0.0] * 3, link_orientation, [0.0] * 3, body_orientation)
         body: int = pybullet.createMultiBody(payload.mass, -1, -1, com_world.tolist(), orientation, physicsClientId=self._client)
@@ -103,17 +104,3 @@ class CarriedBody:
         rotation = np.array(pybullet.getMatrixFromQuaternion(orientation)).reshape(3, 3)
         position = np.array(origin) + rotation @ point
         return position, orientation, np.array(com_velocity) + np.cross(omega, position - np.array(link_com)), omega
-
-    @staticmethod
-    def quaternion(rotation: FloatArray) -> list[float]:
-        """Quaternion x, y, z, w of a rotation matrix (3, 3), by the eigenvector of Bar-Itzhack 2000: no special case."""
-        r = rotation
-        matrix = np.array(
-            [
-                [r[0, 0] - r[1, 1] - r[2, 2], r[1, 0] + r[0, 1], r[2, 0] + r[0, 2], r[2, 1] - r[1, 2]],
-                [r[1, 0] + r[0, 1], r[1, 1] - r[0, 0] - r[2, 2], r[2, 1] + r[1, 2], r[0, 2] - r[2, 0]],
-                [r[2, 0] + r[0, 2], r[2, 1] + r[1, 2], r[2, 2] - r[0, 0] - r[1, 1], r[1, 0] - r[0, 1]],
-                [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], r[0, 0] + r[1, 1] + r[2, 2]],
-            ]
-        )
-        return [float(x) for x in np.linalg.eigh(matrix)[1][:, -1]]

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pybullet
 
+from sysid_ros.robot.rotation import quaternion
 from sysid_ros.sample import FloatArray
-from sysid_ros.simulation.arm import STEP
-from sysid_ros.simulation.bullet_joints import BulletJoints
+from sysid_ros.simulation.bullet_world import STEP, BulletWorld
 from sysid_ros.simulation.carried_body import CarriedBody
 
 
@@ -35,74 +33,49 @@ class TrunkState:
         return self.velocity + cross(self.omega, self.rotation @ point)
 
 
-class QuadrupedWorld:
+class QuadrupedWorld(BulletWorld):
     """A floating trunk on legs whose feet may touch a plane, and a rigid body that a fixed constraint ties to the trunk.
 
     Each step is ``v+ = v + h M(q)^-1 (S' tau + J' f - C(q, v) v - g(q)); q+ = q + h v+`` (PyBullet's semi-implicit Euler) with
     the contact forces f that keep the feet out of the ground and within the friction cone. So torque, force and the difference of
-    velocities of a step belong together at its begin, as in :class:`sysid_ros.simulation.arm.ArmWorld`. Joint motors and all
-    damping are off; nothing but the feet touches.
+    velocities of a step belong together at its begin, as in :class:`sysid_ros.simulation.arm.ArmWorld`. Nothing but the feet
+    touches.
 
     Args:
-        urdf: text of the robot's URDF. trunk: its floating link. feet: links that touch, spheres.
+        urdf: text of the robot's URDF, whose root is the trunk. feet: links that touch, spheres.
         normal: of the plane through the world's origin, shape (3,), upwards. friction: Coulomb coefficient of the feet.
 
     Attributes:
-        joint_names: movable joints in PyBullet's order, that of all arrays here.
-        q, v: of the joints at the begin of the next step, shape (n,) [rad], [rad/s]. trunk: the trunk then.
+        trunk: the trunk at the begin of the next step.
         foot_forces: of the ground on the feet in the last step, in the world, shape (k, 3) [N].
         body: what is tied to the trunk.
     """
 
-    def __init__(self, urdf: str, trunk: str, feet: Sequence[str], normal: FloatArray, friction: float = 0.8) -> None:
-        self._client = client = pybullet.connect(pybullet.DIRECT)
-        pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=client)
-        pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=STEP, numSolverIterations=100, solverResidualThreshold=1e-30, physicsClientId=client
-        )
+    def __init__(self, urdf: str, feet: Sequence[str], normal: FloatArray, friction: float = 0.8) -> None:
+        super().__init__((0.0, 0.0, -9.81), iterations=100)
+        client = self._client
         shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=normal.tolist(), physicsClientId=client)
         self._ground = pybullet.createMultiBody(0.0, shape, physicsClientId=client)
         pybullet.changeDynamics(self._ground, -1, lateralFriction=1.0, restitution=0.0, physicsClientId=client)
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "robot.urdf"
-            path.write_text(urdf)
-            self._robot: int = pybullet.loadURDF(str(path), flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=client)
-        self._joints = BulletJoints(self._robot, client)
-        self.joint_names, links = self._joints.names, self._joints.links
-        self._feet = [links[name] for name in feet]
-        self.trunk_link = links.get(trunk, -1)
-        for link in (-1, *links.values()):
-            pybullet.changeDynamics(
-                self._robot, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, lateralFriction=friction,
-                rollingFriction=0.0, spinningFriction=0.0, restitution=0.0, physicsClientId=client,
-            )  # fmt: skip
-        self._joints.let_go()
+        self._load(urdf, False, lateralFriction=friction, rollingFriction=0.0, spinningFriction=0.0, restitution=0.0)
+        self._feet = [self.links[name] for name in feet]
         com = pybullet.getDynamicsInfo(self._robot, -1, physicsClientId=client)
         self._com, self._com_rotation = np.array(com[3]), _matrix(com[4])
         self.body = CarriedBody(client, self._robot, -1)
         self.foot_forces: FloatArray = np.zeros((len(feet), 3))
         self._read()
 
-    def close(self) -> None:
-        """Free the world; it can't be used any more. A second call does nothing."""
-        if self._client >= 0:
-            pybullet.disconnect(self._client)
-            self._client = -1
-
     def reset(self, rotation: FloatArray, position: FloatArray, q: FloatArray) -> None:
         """Put trunk (3, 3), (3,) and joints (n,) at rest somewhere."""
         com = position + rotation @ self._com
-        quaternion = CarriedBody.quaternion(rotation @ self._com_rotation)
-        pybullet.resetBasePositionAndOrientation(self._robot, com.tolist(), quaternion, physicsClientId=self._client)
+        turn = quaternion(rotation @ self._com_rotation)
+        pybullet.resetBasePositionAndOrientation(self._robot, com.tolist(), turn, physicsClientId=self._client)
         pybullet.resetBaseVelocity(self._robot, [0.0] * 3, [0.0] * 3, physicsClientId=self._client)
-        self._joints.reset(q, np.zeros_like(q))
-        self._read()
+        self._put(q, np.zeros_like(q))
 
     def step(self, tau: FloatArray) -> None:
         """Apply joint torques (n,) [N m] for one step."""
-        self._joints.apply(tau)
-        pybullet.stepSimulation(physicsClientId=self._client)
-        self._read()
+        self._step(tau)
         self._read_contacts()
         self.body.step(STEP)
 
@@ -113,10 +86,10 @@ class QuadrupedWorld:
         )
 
     def _read(self) -> None:
-        self.q, self.v = self._joints.read()
-        com, quaternion = pybullet.getBasePositionAndOrientation(self._robot, physicsClientId=self._client)
+        super()._read()
+        com, turn = pybullet.getBasePositionAndOrientation(self._robot, physicsClientId=self._client)
         velocity, omega = pybullet.getBaseVelocity(self._robot, physicsClientId=self._client)
-        rotation = _matrix(quaternion) @ self._com_rotation.T
+        rotation = _matrix(turn) @ self._com_rotation.T
         lever = rotation @ self._com
         w = np.array(omega)
         self.trunk = TrunkState(rotation, np.array(com) - lever, np.array(velocity) - cross(w, lever), w)

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
 from sysid_ros.simulation.arm_record import Recorder
-from sysid_ros.simulation.quadruped_description import IMU_LINK
+from sysid_ros.simulation.description import IMU_LINK
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 from sysid_ros.simulation.quadruped_simulation import QuadrupedSimulation, QuadrupedState
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid_ros.sample import FloatArray
-from sysid_ros.simulation.quadruped_description import FEET
+from sysid_ros.simulation.description import FEET
 from sysid_ros.simulation.quadruped_motion import GAITS
 from sysid_ros.simulation.scenario import Scenario
 

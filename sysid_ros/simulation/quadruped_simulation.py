@@ -12,16 +12,17 @@ import numpy as np
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.robot.rotation import rotation_of
+from sysid_ros.robot.rotation import quaternion, rotation_of
 from sysid_ros.sample import FREE, FloatArray
-from sysid_ros.simulation.arm import STEP
-from sysid_ros.simulation.payload import Payload, truth_of_payload
+from sysid_ros.simulation.bullet_world import STEP
+from sysid_ros.simulation.description import FEET, IMU_LINK, TRUNK, quadruped_description
+from sysid_ros.simulation.payload import Payload
 from sysid_ros.simulation.quadruped import Hoist, QuadrupedWorld, TrunkState
 from sysid_ros.simulation.quadruped_controller import QuadrupedController
-from sysid_ros.simulation.quadruped_description import FEET, IMU_LINK, TRUNK, quadruped_description
 from sysid_ros.simulation.quadruped_motion import Trot, TrunkMotion
 from sysid_ros.simulation.quadruped_scenario import SETTLE_TIME, QuadrupedScenario
 from sysid_ros.simulation.scenario import CONTROL_RATE
+from sysid_ros.simulation.simulation import Simulation
 
 HEIGHT = 0.27
 """Of the trunk's origin over the ground [m]."""
@@ -52,7 +53,7 @@ class QuadrupedState:
     forces: FloatArray
 
 
-class QuadrupedSimulation:
+class QuadrupedSimulation(Simulation):
     """The quadruped of a scenario, one message at a time.
 
     A message at t holds q at t, the torque that acts from t on, and the mean of the velocities and angular velocities before and
@@ -63,20 +64,18 @@ class QuadrupedSimulation:
         scenario: what is simulated.
 
     Attributes:
-        base: the robot without load. urdf: its description. events: (t [s], 'pick' | 'drop') of all that happened.
+        base: the robot without load. robot: model of its legs.
     """
 
     def __init__(self, scenario: QuadrupedScenario) -> None:
+        super().__init__(scenario, quadruped_description(tuple(scenario.imu_xyz), tuple(scenario.imu_rpy)), TRUNK)
         self.scenario = scenario
-        self.urdf = quadruped_description(tuple(scenario.imu_xyz), tuple(scenario.imu_rpy))
-        self.frame = TRUNK
         self.base = FloatingBase(RobotModel.from_urdf(self.urdf), FEET)
-        self.payload: Payload | None = scenario.payload
-        self.events: list[tuple[float, str]] = []
+        self.robot = self.base.legs
         motion_seed, noise_seed = np.random.SeedSequence(scenario.seed).spawn(2)
         self._noise = np.random.default_rng(noise_seed)
         self._ground = scenario.ground
-        self.world = QuadrupedWorld(self.urdf, TRUNK, FEET, self._ground[:, 2])
+        self.world: QuadrupedWorld = QuadrupedWorld(self.urdf, FEET, self._ground[:, 2])
         names = self.base.legs.joint_names
         self._to_world = np.array([names.index(name) for name in self.world.joint_names])
         self._to_model = np.array([self.world.joint_names.index(name) for name in names])
@@ -124,39 +123,14 @@ class QuadrupedSimulation:
                 break
         return q
 
-    @property
-    def robot(self) -> RobotModel:
-        """Model of the legs, whose joints the messages hold."""
-        return self.base.legs
-
-    @property
-    def t(self) -> float:
-        """Time of the next physics step since the start [s]."""
-        return self._k / CONTROL_RATE
-
-    @property
-    def carries(self) -> bool:
-        """True while the box is tied to the trunk."""
-        return self.world.body.tied
-
-    def pick(self) -> bool:
-        """Put the box on now; False where there is none, or it is on already."""
-        if self.payload is None or self.carries:
-            return False
-        self.world.body.tie(self.payload)
+    def _tie(self, payload: Payload) -> None:
+        self.world.body.tie(payload)
         if self.scenario.controller_knows_payload:
-            self._controller.load = self.payload.theta
-        self.events.append((self.t, "pick"))
-        return True
+            self._controller.load = payload.theta
 
-    def drop(self) -> bool:
-        """Take the box off now; False where none is carried."""
-        if not self.carries:
-            return False
+    def _untie(self) -> None:
         self.world.body.untie(remove=True)
         self._controller.load = np.zeros(10)
-        self.events.append((self.t, "drop"))
-        return True
 
     def step(self) -> QuadrupedState:
         """Simulate until the next message is complete and return it, without noise; see :meth:`noisy`."""
@@ -168,7 +142,7 @@ class QuadrupedSimulation:
             weight[[0, -1]] = 0.5
         force = np.average([step.specific_force for step in self._steps], axis=0, weights=weight)
         told = self._steps[half]
-        orientation = np.array(self.world.body.quaternion(told.orientation))
+        orientation = np.array(quaternion(told.orientation))
         return replace(told, orientation=orientation, specific_force=force)
 
     def noisy(self, exact: QuadrupedState) -> QuadrupedState:
@@ -190,10 +164,6 @@ class QuadrupedSimulation:
             contacts,
             exact.forces,
         )
-
-    def close(self) -> None:
-        """Free the PyBullet world."""
-        self.world.close()
 
     def _physics_step(self) -> None:
         t = self.t
@@ -245,37 +215,20 @@ class QuadrupedSimulation:
     def truth(self, start_time: float = 0.0) -> dict[str, Any]:
         """All that the recording hides, in plain types; times are stamps, ``start_time`` [s] is the first one."""
         s = self.scenario
-        return {
-            "format": 1,
-            "robot": self.base.legs.name,
-            "joint_names": list(self.base.legs.joint_names),
-            "contact_frames": list(FEET),
-            "imu_frame": IMU_LINK,
-            "frame": self.frame,
-            "start_time": start_time,
-            "duration": s.duration if math.isfinite(s.duration) else None,
-            "rate": s.rate,
-            "seed": s.seed,
-            "gait": s.gait,
-            "slope": s.slope,
-            "slope_heading": s.slope_heading,
-            "lifted_foot": s.lifted_foot or None,
-            **truth_of_payload(self.payload, self.events, start_time),
-            "noise": {
-                "encoder": s.encoder_noise,
-                "velocity": s.velocity_noise,
-                "torque": s.torque_noise,
-                "gyro": s.gyro_noise,
-                "accelerometer": s.accelerometer_noise,
-                "contact_error": s.contact_error,
-            },
-            "imu": {
-                "xyz": list(s.imu_xyz),
-                "rpy": list(s.imu_rpy),
-                "gyro_bias": list(s.gyro_bias),
-                "accelerometer_bias": list(s.accelerometer_bias),
-            },
-        }
+        noise = ("encoder", "velocity", "torque", "gyro", "accelerometer")
+        placed = ("imu_xyz", "imu_rpy", "gyro_bias", "accelerometer_bias")
+        return self._truth(
+            s,
+            start_time,
+            contact_frames=list(FEET),
+            imu_frame=IMU_LINK,
+            gait=s.gait,
+            slope=s.slope,
+            slope_heading=s.slope_heading,
+            lifted_foot=s.lifted_foot or None,
+            noise={name: getattr(s, f"{name}_noise") for name in noise} | {"contact_error": s.contact_error},
+            imu={name.removeprefix("imu_"): list(getattr(s, name)) for name in placed},
+        )
 
 
 def _schedule(scenario: QuadrupedScenario) -> list[tuple[int, str]]:

@@ -7,7 +7,8 @@ import numpy as np
 
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.sample import FloatArray
-from sysid_ros.simulation.arm import STEP, ArmWorld
+from sysid_ros.simulation.arm import ArmWorld
+from sysid_ros.simulation.bullet_world import STEP
 from sysid_ros.simulation.hidden_effects.chain import chain_of
 from sysid_ros.simulation.hidden_effects.channels import Signals
 from sysid_ros.simulation.hidden_effects.integrator import solve_step, state_at
