@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -192,11 +193,18 @@ DAMAGES: dict[str, Damage] = {
 }
 
 
-@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
-def test_every_damage_is_named_with_the_file(tmp_path: Path, damage: Damage) -> None:
-    path = tmp_path / "model.yaml"
+@pytest.fixture(scope="module")
+def document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    path = tmp_path_factory.mktemp("model") / "model.yaml"
     example().write(path)
-    path.write_text(yaml.safe_dump(damage(yaml.safe_load(path.read_text()))))
+    found: dict[str, Any] = yaml.load(path.read_text(), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    return found
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+def test_every_damage_is_named_with_the_file(tmp_path: Path, document: dict[str, Any], damage: Damage) -> None:
+    path = tmp_path / "model.yaml"
+    path.write_text(yaml.dump(damage(copy.deepcopy(document)), Dumper=getattr(yaml, "CSafeDumper", yaml.SafeDumper)))
     with pytest.raises(ModelFileError) as caught:
         ModelFile.read(path).known_effects(robot("small_arm"))
     assert str(path) in str(caught.value)

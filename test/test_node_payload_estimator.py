@@ -41,6 +41,7 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
+from sysid_ros.nodes import reporter
 from sysid_ros.nodes.messages import stamp_of
 from sysid_ros.nodes.online_payload_estimator import OnlinePayloadEstimator
 from sysid_ros.robot.inertial_parameters import TO_MESSAGE_ORDER
@@ -185,7 +186,9 @@ class Bench:
 def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))
     rclpy.init()
-    yield
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reporter, "_PERIOD", 0.1)  # nearly every test waits for what the diagnostics say next
+        yield
     rclpy.try_shutdown()
 
 

@@ -172,7 +172,7 @@ def big_endian(record: JointStateRecord) -> bytes:
     return bytes(typestore().serialize_cdr(message, JOINT_STATE, little_endian=False))
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=80)
 @given(st.lists(st.tuples(messages, st.sampled_from(["plain", "framed", "big"]), st.integers(1, 3)), min_size=1, max_size=12))
 def test_decoding_in_bulk_is_decoding_one_by_one(drawn: list[tuple[JointStateRecord, str, int]]) -> None:
     raw: list[bytes] = []
@@ -509,7 +509,7 @@ def test_strings_are_decoded_as_rosbags_encodes_them(text: str, little_endian: b
         decode_string(data[:6])
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=120)
 @given(messages, st.integers(0, 10_000), st.integers(0, 2**32 - 1))
 def test_damaged_messages_are_left_out_or_read_alike(record: JointStateRecord, place: int, number: int) -> None:
     """A wrong length in a message must not cost memory, nor be believed where rosbags does not."""

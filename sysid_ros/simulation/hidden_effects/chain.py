@@ -98,8 +98,9 @@ def place(chain: Chain, q: FloatArray, rotation: FloatArray, offset: FloatArray)
     for i in range(q.size):
         axis, fixed = chain.axis[i], chain.rotation[i]
         if chain.slides[i] > 0.0:
-            rotation[i] = fixed
             for r in range(3):
+                for k in range(3):
+                    rotation[i, r, k] = fixed[r, k]
                 offset[i, r] = chain.offset[i, r] + q[i] * (fixed[r, 0] * axis[0] + fixed[r, 1] * axis[1] + fixed[r, 2] * axis[2])
             continue
         s, c = np.sin(q[i]), np.cos(q[i])
@@ -203,30 +204,37 @@ def mass_matrix(chain: Chain, rotation: FloatArray, offset: FloatArray, out: Flo
     for j in range(n):
         unit[j] = 1.0
         inverse_dynamics(chain, rotation, offset, still, unit, 0.0, column, work)
-        out[:, j] = column
+        for i in range(n):
+            out[i, j] = column[i]
         unit[j] = 0.0
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
 def force_torque(chain: Chain, rotation: FloatArray, offset: FloatArray, force: FloatArray, out: FloatArray) -> None:
     """``J' f`` (n,) [N m] of a force (3,) [N], in the axes of the base, that acts on the tip link's origin."""
+    # from the tip inwards: force and moment about each joint's origin, in the axes of its frame
     n = out.size
-    turn, point = np.zeros((n, 3, 3)), np.zeros((n, 3))
+    turn, above, pull, moment, lever = np.zeros((n, 3, 3)), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     for i in range(n):
         p = chain.parent[i]
-        if p < 0:
-            turn[i], point[i] = rotation[i], offset[i]
-        else:
-            turn[i] = turn[p] @ rotation[i]
-            point[i] = point[p] + turn[p] @ offset[i]
-    out[:] = 0.0
-    at = point[chain.tip] + turn[chain.tip] @ chain.tip_offset
-    arm, moment = np.zeros(3), np.zeros(3)
+        for k in range(3):
+            # column k of the rotation from the joint's frame to the base
+            above[0], above[1], above[2] = rotation[i, 0, k], rotation[i, 1, k], rotation[i, 2, k]
+            if p >= 0:
+                _turned(turn[p], above, lever)
+                above[0], above[1], above[2] = lever[0], lever[1], lever[2]
+            turn[i, 0, k], turn[i, 1, k], turn[i, 2, k] = above[0], above[1], above[2]
+        out[i] = 0.0
     i = chain.tip
+    _turned_back(turn[i], force, pull)
+    _cross(chain.tip_offset, pull, moment)
     while i >= 0:
-        axis = turn[i] @ chain.axis[i]
-        arm[:] = at - point[i]
-        _cross(arm, force, moment)
-        carried = force if chain.slides[i] > 0.0 else moment
-        out[i] = axis[0] * carried[0] + axis[1] * carried[1] + axis[2] * carried[2]
+        carried = pull if chain.slides[i] > 0.0 else moment
+        out[i] = chain.axis[i, 0] * carried[0] + chain.axis[i, 1] * carried[1] + chain.axis[i, 2] * carried[2]
+        _turned(rotation[i], pull, above)
+        _turned(rotation[i], moment, lever)
+        _cross(offset[i], above, moment)
+        for r in range(3):
+            pull[r] = above[r]
+            moment[r] += lever[r]
         i = chain.parent[i]
