@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,13 @@ class ImuRecord:
     orientation: Sequence[float] | FloatArray
     omega: Sequence[float] | FloatArray
     specific_force: Sequence[float] | FloatArray
+
+    @classmethod
+    def of(cls, message: Any, receive_time: float) -> ImuRecord:
+        """From a message of rclpy or of rosbags."""
+        stamp, w, f, r = message.header.stamp, message.angular_velocity, message.linear_acceleration, message.orientation
+        t, axes = stamp.sec + 1e-9 * stamp.nanosec, message.header.frame_id
+        return cls(t, receive_time, axes, (r.x, r.y, r.z, r.w), (w.x, w.y, w.z), (f.x, f.y, f.z))
 
 
 @dataclass(frozen=True, slots=True)

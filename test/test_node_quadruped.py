@@ -34,8 +34,12 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability
 
 
 @cache
+def bag() -> BagSource:
+    return BagSource(Path(__file__).resolve().parents[1] / "bags" / "quadruped_trot")
+
+
 def source() -> FloatingBagSource:
-    return FloatingBagSource(BagSource(Path(__file__).resolve().parents[1] / "bags" / "quadruped_trot"))
+    return FloatingBagSource(bag())
 
 
 @cache
@@ -72,7 +76,7 @@ class Walk:
             self.player.create_subscription(InertiaStamped, "online_payload_estimator/payload", self.payloads.append, 100),
             self.player.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10),
         )
-        self.description.publish(String(data=source().robot_description))
+        self.description.publish(String(data=bag().robot_description))
         if not connected:
             return
         self.until(lambda: self.joints.get_subscription_count() and self.imu.get_subscription_count(), 60.0)

@@ -31,8 +31,12 @@ Record = JointStateRecord | ImuRecord | ContactRecord
 
 
 @cache
+def bag() -> BagSource:
+    return BagSource(BAG)
+
+
 def source() -> FloatingBagSource:
-    return FloatingBagSource(BagSource(BAG))
+    return FloatingBagSource(bag())
 
 
 @cache
@@ -42,7 +46,7 @@ def trot() -> list[Record]:
 
 @cache
 def quadruped() -> RobotModel:
-    return RobotModel.for_messages(source().robot_description or "", source().joint_names)
+    return RobotModel.for_messages(bag().robot_description or "", bag().joint_names)
 
 
 def estimated(records: Iterable[Record], legs: RobotModel | None = None, **settings: object) -> Replay:
@@ -177,14 +181,14 @@ def test_replay_writes_what_a_robot_on_legs_carries(run: Run, tmp_path: Path) ->
 
 def bag_with(path: Path, records: Iterable[Record]) -> str:
     with BagRecorder(path) as recorder:
-        recorder.write_robot_description(source().robot_description or "", START)
+        recorder.write_robot_description(bag().robot_description or "", START)
         for r in records:
             if isinstance(r, ImuRecord):
                 recorder.write_imu(r)
             elif isinstance(r, ContactRecord):
                 recorder.write_contacts(r)
             else:
-                recorder.write_joint_state(r)
+                recorder.write_joint_states((r,))
     return str(path)
 
 

@@ -114,9 +114,9 @@ def test_other_messages_can_be_recorded(tmp_path: Path, storage: str) -> None:
     layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
     with BagRecorder(tmp_path / "bag", storage) as recorder:
         recorder.write("/contacts", kind, types[kind](layout=layout, data=np.array([1.0, 0.0])), 1.5)
-        recorder.write_joint_state(some_records(1)[0])
+        recorder.write_joint_states((some_records(1)[0],))
         with pytest.raises(BagError, match="Float64MultiArray"):
-            recorder.write_joint_state(some_records(1)[0], topic="/contacts")
+            recorder.write_joint_states((some_records(1)[0],), topic="/contacts")
         with pytest.raises(BagError, match="not one of ROS 2"):
             recorder.write("/x", "my_msgs/msg/Thing", None, 1.0)
         with pytest.raises(BagError, match="is no std_msgs"):

@@ -105,8 +105,7 @@ class FourierTrajectory:
     @cached_property
     def start(self) -> FloatArray:
         """Where it starts and ends, shape (n,) [rad or m]."""
-        q: FloatArray = self.sample(np.zeros(1))[0][0]
-        return q
+        return np.asarray(self.sample(np.zeros(1))[0][0])
 
     def sample(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Position, velocity and acceleration at times t [s], each of shape (len(t), n); the joints rest before and after."""
@@ -123,5 +122,4 @@ class FourierTrajectory:
     def grid(self, step: float = 1e-3, one_period: bool = False) -> FloatArray:
         """Times from the start to the end [s] (of the first period, which the others repeat), at most ``step`` [s] apart."""
         end = self.basis.period if one_period else self.duration
-        times: FloatArray = np.linspace(0.0, end, int(np.ceil(end / step - 1e-9)) + 1)
-        return times
+        return np.asarray(np.linspace(0.0, end, int(np.ceil(end / step - 1e-9)) + 1))

@@ -66,16 +66,13 @@ class BagSums:
 
     def information(self, weight: FloatArray) -> FloatArray:
         """``sum w Y' Y``, shape (p, p), for weights of bags and joints of shape (B, n)."""
-        information: FloatArray = np.einsum("bj,bjac->ac", weight, self.normal)
-        return information
+        return np.asarray(np.einsum("bj,bjac->ac", weight, self.normal))
 
     def right_side(self, weight: FloatArray) -> FloatArray:
         """``sum w Y' y``, shape (p,)."""
-        side: FloatArray = np.einsum("bj,bja->a", weight, self.score)
-        return side
+        return np.asarray(np.einsum("bj,bja->a", weight, self.score))
 
     def squares(self, theta: FloatArray) -> FloatArray:
         """Sum of the squared residuals of a bag and a joint, shape (B, n) [(N m)^2]."""
         quadratic = np.einsum("bjac,a,c->bj", self.normal, theta, theta)
-        squares: FloatArray = np.maximum(self.power - 2.0 * self.score @ theta + quadratic, 0.0)
-        return squares
+        return np.asarray(np.maximum(self.power - 2.0 * self.score @ theta + quadratic, 0.0))

@@ -116,8 +116,7 @@ def spread(values: FloatArray) -> FloatArray:
     count = known.sum(axis=0)
     mean = np.where(known, values, 0.0).sum(axis=0) / np.maximum(count, 1)
     square = np.where(known, (values - mean) ** 2, 0.0).sum(axis=0) / np.maximum(count - 1, 1)
-    deviation: FloatArray = np.where(count > 1, np.sqrt(square), np.nan)
-    return deviation
+    return np.asarray(np.where(count > 1, np.sqrt(square), np.nan))
 
 
 def repeatability(

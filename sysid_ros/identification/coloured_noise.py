@@ -90,8 +90,7 @@ def _smooth(power: FloatArray, left: FloatArray, size: int, count: float) -> Flo
     lags[size - len(window) + 1 :] = window[:0:-1]
     smoothed = fft.rfft(covariance * lags).real
     freedom = fft.rfft(fft.irfft(left, size) * lags).real
-    spectrum: FloatArray = np.maximum(smoothed, 0.0) / np.maximum(freedom, TOL.least_freedom * count)
-    return spectrum
+    return np.asarray(np.maximum(smoothed, 0.0) / np.maximum(freedom, TOL.least_freedom * count))
 
 
 def _window(correlation: FloatArray, count: float) -> FloatArray:

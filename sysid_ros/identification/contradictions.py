@@ -57,8 +57,7 @@ def check_contradictions(
 
 
 def _rms(sums: BagSums, theta: FloatArray) -> FloatArray:
-    root: FloatArray = np.sqrt(sums.squares(theta) / np.maximum(sums.count, 1.0))
-    return root
+    return np.asarray(np.sqrt(sums.squares(theta) / np.maximum(sums.count, 1.0)))
 
 
 def _own(sums: BagSums, prior: Prior) -> FloatArray:
@@ -78,8 +77,7 @@ def _own(sums: BagSums, prior: Prior) -> FloatArray:
             theta = np.asarray(np.linalg.solve(A, side), dtype=np.float64)
             residual = _rms(bag, theta)
         out.append(residual[0])
-    own: FloatArray = np.maximum(np.array(out), 1e-9)
-    return own
+    return np.asarray(np.maximum(np.array(out), 1e-9))
 
 
 def _against(sums: BagSums, theta: FloatArray, own: FloatArray, torque: FloatArray) -> NDArray[np.bool_]:

@@ -69,8 +69,7 @@ def _gram(model: TorqueModel, bags: Sequence[BagRows]) -> FloatArray:
         q = random.uniform(low, high)
         v, a = speed * random.normal(size=robot.n), acceleration * random.normal(size=robot.n)
         rows[k], _ = model.split(Sample(0.0, q, v, a, np.zeros(robot.n)))
-    gram: FloatArray = np.einsum("kja,kjb->jab", rows, rows, optimize=True) / _POSTURES
-    return gram
+    return np.asarray(np.einsum("kja,kjb->jab", rows, rows, optimize=True) / _POSTURES)
 
 
 def error_directions(model: TorqueModel, covariance: FloatArray) -> FloatArray:
@@ -95,5 +94,4 @@ def error_directions(model: TorqueModel, covariance: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     power, mix = np.linalg.eigh(root.T @ information @ root)
-    directions: FloatArray = root @ mix[:, power > TOL.uncertainty_left_out * power.sum()]
-    return directions
+    return np.asarray(root @ mix[:, power > TOL.uncertainty_left_out * power.sum()])

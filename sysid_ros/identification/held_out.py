@@ -50,8 +50,7 @@ class Prior:
 
     def precision(self, weight: float = 1.0) -> FloatArray:
         """Inverse variances, shape (p,), those of the links times ``weight``."""
-        precision: FloatArray = np.where(self.is_link, min(weight, 1e12), 1.0) / self.std**2
-        return precision
+        return np.asarray(np.where(self.is_link, min(weight, 1e12), 1.0) / self.std**2)
 
 
 def _prior_std(unit: str, effort: float) -> float:
@@ -184,8 +183,7 @@ class Folds:
             here = self.sums.only([part])
             squares[split] += here.squares(theta)[0]
             count[split] += here.count[0]
-        errors: FloatArray = squares / np.maximum(count, 1e-12)
-        return errors
+        return np.asarray(squares / np.maximum(count, 1e-12))
 
 
 def _upper(values: FloatArray) -> NDArray[np.bool_]:

@@ -141,7 +141,9 @@ class KnobSearch:
         prior = Prior.of(self._model)
         self._information = sums.information(self._weight) + np.diag(prior.precision())
         self._side = sums.right_side(self._weight) + prior.precision() * prior.mean
-        joints = [np.any([(x[:, :, s] != 0.0).any(axis=(0, 2)) for x in beside], axis=0) for s in _slices(effects)]
+        slices = model.slices[len(self._model.free) :]
+        at = [slice(s.start - self._model.p, s.stop - self._model.p) for s in slices]
+        joints = [np.any([(x[:, :, s] != 0.0).any(axis=(0, 2)) for x in beside], axis=0) for s in at]
         self._in_turn = len(joints) > 1 and int(np.max(np.sum(joints, axis=0))) <= 1
 
     def _columns(self, b: int, effect: Effect) -> FloatArray:
@@ -200,12 +202,6 @@ class KnobSearch:
             others = [tuple(float(axis[k]) if m == i else x for m, x in enumerate(best[u])) for k in beside]
             out.append(min(self._cost(self._with(best, u, s)) for s in others) - least > TOL.evidence)
         return out
-
-
-def _slices(effects: Sequence[Effect]) -> list[slice]:
-    """Where the columns of each effect stand, side by side."""
-    ends = np.cumsum([0, *(e.p for e in effects)])
-    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
 def _shared(first: FloatArray, second: FloatArray) -> float:

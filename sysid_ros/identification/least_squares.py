@@ -166,8 +166,7 @@ def rms(values: FloatArray, where: BoolArray | None = None) -> FloatArray:
     if where is None:
         where = np.ones(values.shape, dtype=np.bool_)
     counts = np.maximum(where.sum(axis=0), 1)
-    root: FloatArray = np.sqrt((np.where(where, values, 0.0) ** 2).sum(axis=0) / counts)
-    return root
+    return np.asarray(np.sqrt((np.where(where, values, 0.0) ** 2).sum(axis=0) / counts))
 
 
 def _huber(bag: BagRows, residual: FloatArray) -> FloatArray:

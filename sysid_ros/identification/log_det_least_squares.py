@@ -34,8 +34,7 @@ def vector(matrix: FloatArray) -> FloatArray:
 
 def symmetric(upper: FloatArray) -> FloatArray:
     """Symmetric matrix (4, 4) from its upper triangle (10,)."""
-    out: FloatArray = np.einsum("k,kij->ij", upper, BASIS)
-    return out
+    return np.asarray(np.einsum("k,kij->ij", upper, BASIS))
 
 
 class LogDetLeastSquares:

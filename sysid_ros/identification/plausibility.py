@@ -158,5 +158,4 @@ def _doubts(robot: RobotModel, found: Agreement) -> list[Problem]:
 def _without(beside: FloatArray, values: FloatArray) -> FloatArray:
     """What of the values the columns of ``beside`` do not explain."""
     coefficients, *_ = np.linalg.lstsq(beside, values, rcond=None)
-    rest: FloatArray = values - beside @ coefficients
-    return rest
+    return np.asarray(values - beside @ coefficients)

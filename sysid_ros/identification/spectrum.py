@@ -99,5 +99,4 @@ def _white_variance(q: FloatArray) -> FloatArray:
     """Variance of the white noise of positions, shape (n,), from their sixth differences, in which motion hardly shows."""
     differences = np.diff(q, 6, axis=0)
     # 924 is the sum of the squared coefficients, 0.455 the median of chi-squared with one degree of freedom
-    variance: FloatArray = np.median(differences**2, axis=0) / 0.455 / 924.0
-    return variance
+    return np.asarray(np.median(differences**2, axis=0) / 0.455 / 924.0)

@@ -46,17 +46,7 @@ class TrunkInputs:
             self._timer.cancel()
 
     def _on_imu(self, message: Imu) -> None:
-        stamp, w, f, r = message.header.stamp, message.angular_velocity, message.linear_acceleration, message.orientation
-        self._take(
-            ImuRecord(
-                stamp.sec + 1e-9 * stamp.nanosec,
-                self._now(),
-                message.header.frame_id,
-                (r.x, r.y, r.z, r.w),
-                (w.x, w.y, w.z),
-                (f.x, f.y, f.z),
-            )
-        )
+        self._take(ImuRecord.of(message, self._now()))
 
     def _on_contacts(self, message: Any) -> None:
         self._take(ContactRecord(self._now(), message.data))

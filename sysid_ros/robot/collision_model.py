@@ -261,8 +261,7 @@ class CollisionModel:
 
     def approach_rates(self, speed: FloatArray) -> FloatArray:
         """How fast each pair can come nearer while no joint is faster than ``speed``, shape (P,) [m/s]; speed has shape (n,)."""
-        rates: FloatArray = self._reaches @ speed
-        return rates
+        return np.asarray(self._reaches @ speed)
 
     def room_gradient(self, q: FloatArray, pairs: Collection[int]) -> FloatArray:
         """Derivative of :meth:`room` by q for some pairs (indices), shape (len(pairs), n); :meth:`room` has just run on q.

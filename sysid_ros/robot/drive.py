@@ -39,8 +39,7 @@ class Drive:
         if self.is_ideal:
             return tau
         a, friction = self._motion(robot, q, v, tau)
-        left: FloatArray = tau - self._rotor * a - self._viscous * (v + self._step * a) - friction
-        return left
+        return np.asarray(tau - self._rotor * a - self._viscous * (v + self._step * a) - friction)
 
     def acceleration(self, robot: RobotModel, q: FloatArray, v: FloatArray, tau: FloatArray) -> FloatArray:
         """Acceleration a over the step, shape (n,) [rad/s^2]: of light links on heavy rotors too."""

@@ -17,11 +17,9 @@ SLIDE = 0.1
 
 def smoothed_sign(v: FloatArray, width: float | FloatArray = TURNS) -> FloatArray:
     """``tanh(v / width)``, of the shape of v: a velocity, or whatever else a torque turns with, and a width in its unit."""
-    sign: FloatArray = np.tanh(v / width)
-    return sign
+    return np.asarray(np.tanh(v / width))
 
 
 def smoothed_sign_slope(v: FloatArray, width: float | FloatArray = TURNS) -> FloatArray:
     """Its derivative by v, ``1 / (width cosh(v / width)^2)``."""
-    slope: FloatArray = (1.0 - np.tanh(v / width) ** 2) / width
-    return slope
+    return np.asarray((1.0 - np.tanh(v / width) ** 2) / width)

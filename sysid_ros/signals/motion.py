@@ -102,8 +102,7 @@ class Motion:
 
     def rate_of(self, values: FloatArray) -> FloatArray:
         """Derivative by time of values on the grid, along the first axis."""
-        rate: FloatArray = np.gradient(values, self.period, axis=0)
-        return rate
+        return np.asarray(np.gradient(values, self.period, axis=0))
 
     def with_torques(self, link_torque: FloatArray, drive_torque: FloatArray) -> Motion:
         """The same motion with more known of its torques, shape (N, n) each; what was computed from the motion alone is kept."""

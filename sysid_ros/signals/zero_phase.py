@@ -168,8 +168,7 @@ def low_passed(x: FloatArray, cutoff_hz: float, period: float, order: int = 4, p
 
     sections = butterworth_sections(order, cutoff_hz, 1.0 / period)
     length = None if padding is None else min(len(x) - 1, int(padding / period))
-    smooth: FloatArray = signal.sosfiltfilt(sections, x, axis=0, padlen=length)
-    return smooth
+    return np.asarray(signal.sosfiltfilt(sections, x, axis=0, padlen=length))
 
 
 def on_even_grid(t: FloatArray, channels: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:

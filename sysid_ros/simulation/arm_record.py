@@ -62,13 +62,7 @@ def simulate_arm(scenario: ArmScenario, progress: Callable[[int], None] | None =
     """
     simulation = ArmSimulation(scenario)
     try:
-        count = round(scenario.duration * scenario.rate)
-        exact, told = [], []
-        for k in range(count):
-            exact.append(simulation.step())
-            told.append(simulation.noisy(exact[-1]))
-            if progress is not None and k % 100 == 99:
-                progress(100)
+        exact, told = simulation.run(progress)
         truth = simulation.truth(start_time)
         _check_followed(simulation, exact)
     finally:

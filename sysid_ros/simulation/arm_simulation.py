@@ -63,7 +63,7 @@ Command = Callable[[FloatArray, FloatArray, Reference], FloatArray]
 """Torques for the exact state q, v and what is wanted, shape (n,) each."""
 
 
-class ArmSimulation(Simulation):
+class ArmSimulation(Simulation[Measurement]):
     """The arm of a scenario, one message at a time.
 
     A message at t holds q at t, the torque that acts from t on (for one physics step), and as velocity the mean of the steps
@@ -80,7 +80,7 @@ class ArmSimulation(Simulation):
 
     def __init__(self, scenario: ArmScenario, command: Command | None = None) -> None:
         super().__init__(scenario, arm_description(), TIP_LINK)
-        self.scenario = scenario
+        self.scenario: ArmScenario = scenario
         self.robot = RobotModel.from_urdf(self.urdf)
         n = self.robot.n
         rotor = scenario.per_joint("rotor_inertia", n)
@@ -117,7 +117,6 @@ class ArmSimulation(Simulation):
         return Measurement(t, q, v, tau + self._offset)
 
     def noisy(self, exact: Measurement) -> Measurement:
-        """The message as the robot's sensors would tell it."""
         s, n = self.scenario, self.robot.n
         noise = self._noise.standard_normal((3, n))
         v = None if exact.v is None or not s.velocity else exact.v + s.velocity_noise * noise[2]

@@ -93,8 +93,7 @@ class QuadrupedController:
         normal = rotation.T @ np.array([0.0, 0.0, 1.0])
         points = jacobians[:, :3] + base.foot_radius[:, None, None] * (_skew(normal) @ jacobians[:, 3:])
         forces = self._share(wrench[:FREE], points[:, :, :FREE], phase, normal)
-        tau: FloatArray = wrench[FREE:] - forces.ravel() @ points[:, :, FREE:].reshape(-1, q.size)
-        return tau
+        return np.asarray(wrench[FREE:] - forces.ravel() @ points[:, :, FREE:].reshape(-1, q.size))
 
     def hold(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """Joint torques (n,) [N m] that keep the legs as they are when first called: what a robot does that hangs in the air."""

@@ -70,8 +70,7 @@ class TrunkMotion:
         u = min(max(t / self._BLEND, 0.0), 1.0)
         blend = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
         phase = self._omega * t
-        out: FloatArray = blend * (self._sine @ np.sin(phase) + self._cosine @ np.cos(phase))
-        return out
+        return np.asarray(blend * (self._sine @ np.sin(phase) + self._cosine @ np.cos(phase)))
 
     def reference(self, t: float, origin: FloatArray, yaw: float) -> TrunkReference:
         """Wanted motion at t around a place on the ground (2,) [m] and a heading [rad]."""

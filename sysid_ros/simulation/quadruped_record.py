@@ -77,12 +77,7 @@ def simulate_quadruped(
     """
     simulation = QuadrupedSimulation(scenario)
     try:
-        exact, told = [], []
-        for k in range(round(scenario.duration * scenario.rate)):
-            exact.append(simulation.step())
-            told.append(simulation.noisy(exact[-1]))
-            if progress is not None and k % 100 == 99:
-                progress(100)
+        exact, told = simulation.run(progress)
         truth = simulation.truth(start_time)
     finally:
         simulation.close()

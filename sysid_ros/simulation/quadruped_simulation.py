@@ -53,7 +53,7 @@ class QuadrupedState:
     forces: FloatArray
 
 
-class QuadrupedSimulation(Simulation):
+class QuadrupedSimulation(Simulation[QuadrupedState]):
     """The quadruped of a scenario, one message at a time.
 
     A message at t holds q at t, the torque that acts from t on, and the mean of the velocities and angular velocities before and
@@ -69,7 +69,7 @@ class QuadrupedSimulation(Simulation):
 
     def __init__(self, scenario: QuadrupedScenario) -> None:
         super().__init__(scenario, quadruped_description(tuple(scenario.imu_xyz), tuple(scenario.imu_rpy)), TRUNK)
-        self.scenario = scenario
+        self.scenario: QuadrupedScenario = scenario
         self.base = FloatingBase(RobotModel.from_urdf(self.urdf), FEET)
         self.robot = self.base.legs
         motion_seed, noise_seed = np.random.SeedSequence(scenario.seed).spawn(2)
@@ -133,7 +133,6 @@ class QuadrupedSimulation(Simulation):
         self._controller.load = np.zeros(10)
 
     def step(self) -> QuadrupedState:
-        """Simulate until the next message is complete and return it, without noise; see :meth:`noisy`."""
         half = self._every // 2
         for _ in range(self._every if self._steps else 2 * half + 1):
             self._physics_step()
@@ -146,7 +145,6 @@ class QuadrupedSimulation(Simulation):
         return replace(told, orientation=orientation, specific_force=force)
 
     def noisy(self, exact: QuadrupedState) -> QuadrupedState:
-        """The message as the robot's sensors would tell it."""
         s, n = self.scenario, self.base.legs.n
         joints, imu, chance = self._noise.standard_normal((3, n)), self._noise.standard_normal((2, 3)), self._noise.random(2)
         contacts = exact.contacts.copy()

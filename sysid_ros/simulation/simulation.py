@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
 
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation.arm import ArmWorld
@@ -12,8 +13,11 @@ from sysid_ros.simulation.payload import Payload, truth_of_payload
 from sysid_ros.simulation.quadruped import QuadrupedWorld
 from sysid_ros.simulation.scenario import CONTROL_RATE, Scenario
 
+Message = TypeVar("Message")
+"""What the sensors tell at one instant."""
 
-class Simulation(ABC):
+
+class Simulation(ABC, Generic[Message]):
     """A robot that may carry the payload of its scenario.
 
     Attributes:
@@ -24,6 +28,7 @@ class Simulation(ABC):
 
     robot: RobotModel
     world: ArmWorld | QuadrupedWorld
+    scenario: Scenario
 
     def __init__(self, scenario: Scenario, urdf: str, frame: str) -> None:
         self.urdf, self.frame = urdf, frame
@@ -56,6 +61,25 @@ class Simulation(ABC):
         self._untie()
         self.events.append((self.t, "drop"))
         return True
+
+    @abstractmethod
+    def step(self) -> Message:
+        """Simulate until the next message is complete and return it, without noise."""
+
+    @abstractmethod
+    def noisy(self, exact: Message) -> Message:
+        """The message as the robot's sensors would tell it."""
+
+    def run(self, progress: Callable[[int], None] | None) -> tuple[list[Message], list[Message]]:
+        """All messages of a scenario of finite duration, without noise and with it; ``progress``: called with the number of new
+        ones now and then."""
+        exact, noisy = [], []
+        for k in range(round(self.scenario.duration * self.scenario.rate)):
+            exact.append(self.step())
+            noisy.append(self.noisy(exact[-1]))
+            if progress is not None and k % 100 == 99:
+                progress(100)
+        return exact, noisy
 
     @abstractmethod
     def _tie(self, payload: Payload) -> None: ...

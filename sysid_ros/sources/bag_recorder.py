@@ -76,10 +76,6 @@ class BagRecorder:
                 prefix = prefixes[record.names] = encode_names(record.names)
             write(connection, round(record.receive_time * 1e9), encode(record, prefix))
 
-    def write_joint_state(self, record: JointStateRecord, topic: str = "/joint_states") -> None:
-        """One record, at its receive time."""
-        self.write_joint_states((record,), topic)
-
     def write_imu(self, record: ImuRecord, topic: str = "/imu") -> None:
         """One ``sensor_msgs/Imu``, at its receive time; covariances are told as unknown where they are 0."""
         kinds = typestore().types

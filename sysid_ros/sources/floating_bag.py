@@ -30,7 +30,7 @@ class FloatingBagSource:
         inferred.
 
     Attributes:
-        imu_topic, contact_topic: that are read; the second is empty where there is none. notes: as of the joint states.
+        imu_topic, contact_topic: that are read; the second is empty where there is none.
 
     Raises:
         BagError: there is no such topic, or it carries something else.
@@ -40,27 +40,6 @@ class FloatingBagSource:
         self._joints = joints
         self.imu_topic = self._chosen_imu(imu_topic)
         self.contact_topic = self._chosen_contacts(contact_topic)
-        self.notes = joints.notes
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """As of :class:`BagSource`."""
-        return self._joints.joint_names
-
-    @property
-    def message_count(self) -> int:
-        """Messages of the joint states."""
-        return self._joints.message_count
-
-    @property
-    def duration(self) -> float:
-        """Of the bag [s]."""
-        return self._joints.duration
-
-    @property
-    def robot_description(self) -> str | None:
-        """As of :class:`BagSource`."""
-        return self._joints.robot_description
 
     def __iter__(self) -> Iterator[Record]:
         others = [self._imu()]
@@ -70,15 +49,7 @@ class FloatingBagSource:
 
     def _imu(self) -> Iterator[Record]:
         for time, message in self._messages(self.imu_topic):
-            stamp, w, f, r = message.header.stamp, message.angular_velocity, message.linear_acceleration, message.orientation
-            yield ImuRecord(
-                stamp.sec + 1e-9 * stamp.nanosec,
-                time,
-                message.header.frame_id,
-                (r.x, r.y, r.z, r.w),
-                (w.x, w.y, w.z),
-                (f.x, f.y, f.z),
-            )
+            yield ImuRecord.of(message, time)
 
     def _contacts(self) -> Iterator[Record]:
         for time, message in self._messages(self.contact_topic):
