@@ -11,7 +11,7 @@ from sysid_ros.effects import AccelerometerBias
 from sysid_ros.exceptions import RobotModelError
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase, floating_base_of, is_legged
-from sysid_ros.floating.gravity_row import StandingColumns
+from sysid_ros.floating.trunk_rows import StandingColumns
 from sysid_ros.input_gate import FloatingGate
 from sysid_ros.input_gate.health import Level
 from sysid_ros.online_settings import OnlineSettings

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -13,11 +11,10 @@ from sysid_ros.estimators import Estimator, JumpRule, Problem, make_estimator
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase
-from sysid_ros.online.front_end import FrontEnd
+from sysid_ros.online.front_end import FrictionCorrection, FrontEnd
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement, Sample
-from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.model_file import ModelFile
 from sysid_ros.torque.torque_model import TorqueModel
 
@@ -32,72 +29,6 @@ _SIZE = 0.11
 """Its distance from the trunk's origin over the cube root of the robot's mass [m/kg^(1/3)]: a quarter of a metre on 12 kg."""
 _GRAVITY_DENSITY = 1e-8
 """Least density of the noise with which the accelerometer shows gravity [(m/s^2)^2 s]."""
-_WIDTH = 0.02
-"""Speed at which the dry friction has turned [rad/s]."""
-
-
-class FrictionCorrection(Effect):
-    """``tau_j = offset_j + Fc_j tanh(v_j / width) + b_j v_j``: what has changed since the arm was identified, or all of
-    it where it never was. The three as one effect, because its columns are written at the robot's rate.
-
-    Args:
-        robot: the model. settings: how large the change may be, what counts as slow. known: effects that are known, or None where
-            no model is.
-
-    Attributes:
-        expected_std: before any data, of offset, Coulomb and viscous friction, shape (3 n,): small beside a known model, of the
-            size of the effort limits without one.
-    """
-
-    id: ClassVar[str] = "friction_correction"
-    label: ClassVar[str] = "correction of offset and friction"
-
-    def __init__(self, robot: RobotModel, settings: OnlineSettings, known: Sequence[KnownEffect] | None) -> None:
-        super().__init__(robot)
-        self.parameter_names = tuple(f"{symbol}[{joint}]" for symbol in ("offset", "Fc", "b") for joint in robot.joint_names)
-        force = tuple("N" if slides else "N m" for slides in robot.is_prismatic)
-        self.units = (*force, *force, *("N s/m" if slides else "N m s/rad" for slides in robot.is_prismatic))
-        self._settings = settings
-        nothing: FloatArray = np.zeros(robot.n)
-        self._coulomb = sum((np.abs(k.effect.as_dry_friction(k.theta)) for k in known or ()), nothing)
-        self._viscous = np.abs(sum((k.effect.as_damping(k.theta) for k in known or ()), nothing))
-        self.expected_std = self._drifted() if known is not None else self._unknown()
-        joints = np.arange(robot.n)
-        self._rows, self._columns = np.tile(joints, 3), np.arange(3 * robot.n)
-        self._curves = np.ones((3, robot.n))
-
-    def _unknown(self) -> FloatArray:
-        limit = self.robot.effort_limit
-        size = self._settings.friction_unknown * np.where(np.isfinite(limit), limit, 50.0)
-        return np.concatenate([0.2 * size, size, 2.0 * size])
-
-    def _drifted(self) -> FloatArray:
-        least, drift = np.full(self.robot.n, 0.1), self._settings.friction_drift
-        return np.concatenate([0.5 * drift * self._coulomb + least, drift * self._coulomb + least, drift * self._viscous + least])
-
-    def fill(self, sample: Sample, out: FloatArray) -> None:
-        curves = self._curves
-        np.tanh(sample.v / _WIDTH, out=curves[1])
-        curves[2] = sample.v
-        out[self._rows, self._columns] = curves.ravel()
-
-    def as_dry_friction(self, theta: FloatArray) -> FloatArray:
-        n = self.robot.n
-        return theta[n : 2 * n]
-
-    def hidden_variance(self, slow: FloatArray, speed: FloatArray, theta: FloatArray) -> FloatArray:
-        """Variance of the torque that may hide in dry friction near standstill, where no model holds, shape (n,) [(N m)^2].
-
-        Args:
-            slow: part of a row from when each joint hardly moved, shape (n,). speed: of each joint, shape (n,) [rad/s].
-            theta: its parameters as they are estimated now, shape (3 n,), or none where they are not.
-        """
-        n = self.robot.n
-        coulomb = np.abs(self._coulomb + theta[n : 2 * n]) if theta.size else self._coulomb
-        extra: FloatArray = (0.5 * coulomb * slow) ** 2
-        if max(speed.tolist()) < self._settings.low_velocity:
-            extra += self._settings.stiction**2
-        return extra
 
 
 class FreeParameters:

@@ -1,24 +1,29 @@
-"""Cadence: how fast measurements come; FrontEnd: from them to filtered rows of the equation at the estimator's rate."""
+"""Cadence: how fast measurements come; FrontEnd: from them to filtered rows of the equation at the estimator's rate, with the
+columns of :class:`FrictionCorrection` among them."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numba import njit
 
-from sysid_ros.floating.contact_projection import ContactProjection
+from sysid_ros.effects import Effect
 from sysid_ros.floating.floating_base import FloatingBase
-from sysid_ros.floating.gravity_row import GravityRow, StandingColumns
 from sysid_ros.floating.stance_log import StanceLog
-from sysid_ros.sample import FREE, FloatArray, Measurement, Sample
+from sysid_ros.floating.trunk_rows import TrunkRows
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import TURNS
+from sysid_ros.sample import FloatArray, Measurement, Sample
 from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank, default_cutoff, window_half_width
 from sysid_ros.signals.floating_derivative import FloatingDerivative
+from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel
 
-_TRUSTED = 0.99
-"""Part of a row that is from when the feet carried the robot, from which on their velocity is that of the trunk."""
 _SLOW = 0.06
 """Speed of a joint below which dry friction is not what a model says [rad/s]."""
 FIRST = 25
@@ -114,8 +119,7 @@ class Rows:
 class FrontEnd:
     """Derivative, split into known and free, the low-pass on both sides, and every k-th of it.
 
-    On a floating base the rows go through :class:`ContactProjection` before the low-pass, and six are left of n. What was
-    measured while the feet did not carry the robot is left out of them: the equation times a window is still an equation.
+    On a floating base the rows are those of :class:`TrunkRows`.
 
     Args:
         model: what is known and what is free.
@@ -123,9 +127,7 @@ class FrontEnd:
         update_rate: rows a second at most [Hz].
         cutoff_hz: of the low-pass [Hz]; 0 for the default of the rate.
         use_message_velocity: velocity from the messages instead of from the positions.
-        base: the robot of ``model`` where it floats. standstill: velocity below which it stands [rad/s]. stances: takes note of
-            what its feet do. gravity: at the place [m/s^2], with which a free bias of the accelerometer is told from a load.
-        bias: where that bias stands among the free parameters, None where it is not free.
+        base: the robot of ``model`` where it floats. standstill, stances, gravity, bias: as of :class:`TrunkRows`.
 
     Attributes:
         projection: of a floating base, else None. rows: of an update.
@@ -155,24 +157,19 @@ class FrontEnd:
         self._raw = np.zeros((n, p + 5 + model.error.c))
         self._columns, self._rest, self._considered = self._raw[:, :p], self._raw[:, p], self._raw[:, p + 5 :]
         cutoff = min(cutoff_hz or default_cutoff(self.rate), 0.4 * self.rate)
-        self.rows = n if base is None else FREE
-        self._bank = LowPassBank((self.rows, self._raw.shape[1]), cutoff, self.rate)
         self._every = max(1, round(self.rate / update_rate))
         self.period = self._every * period
-        self.passed = min(2.05 * cutoff * self.period, 1.0)
-        self.memory = self._bank.memory
-        self.delay = self._bank.delay
-        self._tick = -max(round(2.0 * self.memory * self.rate), self._every)
-        self.projection = None if base is None else ContactProjection(base)
-        self._stances = stances
+        self._trunk: TrunkRows | None = None
         if base is not None:
-            self._projected = np.zeros((FREE, self._raw.shape[1]))
-            self._beside = np.zeros((n + 1, 2))
-            self._beside_bank = LowPassBank(self._beside.shape, cutoff, self.rate)
-            self._standing = StandingColumns(self.period, standstill)
-            self._gravity = GravityRow(gravity, cutoff, self.rate, self.period)
-            self._bias = bias
-            self.rows += bias is not None
+            channels, payload = self._raw.shape[1], model.slices[0]
+            about = (cutoff, self.rate, self.period, standstill, stances, gravity, bias)
+            self._trunk = TrunkRows(base, channels, p, payload, *about)
+        self.projection = self._trunk.projection if self._trunk else None
+        self.rows = self._trunk.rows if self._trunk else n
+        self._bank = self._trunk.bank if self._trunk else LowPassBank(self._raw.shape, cutoff, self.rate)
+        self.passed = min(2.05 * cutoff * self.period, 1.0)
+        self.memory, self.delay = self._bank.memory, self._bank.delay
+        self._tick = -max(round(2.0 * self.memory * self.rate), self._every)
 
     def push(self, measurement: Measurement) -> list[Rows]:
         """Rows that are due: none while the filters fill and between updates, seldom more than one."""
@@ -180,13 +177,14 @@ class FrontEnd:
         for sample in self._derivative.push(measurement):
             self._model.split_into(sample, self._columns, self._rest, self._considered)
             _fill_beside(self._raw, self._model.p + 1, sample.v, sample.a, sample.tau)
-            if self.projection is None:
+            if self._trunk is None:
                 self._bank.push(self._raw)
             else:
-                self._project(sample, self.projection)
+                assert isinstance(self._derivative, FloatingDerivative)
+                self._trunk.push(sample, self._raw, self._derivative.contacts(sample.t))
             self._tick += 1
             if self._tick >= 0 and self._tick % self._every == 0:
-                due.append(self._rows(sample) if self.projection is None else self._rows_of_trunk(sample))
+                due.append(self._rows(sample) if self._trunk is None else Rows(**self._trunk.due(), sample=sample))
         return due
 
     def _rows(self, sample: Sample) -> Rows:
@@ -203,48 +201,69 @@ class FrontEnd:
             sample=sample,
         )
 
-    def _project(self, sample: Sample, projection: ContactProjection) -> None:
-        """Put the six rows that are free of the forces on the feet, and what goes beside them, through the low-pass."""
-        beside = self._beside
-        assert isinstance(self._derivative, FloatingDerivative)
-        stance = projection.update(sample, self._rest, self._derivative.contacts(sample.t))
-        if self._stances is not None:
-            self._stances.add(stance, sample.t)
-        if stance.trusted:
-            projection.apply(self._raw, self._projected)
-        else:
-            self._projected[:] = 0.0
-        self._gravity.push(sample, projection.points, projection.loads)
-        beside[:-1, 0], beside[:-1, 1], beside[-1] = sample.v, sample.a, stance.trusted
-        self._bank.push(self._projected)
-        self._beside_bank.push(beside)
 
-    def _rows_of_trunk(self, sample: Sample) -> Rows:
-        """As :meth:`_rows`, the six rows of the trunk and that of gravity where the accelerometer's bias is free."""
-        p, out, other = self._model.p, self._bank.output, self._beside_bank.output
-        trust, speed = float(other[-1, 0]), np.abs(other[:-1, 0])
-        vertical, excess = self._gravity.row()
-        if self._stances is not None and trust > _TRUSTED:
-            self._stances.add_gravity(excess)
-        Y, y, tau = np.zeros((self.rows, p)), np.zeros(self.rows), np.zeros(self.rows)
-        Y[:FREE], y[:FREE], tau[:FREE] = out[:, :p], out[:, p], out[:, p + 3]
-        payload = self._model.slices[0]
-        Y[:FREE, payload] = self._standing.push(np.ascontiguousarray(out[:, payload]), speed, trust > _TRUSTED)
-        if self._bias is not None and trust > _TRUSTED:
-            Y[FREE, self._bias], y[FREE] = vertical, excess
-        considered = np.zeros((self.rows, self._model.error.c))
-        considered[:FREE] = out[:, p + 5 :]
-        return Rows(
-            Y=Y,
-            y=y,
-            speed=speed,
-            slow=np.zeros(self.rows),
-            acceleration=other[:-1, 1].copy(),
-            tau=tau,
-            considered=considered,
-            sample=sample,
-            trust=trust,
-        )
+class FrictionCorrection(Effect):
+    """``tau_j = offset_j + Fc_j tanh(v_j / width) + b_j v_j``: what has changed since the arm was identified, or all of
+    it where it never was. The three as one effect, because its columns are written at the robot's rate.
+
+    Args:
+        robot: the model. settings: how large the change may be, what counts as slow. known: effects that are known, or None where
+            no model is.
+
+    Attributes:
+        expected_std: before any data, of offset, Coulomb and viscous friction, shape (3 n,): small beside a known model, of the
+            size of the effort limits without one.
+    """
+
+    id: ClassVar[str] = "friction_correction"
+    label: ClassVar[str] = "correction of offset and friction"
+
+    def __init__(self, robot: RobotModel, settings: OnlineSettings, known: Sequence[KnownEffect] | None) -> None:
+        super().__init__(robot)
+        self.parameter_names = tuple(f"{symbol}[{joint}]" for symbol in ("offset", "Fc", "b") for joint in robot.joint_names)
+        force = tuple("N" if slides else "N m" for slides in robot.is_prismatic)
+        self.units = (*force, *force, *("N s/m" if slides else "N m s/rad" for slides in robot.is_prismatic))
+        self._settings = settings
+        nothing: FloatArray = np.zeros(robot.n)
+        self._coulomb = sum((np.abs(k.effect.as_dry_friction(k.theta)) for k in known or ()), nothing)
+        self._viscous = np.abs(sum((k.effect.as_damping(k.theta) for k in known or ()), nothing))
+        self.expected_std = self._drifted() if known is not None else self._unknown()
+        joints = np.arange(robot.n)
+        self._rows, self._columns = np.tile(joints, 3), np.arange(3 * robot.n)
+        self._curves = np.ones((3, robot.n))
+
+    def _unknown(self) -> FloatArray:
+        limit = self.robot.effort_limit
+        size = self._settings.friction_unknown * np.where(np.isfinite(limit), limit, 50.0)
+        return np.concatenate([0.2 * size, size, 2.0 * size])
+
+    def _drifted(self) -> FloatArray:
+        least, drift = np.full(self.robot.n, 0.1), self._settings.friction_drift
+        return np.concatenate([0.5 * drift * self._coulomb + least, drift * self._coulomb + least, drift * self._viscous + least])
+
+    def fill(self, sample: Sample, out: FloatArray) -> None:
+        curves = self._curves
+        np.tanh(sample.v / TURNS, out=curves[1])
+        curves[2] = sample.v
+        out[self._rows, self._columns] = curves.ravel()
+
+    def as_dry_friction(self, theta: FloatArray) -> FloatArray:
+        n = self.robot.n
+        return theta[n : 2 * n]
+
+    def hidden_variance(self, slow: FloatArray, speed: FloatArray, theta: FloatArray) -> FloatArray:
+        """Variance of the torque that may hide in dry friction near standstill, where no model holds, shape (n,) [(N m)^2].
+
+        Args:
+            slow: part of a row from when each joint hardly moved, shape (n,). speed: of each joint, shape (n,) [rad/s].
+            theta: its parameters as they are estimated now, shape (3 n,), or none where they are not.
+        """
+        n = self.robot.n
+        coulomb = np.abs(self._coulomb + theta[n : 2 * n]) if theta.size else self._coulomb
+        extra: FloatArray = (0.5 * coulomb * slow) ** 2
+        if max(speed.tolist()) < self._settings.low_velocity:
+            extra += self._settings.stiction**2
+        return extra
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]

@@ -19,7 +19,7 @@ from sysid_ros.online.front_end import Cadence, FrontEnd, Rows
 from sysid_ros.online.payload_estimate import Judgement, PayloadEstimate, PayloadEvent
 from sysid_ros.online.payload_events import EventLog
 from sysid_ros.online_settings import OnlineSettings
-from sysid_ros.robot.inertial_parameters import project
+from sysid_ros.robot.inertial_parameters import project_into
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FREE, FloatArray, Measurement
 from sysid_ros.torque.model_file import ModelFile
@@ -235,7 +235,9 @@ class OnlineEstimation:
             self._warnings["inconsistent"] = reason
             self._log.clear()
         if status == "ok":
-            theta, distance = project(theta, covariance)
+            nearest = np.empty(10)
+            distance = project_into(theta, covariance, nearest)
+            theta = nearest if distance > 0.0 else theta
             if not distance <= _NOT_A_BODY:
                 status, reason = "not_physical", "No body of positive density has these parameters, whatever the noise."
         if status != "warming_up" and (self.base is not None or t <= self._log.open_until):

@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid_ros.estimators import Estimate, Estimator
 from sysid_ros.online_settings import OnlineSettings
-from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.inertial_parameters import body_of
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
@@ -93,11 +93,7 @@ class PayloadEstimate:
     @cached_property
     def body(self) -> Body:
         """The parameters as a body, computed once."""
-        mass, com, inertia = inertial_parameters.to_com(self.theta)
-        if mass == 0.0:
-            return Body(mass, com, inertia, np.diag(np.full(3, np.inf)))
-        jacobian = inertial_parameters.com_jacobian(self.theta)
-        return Body(mass, com, inertia, jacobian @ self.covariance @ jacobian.T)
+        return Body(*body_of(self.theta, self.covariance))
 
     @cached_property
     def is_empty(self) -> bool:

@@ -98,6 +98,31 @@ def move(theta: FloatArray, rotation: FloatArray, translation: FloatArray) -> Fl
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
+def body_of(theta: FloatArray, covariance: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
+    """As :func:`to_com`, and the covariance of the centre of mass by :func:`com_jacobian`, shape (3, 3) [m^2]; infinite variance
+    where the mass is zero. Compiled for the loop of the estimation."""
+    mass, com, inertia, spread = theta[0], np.full(3, np.nan), np.full((3, 3), np.nan), np.zeros((3, 3))
+    for i in range(3):
+        spread[i, i] = np.inf
+    if mass == 0.0:
+        return 0.0, com, inertia, spread
+    square = 0.0
+    for i in range(3):
+        com[i] = theta[1 + i] / mass
+        square += com[i] * com[i]
+    for i in range(3):
+        for j in range(i + 1):
+            # the six of the tensor stand as in _TENSOR
+            inertia[i, j] = theta[4 + i * (i + 1) // 2 + j] + mass * com[i] * com[j]
+            inertia[i, i] -= mass * square if i == j else 0.0
+            inertia[j, i] = inertia[i, j]
+        for j in range(3):
+            rest = covariance[1 + i, 1 + j] - com[i] * covariance[0, 1 + j] - com[j] * covariance[1 + i, 0]
+            spread[i, j] = (rest + com[i] * com[j] * covariance[0, 0]) / (mass * mass)
+    return mass, com, inertia, spread
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
 def _cholesky(matrix: FloatArray, L: FloatArray) -> bool:
     """Lower L with ``L L' = matrix``; False where it is not positive definite, or not finite."""
     for i in range(matrix.shape[0]):
@@ -227,8 +252,9 @@ def _levenberg_marquardt(target: FloatArray, L: FloatArray, phi: FloatArray, the
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def _project(theta: FloatArray, covariance: FloatArray, out: FloatArray) -> float:
-    """As :func:`project`; the body is written to ``out``, shape (10,), unless ``theta`` is one itself or there is no metric."""
+def project_into(theta: FloatArray, covariance: FloatArray, out: FloatArray) -> float:
+    """As :func:`project`, for the loop of the estimation: the distance. The body goes to ``out``, shape (10,), unless
+    ``theta`` is one itself or there is no metric."""
     L = np.zeros((10, 10))
     if not (np.isfinite(theta).all() and np.isfinite(covariance).all()):
         return np.nan
@@ -256,5 +282,5 @@ def project(theta: FloatArray, covariance: FloatArray) -> tuple[FloatArray, floa
     Where theta is not finite or the covariance not positive definite there is no metric: theta comes back, the distance is NaN.
     """
     out = np.empty(10)
-    squared = float(_project(np.ascontiguousarray(theta), np.ascontiguousarray(covariance), out))
+    squared = float(project_into(np.ascontiguousarray(theta), np.ascontiguousarray(covariance), out))
     return (out if squared > 0.0 else theta), squared
