@@ -87,7 +87,7 @@ class Quadruped:
         scenario = QuadrupedScenario(duration=seconds + 1.0, rate=rate, gait="sway", payload_mass=2.0)
         record = simulate_quadruped(scenario, start_time=1000.0)
         self.urdf, self.joint_names = record.urdf, tuple(record.truth["joint_names"])
-        self._states, self._k, self.playing = record.told, 0, False
+        self._states, self._k, self.playing = record.measured, 0, False
 
     def attach(self, node: Node) -> None:
         """IMU and contacts are published by this node too."""

@@ -125,7 +125,7 @@ def steps_until_settled(record: QuadrupedRecord, parameters: int) -> int:
     frame, truth = base.robot.frame_id(base.trunk), record.truth["payload"]["mass"]
     theta, P = np.zeros(parameters), np.diag(([4.0] + [0.09] * 3 + [0.01] * 6)[:parameters])
     variance, rows, last_wrong, count = np.full(6, 1.0), np.zeros((6, 11)), 0, 0
-    for state in record.told:
+    for state in record.measured:
         reading = TrunkReading(state.omega, state.specific_force, np.zeros(3), state.contacts)
         for sample in derivative.push(Measurement(state.t, state.q, None, state.tau, reading)):
             rest = sample.tau - base.robot.rnea(sample.q, sample.v, sample.a)

@@ -101,11 +101,11 @@ def test_a_trot_keeps_its_feet_and_gets_somewhere(slope: float) -> None:
 def test_noise_is_added_to_what_is_told_and_the_motion_does_not_depend_on_it() -> None:
     quiet = simulate_quadruped(QuadrupedScenario(duration=1.0, gait="sway", **QUIET))
     noisy = simulate_quadruped(QuadrupedScenario(duration=1.0, gait="sway", torque_noise=0.3, accelerometer_bias=(0.1, 0.0, 0.0)))
-    assert np.array_equal([s.q for s in quiet.told], [s.q for s in noisy.exact])
-    assert np.array_equal([s.tau for s in quiet.told], [s.tau for s in quiet.exact])
-    tau = np.array([told.tau - exact.tau for told, exact in zip(noisy.told, noisy.exact, strict=True)])
+    assert np.array_equal([s.q for s in quiet.measured], [s.q for s in noisy.exact])
+    assert np.array_equal([s.tau for s in quiet.measured], [s.tau for s in quiet.exact])
+    tau = np.array([a.tau - b.tau for a, b in zip(noisy.measured, noisy.exact, strict=True)])
     assert tau.std() == pytest.approx(0.3, rel=0.05)
-    force = np.array([told.specific_force - exact.specific_force for told, exact in zip(noisy.told, noisy.exact, strict=True)])
+    force = np.array([a.specific_force - b.specific_force for a, b in zip(noisy.measured, noisy.exact, strict=True)])
     assert force.mean(axis=0) == pytest.approx([0.1, 0.0, 0.0], abs=0.01)
 
 

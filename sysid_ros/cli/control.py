@@ -138,8 +138,8 @@ def _summary(run: TrackingRun, scenario: ArmScenario) -> dict[str, Any]:
             joints = np.sqrt(np.mean(run.error[part] ** 2, axis=0))
             phases[name.replace(" ", "_")] = {"tip_rms_m": run.tip_rms(begin, end), "joint_rms": joints.tolist()}
     mass = _mass(run, scenario)
-    told = {"law": run.law, "lost_at_s": run.lost, "steps_at_effort_limit": run.clipped, "mass_while_carrying": mass}
-    return {**told, "phases": phases}
+    result = {"law": run.law, "lost_at_s": run.lost, "steps_at_effort_limit": run.clipped, "mass_while_carrying": mass}
+    return {**result, "phases": phases}
 
 
 def _mass(run: TrackingRun, scenario: ArmScenario) -> float | None:

@@ -99,7 +99,7 @@ def show(result: FrequencyCheck) -> None:
 
 def _show_joints(console: Console, result: FrequencyCheck) -> None:
     title = f"Measured torque over the model's, up to {result.top_hz:.3g} Hz (95 %, within 10 %)"
-    headings = ("holds\nHz", "fails\nfrom Hz", "told\nto Hz", "used\ns", "periods", "noise at 1 Hz\nN m/√Hz", "missed")
+    headings = ("holds\nHz", "fails\nfrom Hz", "judged\nto Hz", "used\ns", "periods", "noise at 1 Hz\nN m/√Hz", "missed")
     out = table(title, "joint", *headings, words=["missed"])
     for check in result.joints:
         out.add_row(check.joint, *_row(check))
@@ -112,21 +112,21 @@ def _row(check: JointCheck) -> tuple[str, ...]:
     r, v = check.torque, check.torque.verdict
     holds = "–" if v.holds_to is None else f"{v.holds_from:.2g} to {v.holds_to:.3g}"
     fails = "–" if v.fails_from is None else f"{v.fails_from:.3g}"
-    told = "–" if v.told_to is None else f"{v.told_to:.3g}"
+    judged = "–" if v.told_to is None else f"{v.told_to:.3g}"
     near = min(range(len(r.windows)), key=lambda i: abs(r.windows[i].f - 1.0), default=None)
     noise = "" if near is None else f"{r.density[near]:.2g}"
     periods = ", ".join(f"{n} x {p:.3g} s" for p, n in r.periods) or "–"
     missed = _missed(r.cause) if check.friction is None else f"dry friction, {check.friction.coulomb:.2g} N m"
-    return holds, fails, told, f"{r.seconds:.0f}", periods, noise, missed
+    return holds, fails, judged, f"{r.seconds:.0f}", periods, noise, missed
 
 
 def _missed(cause: Cause | None) -> str:
     if cause is None:
-        return "not told"
+        return "not identified"
     if cause.name == "nothing" or cause.effect < TOLERANCES.negligible:
         return "nothing"
     if cause.share < TOLERANCES.mostly_smooth:
-        return "not told (dry friction)"
+        return "not identifiable (dry friction)"
     if not cause.explains:
         return "not explained"
     words = []

@@ -80,4 +80,4 @@ def quadruped(bag: Path, storage: str, json_path: Path | None, imu: bool, contac
         ("motion", f"{truth['gait']} on {ground}"),
         ("noise", f"effort {noise['torque']:g} N m, position {noise['encoder']:g} rad, gyro {noise['gyro']:g} rad/s"),
     ]
-    conclude(bag, json_path, len(record.told), time.perf_counter() - began, truth, more)
+    conclude(bag, json_path, len(record.measured), time.perf_counter() - began, truth, more)

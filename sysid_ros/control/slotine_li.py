@@ -73,7 +73,7 @@ class SlotineLi(TrackingController):
 def adaptation_gain(arm: ArmTorque, settings: ControlSettings, feedback: Feedback) -> FloatArray:
     """Gamma, shape (10, 10): the payload's error decays within the adaptation time where the arm's posture makes it fastest.
 
-    With the damping K = w M_e, s follows ``K s = Y (theta* - theta)`` once it has settled, so theta decays at the rates of
+    With the damping K = w M_e, s follows ``K s = Y (theta* - theta)`` in the steady state, so theta decays at the rates of
     ``Gamma Y' K^-1 Y``. It is no faster than a loop of that delay can follow.
     """
     body = inertial_parameters.pseudo_inertia(settings.expected_payload)

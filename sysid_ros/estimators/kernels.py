@@ -152,7 +152,7 @@ def normalised_innovation(Y: FloatArray, P: FloatArray, spread: FloatArray, extr
 def is_ordinary(
     Y: FloatArray, P: FloatArray, spread: FloatArray, extra: FloatArray, innovation: FloatArray, threshold: float
 ) -> bool:
-    """False where the normalised innovation is above the threshold. It is at most what it would be with P = 0, which settles most
+    """False where the normalised innovation is above the threshold. It is at most what it would be with P = 0, which decides most
     cases without a factorisation."""
     most = 0.0
     for i in range(innovation.size):

@@ -250,7 +250,7 @@ class VariableForgetting(Estimator):
 
     def _begin_again(self) -> None:
         """Start the block that jumped again; the others start from what they are known to now. Before the noise is known nothing
-        learned is worth keeping through a jump."""
+        learned is kept through a jump."""
         if self.noise.known:
             block = self._jump.block
             self._P[block, :] = 0.0

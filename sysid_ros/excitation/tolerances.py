@@ -16,7 +16,7 @@ class Tolerances:
     under: float = 0.995  # the same where a motion is looked at every 10 ms: ``1 - (pi f dt)^2 / 2`` for f = 3 Hz
     depth: float = 0.1  # room between two links that counts as much as a whole limit [m]: about the radius of a link
 
-    # What is told apart
+    # What is distinguished
     visible: float = 1e-3  # combinations that show less are there only because a URDF rounds its angles to 1e-4 rad
     conditioned: float = 100.0  # condition number above which a motion is said not to be good enough (Gautier, Khalil 1992)
     smooth: float = 0.05  # part of the velocity limit in which dry friction's sign turns: a sine's between two samples

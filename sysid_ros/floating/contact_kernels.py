@@ -214,7 +214,7 @@ def follow(
     v: FloatArray,
     a: FloatArray,
     rest: FloatArray,
-    told: FloatArray,
+    reported: FloatArray,
     dt: float,
     fresh: bool,
     weight: float,
@@ -227,7 +227,7 @@ def follow(
     smooth: FloatArray,
 ) -> tuple[bool, bool, bool]:
     """Normal, basis, forces and stance of a sample, into the arrays from ``points`` on; whether the rows may be used, whether a
-    foot slips, and whether a leg is stretched that is not told to be in the air."""
+    foot slips, and whether a leg is stretched whose foot is not reported in the air."""
     k = origins.shape[0]
     if fresh:
         size = max(np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]), 1e-9)
@@ -236,7 +236,7 @@ def follow(
         loaded[:] = True
     _turn_normal(normal, v[3:6], dt)
     for i in range(k):
-        stands[i] = loaded[i] and (told.size == 0 or told[i] > 0.5)
+        stands[i] = loaded[i] and (reported.size == 0 or reported[i] > 0.5)
     for _ in range(50 if fresh else 1):
         _follow_feet(normal, origins, stands, 0.3 if fresh else min(dt / _NORMAL_TIME, 0.5))
     touching(origins, motions, carriers, radius, normal, points)
@@ -248,12 +248,12 @@ def follow(
         along = forces[i, 0] * normal[0] + forces[i, 1] * normal[1] + forces[i, 2] * normal[2]
         smooth[i] += share * (along - smooth[i])
         loaded[i] = smooth[i] > weight * (_UNLOADED if loaded[i] else _LOADED)
-        stands[i] = loaded[i] if told.size == 0 else told[i] > 0.5
+        stands[i] = loaded[i] if reported.size == 0 else reported[i] > 0.5
         carried += smooth[i]
         anybody = anybody or stands[i]
     slips = _slide(points, v, stands & loaded) > _SLIP
     stretched = False
     for i in range(k):
-        if told.size == 0 or told[i] > 0.5:
+        if reported.size == 0 or reported[i] > 0.5:
             stretched = stretched or _is_stretched(points[i])
     return anybody and carried > _CARRIED * weight and not stretched, slips, stretched

@@ -19,12 +19,12 @@ class Stance:
     """What the feet do at one sample.
 
     Attributes:
-        stands: shape (k,), bool: told by the contact messages, else inferred.
+        stands: shape (k,), bool: from the contact messages, else inferred.
         loaded: shape (k,), bool: inferred from the torques of the legs.
         forces: of the ground on the feet in the trunk's axes, without those of an unknown load on the legs, shape (k, 3) [N].
         normal: of the ground in the trunk's axes, shape (3,). trusted: the feet carry the robot and the rows may be used.
         slips: feet that stand move against each other. stretched: a leg that may stand is; the force along it is in no torque.
-        told: ``stands`` is from a message.
+        reported: ``stands`` is from a message.
     """
 
     stands: NDArray[np.bool_]
@@ -34,7 +34,7 @@ class Stance:
     trusted: bool
     slips: bool
     stretched: bool
-    told: bool
+    reported: bool
 
 
 class ContactProjection:
@@ -48,7 +48,7 @@ class ContactProjection:
 
     A foot in the air has no force, so to eliminate it as well costs nothing but the noise of its leg, and nothing needs to
     switch when feet land or lift: the basis is a smooth function of q, and the rows may pass a filter across a step, an impact
-    or a slip. A wrong contact flag does no harm. (A basis for the feet that are told to stand would jump at each step, and leaves
+    or a slip. A wrong contact flag does no harm. (A basis for the feet reported to stand would jump at each step, and leaves
     the force of a foot in the equation that lands before its flag does.)
 
     The force acts where the foot touches: for a sphere of radius r at ``centre - r n``, with the normal n that is perpendicular
@@ -93,11 +93,11 @@ class ContactProjection:
         """
         self._noise = joint_variance, row_variance
 
-    def update(self, sample: Sample, rest: FloatArray, told: FloatArray | None) -> Stance:
+    def update(self, sample: Sample, rest: FloatArray, reported: FloatArray | None) -> Stance:
         """Make the basis for a sample; the arrays of what comes back are overwritten by the next one.
 
         Args:
-            sample: of all n joints. rest: measured torque minus what is known, shape (n,). told: contacts, shape (k,), or None.
+            sample: of all n joints. rest: measured torque minus what is known, shape (n,). reported: contacts, (k,), or None.
         """
         stance = self._stance
         origins, motions = self.base.contacts.origins(sample.q)
@@ -106,12 +106,12 @@ class ContactProjection:
         self._t = sample.t
         trusted, slips, stretched = kernels.follow(
             origins, motions, self.base.contacts.carriers, self._radius, sample.v, sample.a, rest,
-            self._nobody if told is None else told, dt, fresh, self._weight,
+            self._nobody if reported is None else reported, dt, fresh, self._weight,
             self.points, self.matrix, stance.forces, stance.normal, stance.loaded, stance.stands, self.loads,
         )  # fmt: skip
         if self._noise is not None:
             kernels.decorrelate(self.matrix, *self._noise, self._factor, self._variance)
-        stance.trusted, stance.slips, stance.stretched, stance.told = trusted, slips, stretched, told is not None
+        stance.trusted, stance.slips, stance.stretched, stance.reported = trusted, slips, stretched, reported is not None
         return stance
 
     def variance_at(self, sample: Sample, joint_variance: FloatArray, row_variance: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""How a robot on legs stands: StanceLog, how often its feet slip or are told wrong; GroundContact, whether it was lifted."""
+"""How a robot on legs stands: StanceLog, how often its feet slip or are reported wrong; GroundContact, whether it was lifted."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from sysid_ros.floating.contact_projection import Stance
 from sysid_ros.sample import FloatArray
 
 _LONGER = 0.05
-"""A contact that is told otherwise than the leg's torques show for longer than this counts as wrong [s]."""
+"""A contact that is reported otherwise than the leg's torques show for longer than this counts as wrong [s]."""
 _EXCESS = 0.03
-"""Difference to gravity that is worth a warning; on Earth gravity itself differs by so much [m/s^2]."""
+"""Difference to gravity above which a warning is given; on Earth gravity itself differs by so much [m/s^2]."""
 _TOGETHER, _MOST = 100, 300
 """Rows whose excess over gravity is averaged, some steps of a gait, and averages that are kept."""
 _SHARE = 0.02
-"""Share of the samples from which on it is worth a warning."""
+"""Share of the samples from which on a warning is given."""
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _compare(told: NDArray[np.bool_], loaded: NDArray[np.bool_], t: float, agreed: FloatArray, wrong: FloatArray) -> None:
-    """Count the feet that have been told otherwise than they are loaded for too long; ``agreed`` is when each last was not."""
-    for i in range(told.size):
-        if told[i] == loaded[i] or not 0.0 <= t - agreed[i] < 1e6:
+def _compare(reported: NDArray[np.bool_], loaded: NDArray[np.bool_], t: float, agreed: FloatArray, wrong: FloatArray) -> None:
+    """Count the feet that were reported otherwise than they are loaded for too long; ``agreed`` is when each last was not."""
+    for i in range(reported.size):
+        if reported[i] == loaded[i] or not 0.0 <= t - agreed[i] < 1e6:
             agreed[i] = t
         elif t - agreed[i] > _LONGER:
             wrong[i] += 1.0
@@ -37,8 +37,8 @@ class StanceLog:
 
     Attributes:
         samples: all. untrusted: the feet did not carry the robot; the rows are left out. slipping: feet that stand moved against
-            each other. stretched: a leg that may stand was. inferred: no message told the stance.
-        wrong: of each foot, samples in which its contact was told wrong, shape (k,).
+            each other. stretched: a leg that may stand was. inferred: no message reported the stance.
+        wrong: of each foot, samples in which its contact was reported wrong, shape (k,).
     """
 
     def __init__(self, feet: tuple[str, ...], gravity: float = 9.81, bias_is_free: bool = False) -> None:
@@ -56,8 +56,8 @@ class StanceLog:
         self.untrusted += not stance.trusted
         self.slipping += stance.slips
         self.stretched += stance.stretched
-        self.inferred += not stance.told
-        if stance.told:
+        self.inferred += not stance.reported
+        if stance.reported:
             _compare(stance.stands, stance.loaded, t, self._agreed, self.wrong)
 
     def add_gravity(self, excess: float) -> None:
@@ -91,8 +91,8 @@ class StanceLog:
         for foot, wrong in zip(self._feet, self.wrong, strict=True):
             if wrong > _SHARE * total:
                 sentences.append(
-                    f"The contact of {foot} is told otherwise than its leg's torques show in {100 * wrong / total:.0f} % of the "
-                    "time. The estimate does not rest on it; check the sensor, and that contact_frames has the order "
+                    f"The contact of {foot} is reported otherwise than its leg's torques show in {100 * wrong / total:.0f} % of "
+                    "the time. The estimate does not rest on it; check the sensor, and that contact_frames has the order "
                     "of the messages."
                 )
         if self.slipping > _SHARE * total:

@@ -27,7 +27,7 @@ class TrunkRows:
         base: the robot. channels: of each raw row: the columns of the p free effects, the torque left for them, v, a, tau and
             how far each joint is from moving, and what is considered. p: see there. payload: where its columns stand.
         cutoff_hz, rate: of the low-pass [Hz]. period: between rows [s]. standstill: velocity below which it stands [rad/s].
-        stances: takes note of what the feet do. gravity: at the place [m/s^2], with which a free bias is told from a load.
+        stances: takes note of what the feet do. gravity: at the place [m/s^2], by which a free bias is distinguished from a load.
         bias: where it stands among the free parameters, None where it is not free.
 
     Attributes:
@@ -57,10 +57,10 @@ class TrunkRows:
         self._gravity = GravityRow(gravity, cutoff_hz, rate, period)
         self.rows = FREE + (bias is not None)
 
-    def push(self, sample: Sample, raw: FloatArray, told: FloatArray | None) -> None:
-        """Take in the raw rows (n, channels) of a sample; ``told``: which feet stand, as of :meth:`ContactProjection.update`."""
+    def push(self, sample: Sample, raw: FloatArray, reported: FloatArray | None) -> None:
+        """Take in the raw rows (n, channels) of a sample; ``reported``: feet that stand, see :meth:`ContactProjection.update`."""
         beside, projection = self._beside, self.projection
-        stance = projection.update(sample, raw[:, self._p], told)
+        stance = projection.update(sample, raw[:, self._p], reported)
         if self._stances is not None:
             self._stances.add(stance, sample.t)
         if stance.trusted:

@@ -25,7 +25,7 @@ class Distortion:
     """What repeats itself from period to period and no smooth response explains (Pintelon, Schoukens 2012, section 4.3).
 
     Attributes:
-        noise, nonlinear: root mean square over the band that is told, of a period [N m]. p_value: of an F test of the misfit's
+        noise, nonlinear: root mean square over the band that is judged, of a period [N m]. p_value: of an F test of the misfit's
             power against that of the noise, were all of it noise. periods: that were compared.
         even, odd: root mean square of the measured torque on lines that are not excited, by the parity of the harmonic [N m];
             None where there are no such lines.

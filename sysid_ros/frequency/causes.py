@@ -65,12 +65,12 @@ class Cause:
 
     @property
     def effect(self) -> float:
-        """Largest |H - 1| over the band, as a part of input and dry friction together: what the cause matters at all."""
+        """Largest |H - 1| over the band, as a part of input and dry friction in sum: how much the cause matters at all."""
         return float(np.max(np.abs(self.H(np.geomspace(*self.band, 200)) - 1.0))) * self.share
 
     @property
     def named(self) -> bool:
-        """Whether it is worth a word, and can be told beside dry friction."""
+        """Whether it is large enough to report, and identifiable beside dry friction."""
         return (
             self.name != "nothing"
             and self.effect >= TOLERANCES.negligible

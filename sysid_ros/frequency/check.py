@@ -16,7 +16,7 @@ from sysid_ros.frequency.lines import Channel, Record, joint_records
 from sysid_ros.frequency.local_fit import local_fit
 from sysid_ros.frequency.modes import Modes, find_modes
 from sysid_ros.frequency.result import FrequencyCheck, JointCheck, Response
-from sysid_ros.frequency.sentences import together, with_sentences
+from sysid_ros.frequency.sentences import common_findings, with_sentences
 from sysid_ros.frequency.stretches import Stretch, stretches_of, top_frequency
 from sysid_ros.frequency.tolerances import TOLERANCES
 from sysid_ros.frequency.transfer_functions import FORMS, Form
@@ -55,7 +55,7 @@ def check_frequency(
     Args:
         robot: the URDF's model. recordings: of it, raw. known: effects of a model.yaml, else the URDF's links and
             ``<dynamics>`` are the model. top_hz: upper end of the band [Hz]; 0: a fifth of the rate, 40 Hz at most.
-        max_gap: a longer gap between samples is not bridged [s]. progress: told of each joint that is done.
+        max_gap: a longer gap between samples is not bridged [s]. progress: called with each joint that is done.
 
     Raises:
         DataError: the recordings can't tell anything, and why.
@@ -76,7 +76,7 @@ def check_frequency(
         out.append(_joint(robot, stretches, known, j, top))
         progress(1)
     lengths = tuple((r.name, float(sum(len(s.motion.t) * s.period for s in p))) for r, p in zip(recordings, parts, strict=True))
-    return FrequencyCheck(with_sentences(out), top, lengths, tuple(warnings), ASSUMPTIONS, together(out), provenance or {})
+    return FrequencyCheck(with_sentences(out), top, lengths, tuple(warnings), ASSUMPTIONS, common_findings(out), provenance or {})
 
 
 def _too_short(recordings: Sequence[Recording], max_gap: float) -> str:

@@ -25,7 +25,7 @@ _WHITENED = 0.98
 _SLOWEST = 30.0
 """Rate of the signals at least [Hz]."""
 _PER_CYCLE = 5.0
-"""Samples a cycle of the highest frequency that is told."""
+"""Samples a cycle of the highest frequency that is judged."""
 
 
 @dataclass(frozen=True, eq=False)

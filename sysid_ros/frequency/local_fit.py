@@ -37,8 +37,8 @@ class Window:
         noise: variance of a line of Y, E|noise|^2 [(N m)^2]. coherence: part of Y's power that follows U, 0 to 1.
         input_noise: part of U's power that is noise.
         lines: for each record the indices of its lines; empty where it has none there.
-        clear: whether the input stands above its noise, so that the response is told.
-        share: of the input in the root mean square of input and dry friction together.
+        clear: whether the input stands above its noise, so that the response can be estimated.
+        share: of the input in the root mean square of the sum of input and dry friction.
     """
 
     f: float

@@ -133,7 +133,7 @@ class FrequencyCheck:
     Attributes:
         joints: one a joint, in the model's order. top_hz: upper end of the band that was looked at [Hz].
         recordings: names and seconds.
-        sentences: what several joints say together. warnings: what the user should know of the recordings. assumptions: under
+        sentences: what several joints have in common. warnings: what the user should know of the recordings. assumptions: under
             which all of it is true.
     """
 

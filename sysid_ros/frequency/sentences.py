@@ -20,7 +20,7 @@ def with_sentences(checks: Sequence[JointCheck]) -> tuple[JointCheck, ...]:
     return tuple(replace(check, sentences=_sentences(check, owner_of(check, checks))) for check in checks)
 
 
-def together(checks: Sequence[JointCheck]) -> tuple[str, ...]:
+def common_findings(checks: Sequence[JointCheck]) -> tuple[str, ...]:
     """What several joints say alike: one lateness of all efforts, where their own agree within their intervals."""
     if any(_oscillation(check) for check in checks):
         return ()
@@ -79,10 +79,8 @@ def _sentences(check: JointCheck, owner: str) -> tuple[str, ...]:
             amount += (
                 f" and {_two_digits(check.friction.viscous)} {unit} s/{'m' if check.prismatic else 'rad'} of viscous friction"
             )
-        found.append(
-            f"the model lacks about {amount}, {100.0 * check.friction.part:.0f} % of the misfit; find it with 'sysid identify' "
-            "before anything else is told"
-        )
+        part = 100.0 * check.friction.part
+        found.append(f"the model lacks about {amount}, {part:.0f} % of the misfit; find it with 'sysid identify' first")
     if check.torque.cause is not None:
         found += _cause(check, check.torque.cause, owner)
     found += _distortion(check.torque, "N" if check.prismatic else "N m")
@@ -119,7 +117,7 @@ def _cause(check: JointCheck, cause: Cause, owner: str) -> list[str]:
     if cause.name == "nothing" or cause.effect < TOLERANCES.negligible:
         return []
     if cause.share < TOLERANCES.mostly_smooth:
-        return ["what it misses in the rest can't be told beside the dry friction, which makes most of its torque"]
+        return ["what it misses in the rest can't be identified beside the dry friction, which makes most of its torque"]
     if not cause.explains:
         return ["no gain, delay, low-pass or spring explains what it misses"]
     parts = []

@@ -89,7 +89,7 @@ def top_frequency(recordings: Sequence[Recording], asked: float = 0.0) -> float:
     """Upper end of the band [Hz]: a fifth of the slowest rate, 40 Hz at most, or what is asked for.
 
     Raises:
-        DataError: more is asked for than the rate allows, or no rate can be told.
+        DataError: more is asked for than the rate allows, or no rate can be determined.
     """
     slowest = min(recordings, key=lambda r: 1.0 / max(r.period, 1e-9) if r.period > 0.0 else 0.0)
     if not slowest.period > 0.0:

@@ -35,15 +35,15 @@ class Tolerances:
 
     # Causes
     step_up: float = 10.0  # gain of tempered BIC that a more complicated cause must bring: very strong (Kass, Raftery 1995)
-    as_good: float = 6.0  # difference of it below which one cause can't be told from another: strong evidence (the same)
-    negligible: float = 0.05  # largest |H - 1| in the band that is not worth a word: half of what a model is held to
+    as_good: float = 6.0  # difference of it below which one cause can't be distinguished from another: strong evidence (the same)
+    negligible: float = 0.05  # largest |H - 1| in the band that is not reported: half of what a model is held to
     held_out: float = 0.1  # part of the misfit on held-out lines that a cause must explain: not what was fitted by chance
     obvious: float = 200.0  # gain of BIC of a resonance that needs no held-out lines: it may be narrower than a window
     most_noise: float = 0.6  # part of the input's power that may be noise between other windows, as beside a resonance
     last_noise: float = 0.35  # the same of the last window
     lost: int = 2  # windows in a row that may have more: more of them end the band
     wrong_friction: float = 0.1  # part of dry friction that a model may have wrong at a reversal: its scatter on real gears
-    beyond: float = 1.1  # part by which the band must go on above an oscillation: it is told from both of its sides
+    beyond: float = 1.1  # part by which the band must go on above an oscillation: it is identified from both of its sides
     most_damped: float = 0.25  # damping of what is called an oscillation at most
 
     # Distortion and friction that is missing
@@ -60,7 +60,7 @@ class Tolerances:
     coherent: float = 0.7  # coherence from which on a frequency carries a state-space model
     mostly: float = 0.6  # part of the windows up to a frequency that must carry it
     least_top: float = 3.0  # the state-space check needs a band up to this or more [Hz]: three times its lower end
-    least_low: float = 1.0  # lower end of the band in which modes are told [Hz]: below it a gravity pole of the rigid model lies
+    least_low: float = 1.0  # lower end of the band of the modes [Hz]: below it a gravity pole of the rigid model lies
     light: float = 0.5  # damping above which a pair of poles is no oscillation: it does not overshoot by more than a sixth
     cancels: float = 0.03  # relative distance of a pole and a zero that take each other away
     same: float = 0.2  # relative distance within which two frequencies of redrawn data are the same mode
@@ -69,8 +69,8 @@ class Tolerances:
 
     # Sentences
     near: float = 1.2  # ratio of frequencies within which oscillations of two joints are one
-    same_gain: float = 0.02  # a gain beside another cause is told where it differs from 1 by more
-    vague: float = 0.7  # half of the interval of a stiffness over its value from which on it is not told
+    same_gain: float = 0.02  # a gain beside another cause is reported where it differs from 1 by more
+    vague: float = 0.7  # half of the interval of a stiffness over its value from which on it is not reported
     through: float = 0.08  # damping above which a resonance may be that of another joint, which shows here through the arm
     as_a_delay: float = 0.1  # part by which a lag may differ from the delay that it is at low frequencies
     apart: float = 3.5  # standard deviations by which delays of joints that are one delay may differ: one in 2,000 by chance

@@ -1,4 +1,4 @@
-"""In which band a model holds: responses of neighbouring windows together, each with the circle that holds it with 95 %."""
+"""In which band a model holds: responses of neighbouring windows pooled, each with the circle that holds it with 95 %."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _THIRD_OCTAVE = 2.0 ** (1.0 / 3.0)
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """Windows over a third of an octave or more, taken together.
+    """Windows over a third of an octave or more, pooled.
 
     Attributes:
         low, high: its ends [Hz]. H: mean response. radius: of the 95 % circle about it. says: "holds" where the whole circle is
@@ -34,7 +34,7 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What the bands say together.
+    """The conclusion from all bands.
 
     Attributes:
         holds_from, holds_to: the lowest bands in a row that hold [Hz]; None where none does. fails_from: low end of
@@ -74,13 +74,13 @@ def verdict(windows: Sequence[Window], tolerance: float = TOLERANCES.misfit) -> 
     start = holding[0].low if holding else 0.0
     failing = [b.low for b in bands if b.says == "fails" and b.low >= start]
     below = [b.high for b in bands if b.says == "fails" and b.low < start]
-    told = [b.high for b in bands if b.says != "untold"]
+    judged = [b.high for b in bands if b.says != "untold"]
     return Verdict(
         tuple(bands),
         holding[0].low if holding else None,
         holding[-1].high if holding else None,
         failing[0] if failing else None,
-        max(told) if told else None,
+        max(judged) if judged else None,
         max(below) if below else None,
     )
 

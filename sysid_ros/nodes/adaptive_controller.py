@@ -279,7 +279,7 @@ class AdaptiveController(LifecycleNode):
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
+    """Run the node until it is asked to stop."""
     return spin(AdaptiveController, args)
 
 

@@ -49,8 +49,8 @@ def payload_of(message: InertiaStamped, frame: str) -> FloatArray:
     """
     if message.header.frame_id != frame:
         raise DataError(
-            f"the payload is told in the frame '{message.header.frame_id}'; the controller's is '{frame}'. Set frame_id alike on "
-            "both nodes."
+            f"the payload is given in the frame '{message.header.frame_id}'; the controller's is '{frame}'. Set frame_id alike "
+            "on both nodes."
         )
     mass, com, tensor = body_of(message)
     if abs(mass) < MASSLESS:

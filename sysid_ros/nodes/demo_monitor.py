@@ -34,8 +34,8 @@ class DemoMonitor(Node):
     """The third process of the demo.
 
     Attributes:
-        estimates: all that the estimator published, its status as the diagnostics told it last.
-        events: that the estimator found, as the diagnostics told them.
+        estimates: all that the estimator published, its status as of the last diagnostics.
+        events: that the estimator found, from the diagnostics.
         truth: what the robot really carried; the last segment goes on without end.
         joint_names: of the residuals.
         diagnostics: the last values of each diagnostic status by its name.
@@ -63,7 +63,7 @@ class DemoMonitor(Node):
 
     @property
     def status(self) -> tuple[str, str]:
-        """Status of the estimate and the sentence beside it, as the diagnostics told them last."""
+        """Status of the estimate and the sentence beside it, as of the last diagnostics."""
         values = self.diagnostics.get(f"{ESTIMATOR}: estimator", {})
         return values.get("status", "warming_up"), values.get("reason", "")
 
@@ -127,7 +127,7 @@ class DemoMonitor(Node):
             return
         t, before, after = (float(values[f"last_event_{name}"]) for name in ("time", "mass_before", "mass_after"))
         event = PayloadEvent(t, values["last_event"], before, after)
-        # the newest event is told again and again while its mass is refined
+        # the newest event is repeated while its mass is refined
         if self.events and abs(self.events[-1].t - t) < 0.01:
             self.events.pop()
         self.events.append(event)

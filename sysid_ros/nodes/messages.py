@@ -27,7 +27,7 @@ _COLOURS = {"ok": (0.2, 0.7, 0.3, 0.6), "not_excited": (0.2, 0.5, 0.8, 0.6)}
 _DOUBTFUL = (0.9, 0.6, 0.1, 0.6)
 _ORDER = np.ix_(TO_MESSAGE_ORDER, TO_MESSAGE_ORDER)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""For what is told once and kept for those who come later."""
+"""For what is published once and kept for those who come later."""
 
 
 def record_of(message: JointState, receive_time: float) -> JointStateRecord:
@@ -74,7 +74,7 @@ class Outputs:
         node: that they belong to.
 
     Attributes:
-        published: number of estimates. joints: in the model's order, as last told.
+        published: number of estimates. joints: in the model's order, as last published.
         with_markers: whether markers are published while somebody subscribes.
     """
 

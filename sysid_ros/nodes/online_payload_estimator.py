@@ -256,7 +256,7 @@ class OnlinePayloadEstimator(LifecycleNode):
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
+    """Run the node until it is asked to stop."""
     return spin(OnlinePayloadEstimator, args)
 
 

@@ -237,7 +237,7 @@ class SimulatedRobot(Node):
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the node until it is told to stop; 2 where a parameter is not allowed."""
+    """Run the node until it is asked to stop; 2 where a parameter is not allowed."""
     rclpy.init(args=args)
     node: SimulatedRobot | None = None
     code = 0

@@ -14,7 +14,7 @@ _IDLE = 0.1
 
 
 def spin(make_node: Callable[[], Node], args: list[str] | None) -> int:
-    """Make the node and run it until it is told to stop; the exit code."""
+    """Make the node and run it until it is asked to stop; the exit code."""
     rclpy.init(args=args)
     node: Node | None = None
     try:

@@ -36,7 +36,7 @@ class FreeParameters:
 
     Args:
         robot: the arm, or the legs of a floating base. settings: prior and noise. known: the identified model, if any.
-        base: the robot where it floats; the torques of its legs are then not told apart from friction, which is as known.
+        base: the robot where it floats; the torques of its legs are then not distinguishable from friction, which is as known.
 
     Attributes:
         payload: the effect whose columns come first. bias: where that of the accelerometer stands, None where it is not free.

@@ -1,4 +1,4 @@
-"""LiveEstimation: from the joint states as they are received to estimates; CommitGate: which of them a controller is told."""
+"""LiveEstimation: from the joint states as they are received to estimates; CommitGate: which of them a controller receives."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ class LiveEstimation:
     Args:
         urdf: the URDF's text.
         settings: of the estimation.
-        commit: passes on what a controller may be told.
+        commit: passes on what a controller may receive.
         known: the identified model.
         enabled: False to start frozen.
 

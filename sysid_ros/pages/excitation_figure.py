@@ -43,15 +43,15 @@ def excitation_figure(excitation: Excitation, title: str) -> Figure:
 def _headline(excitation: Excitation) -> str:
     """The criteria in a line, and what comes nearest to a collision."""
     d = [c.d for c in excitation.random]
-    told = (
+    headline = (
         f"D {excitation.criteria.d:.1f} (of {len(d)} random feasible motions: median {float(np.median(d)):.1f}, "
         f"best {d[0]:.1f}), condition number {excitation.criteria.condition_number:.1f}"
     )
     if not excitation.pairs:
-        return told
+        return headline
     k = int(np.argmin(excitation.use.room))
     pair = " and ".join(excitation.pairs[k])
-    return f"{told}; nearest to a collision: {pair}, {1e3 * excitation.use.room[k]:.1f} mm more than they must keep"
+    return f"{headline}; nearest to a collision: {pair}, {1e3 * excitation.use.room[k]:.1f} mm more than they must keep"
 
 
 def _criteria(excitation: Excitation) -> Panel:

@@ -128,7 +128,7 @@ class Stack:
     """Panels one below the other.
 
     Attributes:
-        title, note: above them. shared: they have one x axis in common, told at the last.
+        title, note: above them. shared: they have one x axis in common, labelled at the last.
         width: beside other stacks, in parts. least: narrower than this it does not stand beside another [px].
     """
 

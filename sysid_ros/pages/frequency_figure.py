@@ -45,10 +45,10 @@ def frequency_figure(result: FrequencyCheck, title: str) -> Figure:
     checks = _shown(result)
     low, high = _span(checks)
     hertz = Axis("frequency [Hz]", (low, high), True, tuple((f, f"{f:g}") for f in _HERTZ if low <= f <= high))
-    told = "1 says that the model holds; frequencies at which the motion does not stand clear of the noise are left out"
+    note = "1 says that the model holds; frequencies at which the motion does not stand clear of the noise are left out"
     columns = min(4, len(checks))
     stacks = tuple(_joint(check, hertz) for check in checks)
-    return Figure(stacks, title, told, columns, width=90.0 + 350.0 * columns)
+    return Figure(stacks, title, note, columns, width=90.0 + 350.0 * columns)
 
 
 def _joint(check: JointCheck, hertz: Axis) -> Stack:
@@ -81,9 +81,9 @@ def _bode(response: Response) -> tuple[FloatArray, FloatArray]:
 
     Windows in which the input is mostly noise, or whose 95 % circle is wider than the response, are left out, as NaN.
     """
-    told = np.array([w.clear and w.radius < max(abs(w.H), 1.0) for w in response.windows])
-    H = np.where(told, [w.H for w in response.windows], np.nan)
-    radius, size = np.where(told, [w.radius for w in response.windows], np.nan), np.abs(H)
+    judged = np.array([w.clear and w.radius < max(abs(w.H), 1.0) for w in response.windows])
+    H = np.where(judged, [w.H for w in response.windows], np.nan)
+    radius, size = np.where(judged, [w.radius for w in response.windows], np.nan), np.abs(H)
     # where the circle holds 0 the phase is not known
     part = np.where(radius < size, radius / np.maximum(size, 1e-12), np.nan)
     width = np.degrees(np.arcsin(part))

@@ -52,7 +52,7 @@ def write_plot(path: Path, figure: Figure, template: str = "figure.html", **word
 
 
 def page(template: str, **words: object) -> str:
-    """HTML of a page; what it is told is text, and is escaped."""
+    """HTML of a page; what it is given is text, and is escaped."""
     from plotly.offline import get_plotlyjs
 
     return _environment().get_template(template).render(plotly=get_plotlyjs, **words)

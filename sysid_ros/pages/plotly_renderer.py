@@ -151,11 +151,11 @@ def _layout(figure: Figure, width: float) -> dict[str, Any]:
     return {"least": width, "layout": {"height": height, "annotations": words} | axes | drag}
 
 
-def _axis(axis: Axis, way: str, length: float, told: bool) -> dict[str, Any]:
+def _axis(axis: Axis, way: str, length: float, labelled: bool) -> dict[str, Any]:
     style: dict[str, Any] = {"showgrid": axis.ticks != (), "gridcolor": palette.GRID, "zeroline": False}
     style |= {
         "nticks": ticks_on(length, way),
-        "showticklabels": told and axis.ticks != (),
+        "showticklabels": labelled and axis.ticks != (),
         "type": "log" if axis.log else None,
         "tickangle": 0,
     }
@@ -166,7 +166,7 @@ def _axis(axis: Axis, way: str, length: float, told: bool) -> dict[str, Any]:
         style |= {"tickvals": [at for at, _ in ticks], "ticktext": [_text(text) for _, text in ticks]}
     elif axis.log:
         style |= {"exponentformat": "power", "dtick": 1}
-    if told and axis.label:
+    if labelled and axis.label:
         style["title"] = {"text": _text(axis.label), "standoff": 2, "font": {"size": 11}}
     return style
 

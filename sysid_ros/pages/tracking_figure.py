@@ -29,9 +29,9 @@ def tracking_figure(runs: Sequence[TrackingRun], events: Sequence[tuple[float, s
         errors.append(Curve(run.t, np.maximum(1e3 * run.tip_error, _LEAST), name, colour, 1.2))
         masses.append(Curve(run.t, run.mass, name, colour))
     masses.append(Curve(*_carried(events, mass, end), "truth", width=1.1, dash="dotted"))
-    told = tuple(Mark("x", t, kind) for t, kind in events)
+    marks = tuple(Mark("x", t, kind) for t, kind in events)
     lines = tuple(Mark("x", t) for t, _ in events)
-    above = Panel((*told, *errors), "Distance of the tip from its path [mm]", x=time, y=Axis(log=True), height=300.0)
+    above = Panel((*marks, *errors), "Distance of the tip from its path [mm]", x=time, y=Axis(log=True), height=300.0)
     below = Panel((*lines, *masses), "Mass that the law believes in [kg]", x=time, height=200.0)
     return Figure((Stack((above, below)),), "Control laws with a payload unknown to them", f"{mass:g} kg are picked up")
 

@@ -193,15 +193,15 @@ class CollisionModel:
     ) -> list[_Pair]:
         """The pairs, with less to keep where they are built near each other."""
         kept: list[_Pair] = []
-        told: dict[tuple[str, str], float] = {}
+        near: dict[tuple[str, str], float] = {}
         for pair, distance in zip(pairs, self._distances_of(pairs, reference), strict=True):
             if distance < 2.0 * pair.clearance and concerned(pair):
                 kept.append(_Pair(pair.shapes, pair.links, 0.5 * float(distance)))
-                told[pair.links] = min(5e2 * distance, told.get(pair.links, np.inf))
+                near[pair.links] = min(5e2 * distance, near.get(pair.links, np.inf))
             else:
                 kept.append(pair)
-        if told:
-            names = "; ".join(f"{' and '.join(links)} ({distance:.0f} mm)" for links, distance in told.items())
+        if near:
+            names = "; ".join(f"{' and '.join(links)} ({distance:.0f} mm)" for links, distance in near.items())
             self._notes.append(
                 f"Near each other at the reference posture, and have to keep only half their distance there: {names}."
             )

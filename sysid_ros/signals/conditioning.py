@@ -31,7 +31,7 @@ _CLEARLY = 10.0
 _NOISE_ONLY = 0.4
 """Part of the band, from which on a position has nothing but noise."""
 _EDGE = 0.25
-"""Ends of a stretch, where the filters have not settled, are cut off [s]."""
+"""Ends of a stretch, where the filters are still in transient, are cut off [s]."""
 
 
 def motions(robot: RobotModel, recording: Recording) -> list[Motion]:

@@ -51,13 +51,13 @@ class FloatingDerivative:
         return [self._of_all_joints(sample) for sample in self._inner.push(Measurement(measurement.t, q, v, tau))]
 
     def contacts(self, t: float) -> FloatArray | None:
-        """Which feet were told to stand at t, shape (k,); None where no message told."""
-        told = None
+        """Which feet were reported to stand at t, shape (k,); None where no message says."""
+        reported = None
         for at, contacts in self._told:
             if at > t + 1e-9:
                 break
-            told = contacts
-        return told
+            reported = contacts
+        return reported
 
     def _of_all_joints(self, sample: Sample) -> Sample:
         q, v, a, tau = sample.q.copy(), sample.v.copy(), sample.a.copy(), sample.tau.copy()

@@ -62,17 +62,17 @@ def simulate_arm(scenario: ArmScenario, progress: Callable[[int], None] | None =
     """
     simulation = ArmSimulation(scenario)
     try:
-        exact, told = simulation.run(progress)
+        exact, measured = simulation.run(progress)
         truth = simulation.truth(start_time)
         _check_followed(simulation, exact)
     finally:
         simulation.close()
-    velocity = np.array([m.v for m in told]) if scenario.velocity else None
+    velocity = np.array([m.v for m in measured]) if scenario.velocity else None
     return ArmRecord(
         start_time + np.array([m.t for m in exact]),
-        np.array([m.q for m in told]),
+        np.array([m.q for m in measured]),
         velocity,
-        np.array([m.tau for m in told]),
+        np.array([m.tau for m in measured]),
         np.array([m.q for m in exact]),
         np.array([m.v for m in exact]),
         np.array([m.tau for m in exact]),

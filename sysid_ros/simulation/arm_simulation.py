@@ -67,7 +67,7 @@ class ArmSimulation(Simulation[Measurement]):
     """The arm of a scenario, one message at a time.
 
     A message at t holds q at t, the torque that acts from t on (for one physics step), and as velocity the mean of the steps
-    before and after t: the three belong to the same instant, see :class:`ArmWorld`. Noise is added to what is told, not to what
+    before and after t: the three belong to the same instant, see :class:`ArmWorld`. Noise is added to the messages, not to what
     the controller sees, so the motion does not depend on it.
 
     Args:

@@ -28,12 +28,12 @@ class QuadrupedRecord:
     """A simulated recording in memory.
 
     Attributes:
-        told: what the sensors tell, in the order of time. exact: the same without noise.
+        measured: what the sensors report, in the order of time. exact: the same without noise.
         start_time: stamp of the first message [s].
         truth: as in the truth file. urdf: the robot's description.
     """
 
-    told: list[QuadrupedState]
+    measured: list[QuadrupedState]
     exact: list[QuadrupedState]
     start_time: float
     truth: dict[str, Any]
@@ -46,7 +46,7 @@ class QuadrupedRecord:
             imu, contacts: False leaves these messages out.
         """
         names = tuple(self.truth["joint_names"])
-        for state in self.told:
+        for state in self.measured:
             yield from state_records(state, self.start_time, names, imu, contacts)
 
 
@@ -77,11 +77,11 @@ def simulate_quadruped(
     """
     simulation = QuadrupedSimulation(scenario)
     try:
-        exact, told = simulation.run(progress)
+        exact, measured = simulation.run(progress)
         truth = simulation.truth(start_time)
     finally:
         simulation.close()
-    return QuadrupedRecord(told, exact, start_time, truth, simulation.urdf)
+    return QuadrupedRecord(measured, exact, start_time, truth, simulation.urdf)
 
 
 def write_quadruped(record: QuadrupedRecord, recorder: QuadrupedRecorder, imu: bool = True, contacts: bool = True) -> None:

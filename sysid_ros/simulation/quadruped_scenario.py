@@ -30,7 +30,7 @@ class QuadrupedScenario(Scenario):
         imu_xyz, imu_rpy: where the IMU sits in the trunk [m] and how it is turned [rad].
         gyro_noise, accelerometer_noise: standard deviations [rad/s], [m/s^2].
         gyro_bias, accelerometer_bias: the IMU shows so much more, shape (3,).
-        contact_error: share of messages in which one foot's contact is told wrong.
+        contact_error: share of messages in which one foot's contact is wrong.
 
     Raises:
         SettingsError: a value is not allowed.

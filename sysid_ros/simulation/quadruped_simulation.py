@@ -58,7 +58,7 @@ class QuadrupedSimulation(Simulation[QuadrupedState]):
 
     A message at t holds q at t, the torque that acts from t on, and the mean of the velocities and angular velocities before and
     after the step that begins at t. The specific force is what an integrating accelerometer tells: the change of velocity of its
-    place over one message period around t, less gravity. Noise is added to what is told, not to what the controller sees.
+    place over one message period around t, less gravity. Noise is added to the messages, not to what the controller sees.
 
     Args:
         scenario: what is simulated.
@@ -140,9 +140,9 @@ class QuadrupedSimulation(Simulation[QuadrupedState]):
         if self._every % 2 == 0:
             weight[[0, -1]] = 0.5
         force = np.average([step.specific_force for step in self._steps], axis=0, weights=weight)
-        told = self._steps[half]
-        orientation = np.array(quaternion(told.orientation))
-        return replace(told, orientation=orientation, specific_force=force)
+        step = self._steps[half]
+        orientation = np.array(quaternion(step.orientation))
+        return replace(step, orientation=orientation, specific_force=force)
 
     def noisy(self, exact: QuadrupedState) -> QuadrupedState:
         s, n = self.scenario, self.base.legs.n

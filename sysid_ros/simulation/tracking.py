@@ -29,7 +29,7 @@ _BELIEVED_STD = 0.2
 """Largest standard deviation of a mass that a law believes [kg]."""
 
 TRACKED = (*reversed(LAWS), "informed")
-"""``informed`` is computed torque that is told the true payload at the pick, to compare with."""
+"""``informed`` is computed torque that knows the true payload at the pick, to compare with."""
 
 
 class _Tracked:
@@ -87,14 +87,14 @@ def track(
     simulation = ArmSimulation(scenario, tracked.command)
     listens = law in ("certainty_equivalence", "composite")
     estimation = OnlineEstimation(robot, OnlineSettings(frame_id=frame), known) if listens else None
-    rows, lost, told = [], None, 0
+    rows, lost, events = [], None, 0
     try:
         for k in range(round(scenario.duration * CONTROL_RATE)):
             exact = simulation.step()
             if estimation is not None and (estimate := estimation.step(simulation.noisy(exact))) is not None:
                 controller.tell(believed_payload(estimate, _BELIEVED_STD))
-            if law == "informed" and isinstance(controller, ComputedTorque) and len(simulation.events) > told:
-                told = len(simulation.events)
+            if law == "informed" and isinstance(controller, ComputedTorque) and len(simulation.events) > events:
+                events = len(simulation.events)
                 body = simulation.payload if simulation.carries else None
                 controller.carry(np.zeros(10) if body is None else body.theta)
             error = tracked.wanted - exact.q

@@ -77,7 +77,7 @@ class BagRecorder:
             write(connection, round(record.receive_time * 1e9), encode(record, prefix))
 
     def write_imu(self, record: ImuRecord, topic: str = "/imu") -> None:
-        """One ``sensor_msgs/Imu``, at its receive time; covariances are told as unknown where they are 0."""
+        """One ``sensor_msgs/Imu``, at its receive time; covariances are marked as unknown where they are 0."""
         kinds = typestore().types
         vector, nothing = kinds["geometry_msgs/msg/Vector3"], np.zeros(9)
         sec, nanosec = divmod(round(record.stamp * 1e9), 10**9)
