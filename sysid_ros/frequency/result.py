@@ -61,7 +61,7 @@ class Response:
             },
             "distortion": d
             and {
-                **_told(d, noise="noise_rms", nonlinear="nonlinear_rms", even="even_rms", odd="odd_rms"),
+                **_renamed(d, noise="noise_rms", nonlinear="nonlinear_rms", even="even_rms", odd="odd_rms"),
                 "found": d.found,
             },
             "response": {
@@ -115,13 +115,13 @@ class JointCheck:
             "why_no_modes": self.why_no_modes or None,
             "modes": m
             and {
-                **_told(m, small="small_motion", band="band_hz", errors="held_out_errors", rigid="rigid_poles", modes="pairs"),
-                "pairs": [_told(x, frequency="frequency_hz") for x in m.modes],
+                **_renamed(m, small="small_motion", band="band_hz", errors="held_out_errors", rigid="rigid_poles", modes="pairs"),
+                "pairs": [_renamed(x, frequency="frequency_hz") for x in m.modes],
             },
         }
 
 
-def _told(value: Any, **names: str) -> dict[str, Any]:
+def _renamed(value: Any, **names: str) -> dict[str, Any]:
     """The fields of a dataclass, some of them by another name."""
     return {names.get(field.name, field.name): getattr(value, field.name) for field in fields(value)}
 

@@ -37,7 +37,7 @@ class Reporter:
         state: Callable[[], diagnostics.NodeState],
     ) -> None:
         self._node, self._clock, self._live, self._state = node, receive_clock, live, state
-        self._told: set[str] = set()
+        self._logged: set[str] = set()
         self.timing = Timing()
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=1))
         # on a steady clock, so that it says what is wrong when ROS time stands still
@@ -45,7 +45,7 @@ class Reporter:
 
     def forget(self) -> None:
         """Log everything anew from now on."""
-        self._told.clear()
+        self._logged.clear()
 
     def _report(self) -> None:
         live, node = self._live(), self._state()
@@ -70,11 +70,11 @@ class Reporter:
         news = {re.split(r"[\d(:]", sentence)[0]: sentence for sentence in warnings}
         if gate is not None:
             news |= {reason: f"Messages are rejected ({reason}): {gate.last_texts[reason]}" for reason in gate.counts}
-        for key in (key for key in news if key not in self._told):
-            self._told.add(key)
+        for key in (key for key in news if key not in self._logged):
+            self._logged.add(key)
             logger.warning(news[key])
         for event in live.estimation.events:
             key = f"event {event.t}"
-            if key not in self._told:
-                self._told.add(key)
+            if key not in self._logged:
+                self._logged.add(key)
                 logger.info(f"{event.kind} at {event.t:.3f} s: {event.mass_before:.2f} to {event.mass_after:.2f} kg")

@@ -99,7 +99,7 @@ class SimulatedRobot(Node):
         self._drop_service = self.create_service(Trigger, "~/drop", self._on_drop)
         self._message = JointState(name=list(self.simulation.robot.joint_names))
         self._trunk = TrunkOutputs(self) if isinstance(self.simulation, QuadrupedSimulation) else None
-        self._told_events = 0
+        self._published_events = 0
         self._start_stamp = self.get_clock().now()
         self._description.publish(String(data=self.simulation.urdf))
         self._publish_truth(0.0)
@@ -206,8 +206,8 @@ class SimulatedRobot(Node):
         message.velocity = array.array("d", b"" if m.v is None else m.v.tobytes())
         message.effort = array.array("d", m.tau.tobytes())
         self._joint_states.publish(message)
-        for t, kind in self.simulation.events[self._told_events :]:
-            self._told_events += 1
+        for t, kind in self.simulation.events[self._published_events :]:
+            self._published_events += 1
             self._publish_truth(t)
             self.get_logger().info(f"{kind} at {t:.3f} s")
 

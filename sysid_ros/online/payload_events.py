@@ -37,7 +37,7 @@ class EventLog:
         self.open_until = t + self._settle_time
 
     def refine(self, t: float, mass: float) -> None:
-        """The mass is known better at ``t`` [s]: correct the newest event while it settles."""
+        """The mass is known better at ``t`` [s]: correct the newest event until the settling time is over."""
         self._masses.append((t, mass))
         while t - self._masses[0][0] > self._settle_time:
             self._masses.popleft()

@@ -181,10 +181,10 @@ class CausalDerivative:
 
     def push(self, measurement: Measurement) -> list[Sample]:
         """The samples that a measurement completes: usually one, none while the window fills, a few after a gap."""
-        v_told = self._no_velocity if measurement.v is None else measurement.v
+        v_reported = self._no_velocity if measurement.v is None else measurement.v
         times, channels = _advance(
             self._window, self._clock, self._ring, self._weights,
-            measurement.t, measurement.q, v_told, measurement.tau, self.period, self._use_message_velocity,
+            measurement.t, measurement.q, v_reported, measurement.tau, self.period, self._use_message_velocity,
         )  # fmt: skip
         samples = []
         for t, (q, v, a, tau) in zip(times.tolist(), channels, strict=True):

@@ -31,7 +31,7 @@ class FloatingDerivative:
         self._turned = np.zeros(3)
         self._last: tuple[float, FloatArray] | None = None
         self._place = np.zeros(3)
-        self._told: deque[tuple[float, FloatArray | None]] = deque(maxlen=4 * half_width + 16)
+        self._reported: deque[tuple[float, FloatArray | None]] = deque(maxlen=4 * half_width + 16)
 
     def push(self, measurement: Measurement) -> list[Sample]:
         """The samples that a measurement completes."""
@@ -43,7 +43,7 @@ class FloatingDerivative:
             self._turned = self._turned + 0.5 * (measurement.t - before) * (omega + trunk.omega)
         self._last = measurement.t, trunk.omega
         self._place = trunk.place
-        self._told.append((measurement.t, trunk.contacts))
+        self._reported.append((measurement.t, trunk.contacts))
         q, tau = np.zeros(self._n), np.zeros(self._n)
         # the specific force goes where a force of the trunk's slides would: through the same grid and the same delay
         q[3:FREE], q[FREE:], tau[:3], tau[FREE:] = self._turned, measurement.q, trunk.force, measurement.tau
@@ -53,7 +53,7 @@ class FloatingDerivative:
     def contacts(self, t: float) -> FloatArray | None:
         """Which feet were reported to stand at t, shape (k,); None where no message says."""
         reported = None
-        for at, contacts in self._told:
+        for at, contacts in self._reported:
             if at > t + 1e-9:
                 break
             reported = contacts
