@@ -24,13 +24,15 @@ class ArmWorld(BulletWorld):
         urdf: text of the arm's URDF, fixed at its base.
         tip: link that the body is tied to.
         gravity: shape (3,) [m/s^2].
+        step: of the physics [s].
 
     Attributes:
         body: what is tied to the tip.
     """
 
-    def __init__(self, urdf: str, tip: str, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)) -> None:
-        super().__init__(gravity)
+    def __init__(self, urdf: str, tip: str, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81), step: float = STEP) -> None:
+        super().__init__(gravity, step=step)
+        self._period = step
         self._load(urdf, fixed=True)
         self.body = CarriedBody(self._client, self._robot, self.links[tip])
         self._read()
@@ -42,7 +44,7 @@ class ArmWorld(BulletWorld):
     def step(self, tau: FloatArray) -> None:
         """Apply joint torques (n,) [N m] for one step."""
         self._step(tau)
-        self.body.step(STEP)
+        self.body.step(self._period)
 
     def pick(self, payload: Payload) -> None:
         """Tie a body to the tip; it appears there with the tip's own motion, so that the pick is no impact.
@@ -51,7 +53,7 @@ class ArmWorld(BulletWorld):
         """
         # a tied body's velocity is J(q before the step) v; with J(q after it) the first torque would lack the centripetal part
         q, v = self.q, self.v
-        self.reset(q - STEP * v, v)
+        self.reset(q - self._period * v, v)
         motion = self.body.motion_of(payload.com)
         self.reset(q, v)
         self.body.tie(payload, motion)
@@ -61,3 +63,7 @@ class ArmWorld(BulletWorld):
         return np.array(
             pybullet.calculateInverseDynamics(self._robot, q.tolist(), v.tolist(), a.tolist(), physicsClientId=self._client)
         )
+
+    def mass_matrix(self, q: FloatArray) -> FloatArray:
+        """PyBullet's own mass matrix of the arm without the body, shape (n, n) [kg m^2]."""
+        return np.array(pybullet.calculateMassMatrix(self._robot, q.tolist(), physicsClientId=self._client))

@@ -22,7 +22,7 @@ class BulletWorld:
     Joint motors, joint damping (0.04 where a URDF states none), linear and angular damping are off.
 
     Args:
-        gravity: shape (3,) [m/s^2]. iterations: of the solver a step at most.
+        gravity: shape (3,) [m/s^2]. iterations: of the solver a step at most. step: of the physics [s].
 
     Attributes:
         joint_names: n movable joints in PyBullet's order, that of all arrays here.
@@ -30,12 +30,12 @@ class BulletWorld:
         q, v: of the joints at the begin of the next step, shape (n,) [rad], [rad/s]; v is the velocity that led to q.
     """
 
-    def __init__(self, gravity: Sequence[float], iterations: int = 50) -> None:
+    def __init__(self, gravity: Sequence[float], iterations: int = 50, step: float = STEP) -> None:
         self._client = client = pybullet.connect(pybullet.DIRECT)
         pybullet.setGravity(*gravity, physicsClientId=client)
         # to rounding, not to the default threshold, which leaves some hundredths of a newton metre in constraints
         pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=STEP, numSolverIterations=iterations, solverResidualThreshold=1e-30, physicsClientId=client
+            fixedTimeStep=step, numSolverIterations=iterations, solverResidualThreshold=1e-30, physicsClientId=client
         )
 
     def _load(self, urdf: str, fixed: bool, **dynamics: float) -> None:
