@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from exam.claims import same
+from exam.claims import claimed, same
 from sysid_ros.simulation.hidden_effects import CAUSES, cause_of
 
 ROBUST = 1e-9
@@ -19,7 +19,7 @@ def score(truth: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
         truth: of the case. document: the diagnosis as in ``diagnosis.json``.
     """
     hidden, level = list(truth["hidden"]), truth["level"]
-    effects = document["effects"]
+    effects = [e for e in document["effects"] if claimed(e)]
     background = {id_ for id_, cause in CAUSES.items() if cause.everywhere} if level == "hard" else set()
     beyond = [e for e in effects if e["name"] not in background]
     named = [e["name"] for e in beyond]
