@@ -17,10 +17,10 @@ from exam.arms import TEN_ARMS, all_there, arm, rated_effort
 from exam.as_built import as_built, without
 from exam.baseline import Baseline, Rows
 from exam.candidate import recording_of
-from exam.case import Case
+from exam.case import SIMULATORS, Case
 from exam.claims import claimed, claims
 from exam.pick_and_place import PickAndPlaceMotion
-from exam.real import CLEAR, draw_real, leading, turn_of
+from exam.real import CLEAR, draw_real, leading, simulator_of, turn_of
 from exam.real_scoring import real_measures, render_real, score_real
 from exam.stage import stage_of
 from exam.table import failed_targets
@@ -106,7 +106,8 @@ def test_what_leads_is_asked_of_the_causes() -> None:
     assert set(leading()) == LEADING
     turns = [turn_of(seed) for seed in range(64)]
     assert [len(t) for t in turns[:8]] == [0, 1, 1, 2, 0, 1, 1, 2]
-    assert {t[0] for t in turns if len(t) == 1} == LEADING
+    both = {(t[0], simulator_of(seed)) for seed, t in enumerate(turns) if len(t) == 1}
+    assert both == {(id_, simulator) for id_ in LEADING for simulator in SIMULATORS}
 
 
 @pytest.mark.parametrize("name", TEN_ARMS)
@@ -243,6 +244,15 @@ def test_a_friction_that_holds_the_larger_one_names_it_but_has_to_be_there() -> 
     assert row["extra"] == [f"stribeck_friction ({', '.join(larger['joints'])})"]
 
 
+def test_a_companion_is_no_false_claim_and_no_name() -> None:
+    truth = truth_with("joint_elasticity")
+    answer = telling(truth)
+    answer["effects"] = [e for e in answer["effects"] if e["name"] == "rotor_inertia"]
+    row = score_real(truth, answer, np.full(6, 2.0))
+    assert not row["right"]
+    assert not row["extra"]
+
+
 def test_a_claim_is_false_only_on_none_that_has_it() -> None:
     truth = {"effects": [e.as_dict() for e in (CAUSES["spring"].on(usual("ur5"), [1, 2], [[1.0, 1.0], [0.0, 0.0]]),)]}
     told: dict[str, Any] = {"name": "spring", "parameters": [], "cannot_be_told_from": []}
@@ -286,7 +296,7 @@ def test_a_seed_gives_the_same_robot_and_its_truth() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("id_", ["torque_offset", "external_force", "joint_coupling", "torque_saturation"])
+@pytest.mark.parametrize("id_", ["torque_offset", "external_force"])
 def test_the_larger_cause_is_clear_and_the_truth_says_so(id_: str) -> None:
     case = drawn(1, id_)
     assert case.truth["hidden"] == [id_]
@@ -294,11 +304,9 @@ def test_the_larger_cause_is_clear_and_the_truth_says_so(id_: str) -> None:
     robot = case.nominal.model()
     rows = [Rows.of(robot, [recording_of(r)]) for r in (case.train[0], case.validate[0])]
     background = np.array(case.truth["background"])
-    nothing = Baseline(np.zeros((robot.n, 3)))
-    plain = cause_of(id_).plain
-    error = (Baseline.fitted(rows[0], nothing, plain) if plain else Baseline.fitted(rows[0])).error(rows[1]) / background
-    needed = [robot.joint_names.index(j) for e in case.truth["larger"] for j in e["joints"] if not cause_of(id_).whole_arm]
-    shows = needed[:1] if id_ == "joint_coupling" else needed
+    # the largest offset of a robot as built is as good as none here
+    error = Baseline.fitted(rows[0], Baseline(np.zeros((robot.n, 3))), cause_of(id_).plain).error(rows[1]) / background
+    shows = [robot.joint_names.index(j) for e in case.truth["larger"] for j in e["joints"] if not cause_of(id_).whole_arm]
     # what was drawn was judged as a sum of what each does by itself
     assert (error[shows].min() if shows else error.max()) >= 0.85 * CLEAR
 

@@ -23,13 +23,13 @@ ARMS = tuple(_FILES)
 _MORE = {
     "z1": ("z1_description/urdf/z1.urdf", ("Gripper",)),
     "kinova": ("kinova_description/robots/kinova.urdf", ()),
-    "xarm6": ("xarm/xarm6_robot.urdf", ()),
+    "ur3": ("ur_description/urdf/ur3_joint_limited_robot.urdf", ()),
     "baxter": ("baxter_description/urdf/baxter.urdf", ("head", "right", "gripper")),
     "tiago_pro": ("tiago_pro_description/robots/tiago_pro.urdf", ("wheel", "torso", "right", "head", "gripper")),
 }
 TEN_ARMS = (*_FILES, *_MORE)
-# what the makers state [N m], where a URDF has one number for all joints
-_RATED = {"iiwa": (320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0)}
+# what the makers state [N m], where a URDF has one number for all joints, or those of another arm
+_RATED = {"iiwa": (320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0), "ur3": (56.0, 56.0, 28.0, 12.0, 12.0, 12.0)}
 
 
 @dataclass(frozen=True)

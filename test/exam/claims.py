@@ -36,16 +36,25 @@ def claimed(claim: dict[str, Any]) -> bool:
 
 
 def is_true(told: dict[str, Any], there: Iterable[dict[str, Any]]) -> bool:
-    """The robot has it on one of its joints at least, or wherever where one of the two belongs to the whole arm."""
-    return any(same_cause(told, e) and _meet(told, e) for e in there)
+    """The robot has it, or what it is a part or a companion of, on one of its joints at least; anywhere where one of the two
+    belongs to the whole arm."""
+    return any(names(told, e) or (_belongs(told["name"], e["name"]) and _meet(told, e)) for e in there)
 
 
-def same_cause(told: dict[str, Any], there: dict[str, Any]) -> bool:
-    """The same id, a part of what is there, its companion, or an equivalent one that admits it."""
-    name, cause = told["name"], cause_of(there["name"])
-    if name == there["name"] or name in cause.within or name in cause.companions:
-        return True
-    return there["name"] in told.get("cannot_be_told_from", ()) and same(name, there["name"])
+def names(told: dict[str, Any], there: dict[str, Any]) -> bool:
+    """What is told is what is there: by the same id or an equivalent one that admits it, on one of its joints at least."""
+    admitted = there["name"] in told.get("cannot_be_told_from", ()) and same(told["name"], there["name"])
+    return (told["name"] == there["name"] or admitted) and _meet(told, there)
+
+
+def holds(told: dict[str, Any], there: dict[str, Any]) -> bool:
+    """What is told has what is there as a part of it, on one of its joints at least."""
+    return there["name"] in cause_of(told["name"]).within and _meet(told, there)
+
+
+def _belongs(told: str, there: str) -> bool:
+    cause = cause_of(there)
+    return told in cause.within or told in cause.companions
 
 
 def same(one: str, other: str) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from exam.claims import claimed, claims, is_true
+from exam.claims import claimed, claims, holds, names
 from exam.scoring import covered_by, residual
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.hidden_effects import cause_of
@@ -56,9 +56,9 @@ def score_real(truth: dict[str, Any], document: dict[str, Any], baseline: FloatA
 
 def _larger(hidden: dict[str, Any], effects: list[dict[str, Any]]) -> dict[str, Any]:
     """Was it named, with which probability, is it in the headline, and which of its numbers lie inside their intervals."""
-    naming = [e for e in effects if is_true(e, [hidden]) or _holds(e, hidden)]
+    naming = [e for e in effects if names(e, hidden) or holds(e, hidden)]
     told = [e for e in naming if claimed(e)]
-    own = [{**e, "name": hidden["name"]} for e in told if e["name"] == hidden["name"] or _holds(e, hidden)]
+    own = [{**e, "name": hidden["name"]} for e in told if e["name"] == hidden["name"] or holds(e, hidden)]
     headlines = [e["headline"] for e in told if e.get("headline") is not None]
     return {
         "name": hidden["name"],
@@ -68,11 +68,6 @@ def _larger(hidden: dict[str, Any], effects: list[dict[str, Any]]) -> dict[str, 
         "headline": any(headlines) if headlines else None,
         "sizes": covered_by(hidden, own) if cause_of(hidden["name"]).sized else [],
     }
-
-
-def _holds(told: dict[str, Any], hidden: dict[str, Any]) -> bool:
-    """What is told has the hidden cause as a part of it, on one of its joints."""
-    return hidden["name"] in cause_of(told["name"]).within and bool(set(told["joints"]) & set(hidden["joints"]))
 
 
 def _ratio(document: dict[str, Any], baseline: FloatArray) -> FloatArray | None:
