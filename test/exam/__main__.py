@@ -79,7 +79,7 @@ def main() -> int:
     parser.add_argument("--only", metavar="ID", help="hide this effect alone")
     parser.add_argument("--simulator", choices=SIMULATORS, help="this one alone; else both in turn")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--json", type=Path, help="write every case")
+    parser.add_argument("--json", type=Path, help="write every case as it ends")
     arguments = parser.parse_args()
     count = arguments.cases or _CASES[arguments.level]
     seeds = range(arguments.seed_base, arguments.seed_base + count)
@@ -93,10 +93,10 @@ def main() -> int:
             file=sys.stderr,
             flush=True,
         )
-    rows.sort(key=lambda r: r["seed"])
+        rows.sort(key=lambda r: r["seed"])
+        if arguments.json is not None:  # what was sat stays, whatever comes after
+            arguments.json.write_text(json.dumps(rows, indent=1, default=float) + "\n")
     print(render(arguments.level, rows))
-    if arguments.json is not None:
-        arguments.json.write_text(json.dumps(rows, indent=1, default=float) + "\n")
     failed = failed_targets(arguments.level, rows)
     for sentence in failed:
         print(f"target missed: {sentence}")
