@@ -206,6 +206,7 @@ def test_marks_are_lost_for_what_is_wrong() -> None:
     assert not unsure["right"]
     assert unsure["larger"][1]["probability"] == 0.4
     false = marks(lambda d: d["effects"].append({**d["effects"][0], "name": "spring"}))
+    assert not marks(lambda d: d["effects"].append({**d["effects"][0], "name": "of the messages alone"}))["exact"]
     assert false["right"]
     assert not false["exact"]
     assert len(false["extra"]) == 1

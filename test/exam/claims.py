@@ -49,7 +49,9 @@ def names(told: dict[str, Any], there: dict[str, Any]) -> bool:
 
 def holds(told: dict[str, Any], there: dict[str, Any]) -> bool:
     """What is told has what is there as a part of it, on one of its joints at least."""
-    return there["name"] in cause_of(told["name"]).within and _meet(told, there)
+    # a fault of the messages may be told that no robot can hide
+    cause = CAUSES.get(told["name"])
+    return cause is not None and there["name"] in cause.within and _meet(told, there)
 
 
 def _belongs(told: str, there: str) -> bool:
