@@ -32,6 +32,7 @@ class ArmWorld:
         urdf: text of the arm's URDF, fixed at its base.
         tip: link that the body is tied to.
         gravity: shape (3,) [m/s^2].
+        step: of the physics [s].
 
     Attributes:
         joint_names: movable joints, base to tip.
@@ -39,12 +40,13 @@ class ArmWorld:
         body: what is tied to the tip.
     """
 
-    def __init__(self, urdf: str, tip: str, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)) -> None:
+    def __init__(self, urdf: str, tip: str, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81), step: float = STEP) -> None:
+        self._step = step
         self._client = pybullet.connect(pybullet.DIRECT)
         pybullet.setGravity(*gravity, physicsClientId=self._client)
         # to rounding, not to the default threshold, which leaves some hundredths of a newton metre in the constraint that ties
         # the body
-        pybullet.setPhysicsEngineParameter(fixedTimeStep=STEP, solverResidualThreshold=1e-30, physicsClientId=self._client)
+        pybullet.setPhysicsEngineParameter(fixedTimeStep=step, solverResidualThreshold=1e-30, physicsClientId=self._client)
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "arm.urdf"
             path.write_text(urdf)
@@ -77,7 +79,7 @@ class ArmWorld:
         self._joints.apply(tau)
         pybullet.stepSimulation(physicsClientId=self._client)
         self._read()
-        self.body.step(STEP)
+        self.body.step(self._step)
 
     def pick(self, payload: Payload) -> None:
         """Tie a body to the tip; it appears there with the tip's own motion, so that the pick is no impact.
@@ -86,7 +88,7 @@ class ArmWorld:
         """
         # a tied body's velocity is J(q before the step) v; with J(q after it) the first torque would lack the centripetal part
         q, v = self.q, self.v
-        self.reset(q - STEP * v, v)
+        self.reset(q - self._step * v, v)
         motion = self.body.motion_of(payload.com)
         self.reset(q, v)
         self.body.tie(payload, motion)
@@ -96,6 +98,10 @@ class ArmWorld:
         return np.array(
             pybullet.calculateInverseDynamics(self._arm, q.tolist(), v.tolist(), a.tolist(), physicsClientId=self._client)
         )
+
+    def mass_matrix(self, q: FloatArray) -> FloatArray:
+        """PyBullet's own mass matrix of the arm without the body, shape (n, n) [kg m^2]."""
+        return np.array(pybullet.calculateMassMatrix(self._arm, q.tolist(), physicsClientId=self._client))
 
     def _read(self) -> None:
         self.q, self.v = self._joints.read()
