@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from motions import Motion as Path_
 from robots import robot
 from test_diagnosis import ARM, CAUSES, record
 
+from sysid_ros.cli.main import run
 from sysid_ros.diagnosis import Diagnosis, diagnose
 from sysid_ros.diagnosis.result import SimulationError
 from sysid_ros.effects import EFFECTS
@@ -150,6 +152,24 @@ def test_healthy_robots_show_what_their_noise_makes() -> None:
         np.testing.assert_allclose(before, after, rtol=0.05)
         ratios.append(after)
     np.testing.assert_allclose(np.mean(ratios, axis=0), 1.0, atol=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hidden", ["", "payload", "coulomb_friction", "viscous_friction", "torque_scale", "time_delay"])
+def test_a_simulated_arm_ends_at_its_noise(hidden: str, tmp_path: Path) -> None:
+    pytest.importorskip("pybullet", reason="the simulation needs PyBullet: pip install 'sysid_ros[sim]'")
+    bags = [str(tmp_path / name) for name in ("one", "other")]
+    for seed, path in enumerate(bags):
+        more = ["--hide", hidden, "--hide-seed", "3"] if hidden else []
+        assert run(["simulate", "arm", "--bag", path, "--duration", "30", "--seed", str(1 + seed), *more]) == 0
+    out = tmp_path / "out"
+    assert run(["diagnose", bags[0], "--validate", bags[1], "--out", str(out)]) == 0
+    s = json.loads((out / "diagnosis.json").read_text())["simulation"]
+    allowed = 0.1 if hidden else 0.05
+    for which in ["after"] if hidden else ["before", "after"]:
+        assert s[f"position_rmse_{which}"] == pytest.approx(s["position_rmse_perfect"], rel=allowed)
+        ratio = np.array(s[f"torque_rmse_{which}"]) / s["torque_rmse_perfect"]
+        assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1.0, rel=allowed)
 
 
 def test_both_simulators_say_the_same() -> None:

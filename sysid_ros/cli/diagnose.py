@@ -29,7 +29,7 @@ BAD_INPUT = 2
 @opt.path("--out", "out_path", required=True, metavar="DIR", help="Folder to write the files to.")
 @opt.path("--validate", multiple=True, metavar="BAG...", help="Bags to judge on, never fitted; of another motion, if possible.")
 @opt.path("--model", "model_path", help="model.yaml of 'sysid identify' or of an earlier diagnosis: the known part.")
-@click.option("--simulator", type=click.Choice(SIMULATORS), help="Holds the recorded motion.  [default: the first installed]")
+@click.option("--simulator", type=click.Choice(SIMULATORS), help="Of the gain in simulation.  [default: the first installed]")
 @opt.CONFIG
 @opt.TOPIC
 @opt.JSON

@@ -108,7 +108,8 @@ def _held(s: SimulationError | None) -> str:
 
 
 def _angle(value: float) -> str:
-    return f"{value:.2g} rad" if value >= 0.1 else f"{1e3 * value:.2g} mrad"
+    scale, unit = (1.0, "rad") if value >= 0.1 else (1e3, "mrad") if value >= 1e-4 else (1e6, "µrad")
+    return f"{value * scale:.2g} {unit}"
 
 
 def _values(p: Parameter) -> tuple[str, list[str]]:
