@@ -13,6 +13,7 @@ from robots import robot, urdf
 
 from sysid_ros.effects import EFFECTS, Effect, LinkInertia, Motion
 from sysid_ros.exceptions import ModelFileError
+from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.mjcf_export import export_mjcf
@@ -110,6 +111,19 @@ def test_joints_that_a_urdf_names_twice_keep_their_axes(tmp_path: Path) -> None:
         export_mjcf(one, model_file(one, []), tmp_path / "extended.xml")
         texts.append((tmp_path / "extended.xml").read_text())
     assert texts[0] == texts[1]
+
+
+def test_point_masses_and_links_without_mass_are_taken(tmp_path: Path) -> None:
+    """As URDFs have them for tools and frames."""
+    model = robot("small_arm")
+    change = np.zeros((model.n, 10))
+    change[1], change[-1] = inertial_parameters.from_com(0.2, np.array([0.0, 0.0, 0.04]), np.zeros((3, 3))), 0.0
+    change[[1, -1]] -= model.pi.reshape(-1, 10)[[1, -1]]
+    light = model.with_links(change.ravel())
+    export_mjcf(light, model_file(light, []), tmp_path / "extended.xml")
+    there = mujoco.MjModel.from_xml_path(str(tmp_path / "extended.xml"))
+    assert there.body(model.body_names[1]).mass[0] == pytest.approx(0.2)
+    assert there.body(model.body_names[-1]).mass[0] < 1e-6
 
 
 def test_what_no_simulator_can_have_is_refused_and_what_is_lost_is_said(tmp_path: Path) -> None:

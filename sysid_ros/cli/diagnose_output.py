@@ -43,12 +43,13 @@ def write_files(result: Diagnosis, robot: RobotModel | None, folder: Path, prove
     if result.urdf_model is not None and robot is not None:
         try:
             notes = export_urdf(robot, result.urdf_model, folder / "extended.urdf")
-            notes += export_mjcf(robot, result.urdf_model, folder / "extended.xml")
         except (ModelFileError, RobotModelError) as error:
             (folder / "extended.urdf").write_text(robot.urdf)
-            notes = [
-                f"extended.urdf is the URDF as it was given, and there is no extended.xml: {error} model.yaml has what was found."
-            ]
+            notes = [f"extended.urdf is the URDF as it was given: {error} model.yaml has what was found."]
+        try:
+            notes += export_mjcf(robot, result.urdf_model, folder / "extended.xml")
+        except ModelFileError as error:
+            notes.append(f"There is no extended.xml: {error} model.yaml has what was found.")
         for sentence in notes:
             note(sentence)
 

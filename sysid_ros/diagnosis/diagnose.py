@@ -18,7 +18,7 @@ from sysid_ros.diagnosis.extended_model import extended_model
 from sysid_ros.diagnosis.fault_findings import as_unit, finding_of, message_finding, signal_findings, with_faults, with_scales
 from sysid_ros.diagnosis.faults import refusal_of
 from sysid_ros.diagnosis.fit import Fit
-from sysid_ros.diagnosis.gain import LOST, simulation_gain
+from sysid_ros.diagnosis.gain import with_gain
 from sysid_ros.diagnosis.held_out_gate import validated
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.library import Library
@@ -33,13 +33,11 @@ from sysid_ros.diagnosis.temperature import known_everywhere
 from sysid_ros.diagnosis.time_or_temperature import better_drift
 from sysid_ros.diagnosis.urdf_part import urdf_part
 from sysid_ros.diagnosis.wrong_robot import wrong_robot
-from sysid_ros.exceptions import DataError, RobotModelError
+from sysid_ros.exceptions import DataError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
-from sysid_ros.simulation.simulators import MISSING, installed
-from sysid_ros.torque.known_effect import KnownEffect
+from sysid_ros.simulation.simulators import installed
 from sysid_ros.torque.model_file import ModelFile
-from sysid_ros.torque.torque_model import TorqueModel
 
 _HELD_OUT = 0.3
 """Part of the recordings that is held out where no others are given to judge on."""
@@ -132,7 +130,8 @@ def diagnose(
     urdf_model, changes = urdf_part(robot, model, train)
     notes += changes
     progress("simulating")
-    found = _simulated(found, robot, held, fit, (effects, urdf_model.known_effects(robot)), simulator)
+    both, noise = (effects, urdf_model.known_effects(robot)), fit.noise.variance(held.prepared.band.f)
+    found = with_gain(found, held.prepared, held.predictions(fit, robot), both, noise, simulator)
     return replace(found, model=model, urdf_model=urdf_model, notes=(*notes, *found.notes))
 
 
@@ -151,28 +150,6 @@ def _search(robot: RobotModel, train: Prepared, progress: Progress) -> _Search:
     progress("computing what each effect would do")
     selection = Selection(train.problem, library, train.nominal, progress=progress)
     return _Search(train, library, selection, selection.run())
-
-
-def _simulated(
-    found: Diagnosis,
-    robot: RobotModel,
-    held: HeldOut,
-    fit: Fit,
-    known: tuple[Sequence[KnownEffect], Sequence[KnownEffect]],
-    simulator: str | None,
-) -> Diagnosis:
-    """With the gain in simulation, of the effects that are known before and after."""
-    if simulator is None:
-        return replace(found, notes=(*found.notes, MISSING))
-    before, after = (TorqueModel(robot, [], effects) for effects in known)
-    noise = fit.noise.variance(held.prepared.band.f)
-    try:
-        gain = simulation_gain(held.prepared, held.predictions(fit, robot), (before, after), noise, simulator)
-    except RobotModelError as error:
-        return replace(found, notes=(*found.notes, f"Nothing was simulated: {error}"))
-    if gain is None:
-        return replace(found, notes=(*found.notes, LOST))
-    return replace(found, simulation=gain[0], tracking=gain[1])
 
 
 def _check(robot: RobotModel, recordings: Sequence[Recording]) -> None:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
 from scipy import fft, interpolate
 
 from sysid_ros.diagnosis.prepare import Prepared
-from sysid_ros.diagnosis.result import SimulationError, Tracking
+from sysid_ros.diagnosis.result import Diagnosis, SimulationError, Tracking
 from sysid_ros.effects import Motion
+from sysid_ros.exceptions import RobotModelError
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.held_motion import Arm, Controller, Held, Reference, hold
-from sysid_ros.simulation.simulators import simulated
+from sysid_ros.simulation.simulators import MISSING, simulated
+from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel
 
 _LONGEST = 30.0
@@ -23,7 +25,7 @@ _STIFF = 50.0
 """Bandwidth of the controller that holds the motion: far above the band that is judged [Hz]."""
 _SOFT = 8.0
 """That of the controller whose tracking error is told: as wide as the band [Hz]."""
-LOST = (
+_LOST = (
     "A controller can't hold the recorded motion in the simulation, which therefore has no figures: some link has next to no "
     "inertia, or the model is far from the robot."
 )
@@ -56,6 +58,32 @@ class _Stretch:
         """Values at the reference's times on the grid."""
         inside = np.clip(self.t, self.reference.t[0], self.reference.t[-1])
         return np.asarray(interpolate.CubicSpline(self.reference.t, values)(inside))
+
+
+def with_gain(
+    found: Diagnosis,
+    prepared: Prepared,
+    extended: Sequence[FloatArray],
+    known: tuple[Sequence[KnownEffect], Sequence[KnownEffect]],
+    noise: FloatArray,
+    simulator: str | None,
+) -> Diagnosis:
+    """A diagnosis with its gain in simulation, or with a sentence that says why there is none.
+
+    Args:
+        prepared, extended, noise: as :func:`simulation_gain` has them. known: effects before and after, as far as bodies can
+            have them. simulator: None where none is installed.
+    """
+    if simulator is None:
+        return replace(found, notes=(*found.notes, MISSING))
+    before, after = (TorqueModel(prepared.motions[0].robot, [], effects) for effects in known)
+    try:
+        gain = simulation_gain(prepared, extended, (before, after), noise, simulator)
+    except RobotModelError as error:
+        return replace(found, notes=(*found.notes, f"Nothing was simulated: {error}"))
+    if gain is None:
+        return replace(found, notes=(*found.notes, _LOST))
+    return replace(found, simulation=gain[0], tracking=gain[1])
 
 
 def simulation_gain(

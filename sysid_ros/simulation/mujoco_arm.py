@@ -12,6 +12,9 @@ from sysid_ros.simulation.held_motion import STEP
 from sysid_ros.torque.mjcf_export import mjcf
 from sysid_ros.torque.torque_model import TorqueModel
 
+_LEAST = 1e-6
+"""Inertia of a joint that has none [kg m^2]."""
+
 
 class MujocoArm:
     """As :class:`sysid_ros.simulation.held_motion.Arm`, by MuJoCo's ``implicitfast`` integrator; J is its ``armature``.
@@ -34,11 +37,14 @@ class MujocoArm:
             raise RobotModelError(f"MuJoCo does not take the model: {' '.join(str(error).split())}.") from error
         for name, theta in zip(robot.body_names, known.links().reshape(-1, 10), strict=True):
             self._set_inertia(self._model.body(name).id, theta)
-        mujoco.mj_setConst(self._model, mujoco.MjData(self._model))
         self._model.dof_frictionloss[:] = 0.0
-        self._data = mujoco.MjData(self._model)
         joints = [self._model.joint(name).id for name in robot.joint_names]
         self._at, self._dofs = self._model.jnt_qposadr[joints], self._model.jnt_dofadr[joints]
+        own = np.diagonal(known.mass_along(np.zeros((1, robot.n)))[0]) + known.armature()
+        # a joint without any inertia, as of a point on its axis, can't be simulated
+        self._model.dof_armature[self._dofs] += np.where(own < _LEAST, _LEAST, 0.0)
+        self._data = mujoco.MjData(self._model)
+        mujoco.mj_setConst(self._model, self._data)
         self.q, self.v = np.zeros(robot.n), np.zeros(robot.n)
 
     def _set_inertia(self, body: int, theta: FloatArray) -> None:

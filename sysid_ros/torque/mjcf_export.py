@@ -25,7 +25,8 @@ _FRICTION = {"solreffriction": f"{2.0 * STEP} 1", "solimpfriction": "0.99 0.999 
 _DELAYS_SINCE = (3, 5)
 """Version of MuJoCo whose actuators and sensors can be late."""
 _NEGLIGIBLE = 1e-9
-"""Mass [kg] and inertia [kg m^2] of a moving body without any, which MuJoCo does not take."""
+"""Mass [kg] and inertia [kg m^2] of a moving body without any."""
+_ROUNDING = 1e-6
 
 
 def export_mjcf(robot: RobotModel, model: ModelFile, path: Path) -> list[str]:
@@ -36,7 +37,8 @@ def export_mjcf(robot: RobotModel, model: ModelFile, path: Path) -> list[str]:
     """
     known = TorqueModel(robot, [], model.known_effects(robot))
     for body, theta in zip(robot.body_names, known.links().reshape(-1, 10), strict=True):
-        if not inertial_parameters.is_physical(theta):
+        moments = np.linalg.eigvalsh(_body(theta)[2])
+        if theta[0] < 0.0 or moments[0] < 0.0 or moments[2] > (1.0 + _ROUNDING) * (moments[0] + moments[1]):
             raise ModelFileError(
                 f"the inertials of link '{body}' in {model.source} belong to no body (mass {theta[0]:.3g} kg), and simulators "
                 "take bodies only. Identify with physical consistency."
@@ -123,10 +125,16 @@ def _takes_delays() -> bool:
         return True
 
 
-def _inertial(body: ElementTree.Element, theta: FloatArray) -> None:
+def _body(theta: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+    """Mass, centre of mass and inertia about it; next to nothing in place of nothing, which MuJoCo does not take."""
     mass, com, inertia = inertial_parameters.to_com(theta)
     if not mass > _NEGLIGIBLE:
-        mass, com, inertia = _NEGLIGIBLE, np.zeros(3), _NEGLIGIBLE * np.eye(3)
+        return mass if mass < 0.0 else _NEGLIGIBLE, np.zeros(3), _NEGLIGIBLE * np.eye(3)
+    return mass, com, inertia + _NEGLIGIBLE * np.eye(3) if abs(np.linalg.eigvalsh(inertia)[0]) < _NEGLIGIBLE else inertia
+
+
+def _inertial(body: ElementTree.Element, theta: FloatArray) -> None:
+    mass, com, inertia = _body(theta)
     tensor = [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]]
     ElementTree.SubElement(body, "inertial", pos=_words(com), mass=repr(mass), fullinertia=_words(tensor))
 
