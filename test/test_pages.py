@@ -16,8 +16,7 @@ from matplotlib.text import Text
 from test_payload_plot import pick_and_drop
 
 from sysid_ros.control.tracking_run import TrackingRun
-from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter, Predictions, SimulationError, TorqueRmse
-from sysid_ros.diagnosis.trajectories import Trajectories
+from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter, Predictions, SimulationError, TorqueRmse, Tracking
 from sysid_ros.excitation.excite import Excitation
 from sysid_ros.frequency import FrequencyCheck
 from sysid_ros.identification.result import ResidualSeries
@@ -97,10 +96,10 @@ def predictions(warm: bool = True) -> Predictions:
     return Predictions(T, NAMES, wide(), wide(), wide(), wide(), wide(), wide(), temperature)
 
 
-def trajectories() -> Trajectories:
+def tracking_error() -> Tracking:
     t = np.concatenate([np.append(0.01 * np.arange(50) + k, np.nan) for k in range(4)])
-    measured, nominal, extended = (np.where(np.isnan(t)[:, None], np.nan, RNG.normal(size=(len(t), 3))) for _ in range(3))
-    return Trajectories(t, measured, nominal, extended, BAD)
+    before, after, perfect = (np.where(np.isnan(t)[:, None], np.nan, RNG.normal(size=(len(t), 3))) for _ in range(3))
+    return Tracking(t, NAMES, before, after, perfect)
 
 
 def diagnosis() -> Diagnosis:
@@ -112,8 +111,9 @@ def diagnosis() -> Diagnosis:
     temperature = {"joints": [BAD], "range": [(20.0, 30.0)], "friction_before": [-0.5], "friction_after": [None]}
     return Diagnosis(
         "partly_explained", NAMES, findings=(finding, fault), torque=TorqueRmse(NAMES, 4.0 * ones, 2.0 * ones, ones, 9.0 * ones),
-        simulation=SimulationError(0.5, 0.3, 0.01, 1.0, 0.1), unexplained_fraction=0.2, unexplained=BAD, record_next=(BAD,),
-        predictions=predictions(), driven=predictions(), temperature=temperature,
+        simulation=SimulationError(9.5, "mujoco", 0.3, 0.01, 0.01, 1.0, 0.1, 0.1, ones, ones, ones),
+        unexplained_fraction=0.2, unexplained=BAD, record_next=(BAD,),
+        predictions=predictions(), tracking=tracking_error(), temperature=temperature,
     )  # fmt: skip
 
 
@@ -149,7 +149,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "identification, torque": lambda: identification_figures.torque_figure(series()[0], NAMES, UNITS),
     "identification, residual": lambda: identification_figures.residual_figure(series(), NAMES, UNITS, (False, False, True), 4.0),
     "diagnosis, torque": lambda: diagnosis_figures.torque_figure(predictions(), UNITS),
-    "diagnosis, simulation": lambda: diagnosis_figures.simulation_figure(trajectories(), NAMES),
+    "diagnosis, tracking": lambda: diagnosis_figures.tracking_error_figure(tracking_error()),
     "diagnosis, residual": lambda: diagnosis_figures.residual_figure(predictions(), UNITS, np.ones(3)),
 }
 PAGES: dict[str, Callable[[Path], object]] = {
@@ -157,7 +157,7 @@ PAGES: dict[str, Callable[[Path], object]] = {
     "tracking": lambda path: write_plot(path, tracking_figure(runs(), EVENTS, 3.0)),
     "excitation": lambda path: write_plot(path, excitation_figure(excitation(), BAD)),
     "frequency": lambda path: write_frequency_plot(path, frequency(), BAD),
-    "diagnosis": lambda path: path.write_text(diagnosis_page(diagnosis(), BAD, {"bags": [f"/home/{BAD}"]}, trajectories())),
+    "diagnosis": lambda path: path.write_text(diagnosis_page(diagnosis(), BAD, {"bags": [f"/home/{BAD}"]})),
     "refused": lambda path: path.write_text(diagnosis_page(Diagnosis("refused", NAMES, BAD), BAD, {"bags": ["/a/b"]})),
 }
 

@@ -16,6 +16,7 @@ from sysid_ros.diagnosis import Diagnosis, Recording, diagnose, missing_joints, 
 from sysid_ros.exceptions import DataError, RobotModelError
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.simulation.simulators import SIMULATORS, installed
 from sysid_ros.sources import temperatures
 from sysid_ros.torque.model_file import ModelFile
 
@@ -28,6 +29,7 @@ BAD_INPUT = 2
 @opt.path("--out", "out_path", required=True, metavar="DIR", help="Folder to write the files to.")
 @opt.path("--validate", multiple=True, metavar="BAG...", help="Bags to judge on, never fitted; of another motion, if possible.")
 @opt.path("--model", "model_path", help="model.yaml of 'sysid identify' or of an earlier diagnosis: the known part.")
+@click.option("--simulator", type=click.Choice(SIMULATORS), help="Of the gain in simulation.  [default: the first installed]")
 @opt.CONFIG
 @opt.TOPIC
 @opt.JSON
@@ -37,6 +39,7 @@ def command(
     out_path: Path,
     validate: tuple[Path, ...],
     model_path: Path | None,
+    simulator: str | None,
     config_path: Path | None,
     topic: str,
     json_path: Path | None,
@@ -53,6 +56,7 @@ def command(
       diagnosis.json    the same for machines
       model.yaml        the extended model, for sysid replay, the nodes and the simulation
       extended.urdf     what a URDF can hold of it
+      extended.xml      the same for MuJoCo, with rotors, gains and delays
       predictions.npz   torques on the data that were not fitted: measured, nominal, extended
 
     \b
@@ -65,6 +69,7 @@ def command(
     Exit codes: 0 done; 2 bad input or usage, also where the verdict is "refused".
     """
     started = time.monotonic()
+    installed(simulator)
     settings = settings_from(read_config(config_path))
     known = ModelFile.read(model_path) if model_path else None
     origin = provenance(bags, validate=validate, urdf=urdf or "/robot_description of the first bag", model=model_path)
@@ -73,10 +78,10 @@ def command(
         robot, fitted, judged = _read_all(bags, validate, urdf, topic, settings)
         for sentence in known.notes(robot.urdf) if known else []:
             note(sentence)
-        result = diagnose(robot, fitted, judged, known, progress_lines(), origin)
+        result = diagnose(robot, fitted, judged, known, progress_lines(), origin, simulator)
     except (DataError, RobotModelError) as error:
         result = Diagnosis("refused", robot.joint_names if robot else (), refusal=str(error))
-    write_files(result, robot, out_path, origin, known)
+    write_files(result, robot, out_path, origin)
     if json_path:
         write_json(json_path, result.as_dict())
     show(result)

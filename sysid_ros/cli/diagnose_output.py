@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from sysid_ros.cli.output import note, report, table, write_json
-from sysid_ros.diagnosis import Diagnosis, JointSide, Trajectories, simulated_trajectories
+from sysid_ros.diagnosis import Diagnosis
 from sysid_ros.exceptions import ModelFileError, RobotModelError
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.torque.model_file import ModelFile
+from sysid_ros.torque.mjcf_export import export_mjcf
 from sysid_ros.torque.urdf_export import export_urdf
 
 
@@ -22,16 +22,13 @@ def progress_lines() -> Callable[[str], None]:
     return lambda sentence: note(f"{time.monotonic() - started:5.1f} s  {sentence}")
 
 
-def write_files(
-    result: Diagnosis, robot: RobotModel | None, folder: Path, provenance: dict[str, object], known: ModelFile | None = None
-) -> None:
+def write_files(result: Diagnosis, robot: RobotModel | None, folder: Path, provenance: dict[str, object]) -> None:
     """Write the report, the document for machines, the extended model and its predictions into a folder."""
     from sysid_ros.pages.diagnosis_page import diagnosis_page
 
     folder.mkdir(parents=True, exist_ok=True)
     write_json(folder / "diagnosis.json", result.as_dict())
-    driven = _driven(result, robot, known)
-    (folder / "report.html").write_text(diagnosis_page(result, robot.name if robot else "", provenance, driven))
+    (folder / "report.html").write_text(diagnosis_page(result, robot.name if robot else "", provenance))
     if result.model is not None:
         result.model.write(folder / "model.yaml")
     if (p := result.predictions) is not None:
@@ -49,16 +46,12 @@ def write_files(
         except (ModelFileError, RobotModelError) as error:
             (folder / "extended.urdf").write_text(robot.urdf)
             notes = [f"extended.urdf is the URDF as it was given: {error} model.yaml has what was found."]
+        try:
+            notes += export_mjcf(robot, result.urdf_model, folder / "extended.xml")
+        except ModelFileError as error:
+            notes.append(f"There is no extended.xml: {error} model.yaml has what was found.")
         for sentence in notes:
             note(sentence)
-
-
-def _driven(result: Diagnosis, robot: RobotModel | None, known: ModelFile | None) -> Trajectories | None:
-    """The simulation under the measured torques, before and after."""
-    if robot is None or result.driven is None or result.model is None:
-        return None
-    before = JointSide.of(robot, known.known_effects(robot) if known else [])
-    return simulated_trajectories(robot, result.driven, (before, JointSide.of(robot, result.model.known_effects(robot))))
 
 
 def show(result: Diagnosis) -> None:

@@ -18,16 +18,15 @@ from sysid_ros.diagnosis.extended_model import extended_model
 from sysid_ros.diagnosis.fault_findings import as_unit, finding_of, message_finding, signal_findings, with_faults, with_scales
 from sysid_ros.diagnosis.faults import refusal_of
 from sysid_ros.diagnosis.fit import Fit
-from sysid_ros.diagnosis.forward_simulation import forward_simulation
+from sysid_ros.diagnosis.gain import with_gain
 from sysid_ros.diagnosis.held_out_gate import validated
 from sysid_ros.diagnosis.heldout import HeldOut
-from sysid_ros.diagnosis.joint_side import JointSide
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.link_masses import with_masses
 from sysid_ros.diagnosis.message_faults import in_order
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.reporting import report
-from sysid_ros.diagnosis.result import Diagnosis, SimulationError
+from sysid_ros.diagnosis.result import Diagnosis
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.strong_contacts import strong_contacts
 from sysid_ros.diagnosis.temperature import known_everywhere
@@ -37,6 +36,7 @@ from sysid_ros.diagnosis.wrong_robot import wrong_robot
 from sysid_ros.exceptions import DataError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
+from sysid_ros.simulation.simulators import installed
 from sysid_ros.torque.model_file import ModelFile
 
 _HELD_OUT = 0.3
@@ -54,6 +54,7 @@ def diagnose(
     known: ModelFile | None = None,
     progress: Progress = lambda sentence: None,
     provenance: dict[str, Any] | None = None,
+    simulator: str | None = None,
 ) -> Diagnosis:
     """What is wrong with the nominal model of a robot.
 
@@ -62,10 +63,12 @@ def diagnose(
             recordings is held out.
         known: a model that was identified before; it is the nominal model then.
         progress: called with what is being done. provenance: written into the extended model.
+        simulator: one of :data:`sysid_ros.simulation.simulators.SIMULATORS`; None: the first that is installed.
 
     Raises:
-        DataError: no recording is given, or its channels do not fit the robot.
+        DataError: no recording is given, or its channels do not fit the robot. SettingsError: the simulator is not installed.
     """
+    simulator = installed(simulator)
     _check(robot, [*recordings, *validation])
     ordered = [in_order(r) for r in recordings]
     ordered_validation = [in_order(r) for r in validation]
@@ -114,7 +117,7 @@ def diagnose(
     fit = selection.fit = with_masses(robot, train.problem, fit, held)
     values = with_knobs(train.problem, library, fit)
     found = report(robot, train, selection, fit, held, values)
-    found = replace(found, findings=tuple(as_unit(found.findings, robot.joint_names)), driven=found.predictions)
+    found = replace(found, findings=tuple(as_unit(found.findings, robot.joint_names)))
     signals += contact_findings(contacts, robot)
     if faults or signals:
         known_faults, rest = with_scales(faults, found.findings, robot.joint_names)
@@ -126,11 +129,10 @@ def diagnose(
     model = extended_model(robot, known, fit, values, train, {r.name: r.start for r in fitted}, provenance or {})
     urdf_model, changes = urdf_part(robot, model, train)
     notes += changes
-    sides = JointSide.of(robot, effects), JointSide.of(robot, model.known_effects(robot))
     progress("simulating")
-    return replace(
-        found, model=model, urdf_model=urdf_model, simulation=_simulation(robot, held, fit, sides), notes=(*notes, *found.notes)
-    )
+    both, noise = (effects, urdf_model.known_effects(robot)), fit.noise.variance(held.prepared.band.f)
+    found = with_gain(found, held.prepared, held.predictions(fit, robot), both, noise, simulator)
+    return replace(found, model=model, urdf_model=urdf_model, notes=(*notes, *found.notes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,11 +150,6 @@ def _search(robot: RobotModel, train: Prepared, progress: Progress) -> _Search:
     progress("computing what each effect would do")
     selection = Selection(train.problem, library, train.nominal, progress=progress)
     return _Search(train, library, selection, selection.run())
-
-
-def _simulation(robot: RobotModel, held: HeldOut, fit: Fit, sides: tuple[JointSide, JointSide]) -> SimulationError:
-    motions = held.prepared.motions
-    return forward_simulation(robot, motions, held.prepared.nominal, held.predictions(fit, robot), sides)
 
 
 def _check(robot: RobotModel, recordings: Sequence[Recording]) -> None:

@@ -11,7 +11,7 @@ from sysid_ros.effects import Parameter
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.model_file import ModelFile
 
-__all__ = ["VERDICTS", "Diagnosis", "Finding", "Parameter", "Predictions", "SimulationError", "TorqueRmse"]
+__all__ = ["VERDICTS", "Diagnosis", "Finding", "Parameter", "Predictions", "SimulationError", "TorqueRmse", "Tracking"]
 
 VERDICTS = ("explained", "partly_explained", "unexplained", "nothing_wrong", "refused")
 
@@ -78,13 +78,45 @@ class TorqueRmse:
 
 @dataclass(frozen=True)
 class SimulationError:
-    """Error of a forward simulation under the measured torques, over windows of ``horizon_s`` [s], [rad], [rad/s]."""
+    """What a controller that holds the recorded motion shows of a simulation, see
+    :func:`sysid_ros.diagnosis.gain.simulation_gain`: with the nominal model, with the extended one, and what a perfect one
+    would leave with this noise.
+
+    Attributes:
+        horizon_s: length of the simulated motion [s]. simulator: which it was.
+        position_rmse, velocity_rmse: tracking error of the simulated arm under the measured torques, over all joints [rad],
+            [rad/s]. torque_rmse: torque that holds the motion less the measured torque, a joint, shape (n,) each [N m].
+    """
 
     horizon_s: float
+    simulator: str
     position_rmse_before: float
     position_rmse_after: float
+    position_rmse_perfect: float
     velocity_rmse_before: float
     velocity_rmse_after: float
+    velocity_rmse_perfect: float
+    torque_rmse_before: FloatArray
+    torque_rmse_after: FloatArray
+    torque_rmse_perfect: FloatArray
+
+    @classmethod
+    def as_dict(cls, simulation: SimulationError | None) -> dict[str, Any]:
+        """As it stands in diagnosis.json; null where nothing was simulated."""
+        values = {name: getattr(simulation, name, None) for name in cls.__dataclass_fields__}
+        return {name: x.tolist() if isinstance(x, np.ndarray) else x for name, x in values.items()}
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """Position errors of the simulated arm under the measured torques: t since the first stamp, shape (N,), NaN between stretches
+    [s]; nominal, extended and what noise alone makes, shape (N, n) each [rad]."""
+
+    t: FloatArray
+    joints: tuple[str, ...]
+    before: FloatArray
+    after: FloatArray
+    perfect: FloatArray
 
 
 @dataclass(frozen=True)
@@ -110,12 +142,11 @@ class Diagnosis:
     Attributes:
         verdict: one of :data:`VERDICTS`. refusal: why, where it is "refused".
         findings: causes in order of gain, then the faults of the data. torque: error on held-out data.
-        simulation: of a forward simulation, where it was run.
+        simulation: of the recorded motion held in a simulator, where it was run. tracking: its position errors.
         unexplained_fraction: power above the noise that is left on held-out data, as a part of the nominal residual's.
         record_next: what to record next, one sentence each. notes: what the user should know, one sentence each.
         model: the extended model. urdf_model: what a URDF can hold of it. predictions: on the held-out data.
         temperature: how what is left goes with the temperature of each joint, where one is known.
-        driven: the same before the faults of units, signs and order are put back: torques that can drive a simulation.
     """
 
     verdict: str
@@ -131,14 +162,13 @@ class Diagnosis:
     model: ModelFile | None = None
     urdf_model: ModelFile | None = None
     predictions: Predictions | None = None
-    driven: Predictions | None = None
+    tracking: Tracking | None = None
     temperature: dict[str, Any] | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """The document diagnosis.json."""
         nothing = np.zeros(len(self.joints))
         torque = self.torque or TorqueRmse(self.joints, nothing, nothing, nothing, nothing)
-        simulation = self.simulation or SimulationError(0.5, 0.0, 0.0, 0.0, 0.0)
         return {
             "verdict": self.verdict,
             "refusal": self.refusal,
@@ -151,7 +181,7 @@ class Diagnosis:
                 "noise_floor": torque.noise_floor.tolist(),
                 "torque": torque.torque.tolist(),
             },
-            "simulation": {name: getattr(simulation, name) for name in SimulationError.__dataclass_fields__},
+            "simulation": SimulationError.as_dict(self.simulation),
             "unexplained_fraction": self.unexplained_fraction,
             "unexplained": self.unexplained,
             **({} if self.temperature is None else {"temperature": self.temperature}),

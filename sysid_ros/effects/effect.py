@@ -159,6 +159,10 @@ class Effect(Searched):
         """By how much it makes the published torque late [s]."""
         return 0.0
 
+    def as_gain(self, theta: FloatArray) -> FloatArray:
+        """Factor by which each joint's effort is published too large, shape (n,)."""
+        return np.ones(self.robot.n)
+
     def smoothed(self, width: float) -> Effect:
         """The effect with every jump at a reversal spread over ``width`` [rad/s], for searches by gradients; itself where it has
         none."""

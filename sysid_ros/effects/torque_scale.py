@@ -26,6 +26,9 @@ class TorqueScale(JointCurves):
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         return np.array(load)[None]
 
+    def as_gain(self, theta: FloatArray) -> FloatArray:
+        return 1.0 + self.of_symbol("gain_error", theta)
+
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         (joint,) = self.joint_names
         return [by_delta_method("gain", joint, "1", lambda x: 1.0 + float(x[0]), values, covariance)]

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid_ros.diagnosis.result import Predictions
-from sysid_ros.diagnosis.trajectories import HORIZON, Trajectories
+from sysid_ros.diagnosis.result import Predictions, Tracking
 from sysid_ros.pages import palette
 from sysid_ros.pages.compared_figure import compared, thinned
 from sysid_ros.pages.figure import Axis, Curve, Figure, Mark, Panel, Stack, evenly
@@ -28,23 +27,12 @@ def torque_figure(p: Predictions, units: Sequence[str]) -> Figure:
     return compared(x + p.t[0], channels, _NAMES, titles, Axis("time since the first stamp [s]"))
 
 
-def simulation_figure(driven: Trajectories, joints: Sequence[str]) -> Figure:
-    """The simulated positions beside the measured ones, counted from the start of each window; windows side by side."""
-    ends = np.flatnonzero(np.isnan(driven.t))
-    x, start, ticks = driven.t.copy(), np.zeros_like(driven.measured), []
-    for k, (a, b) in enumerate(zip([0, *(ends[:-1] + 1)], ends, strict=True)):
-        x[a:b] = driven.t[a:b] - driven.t[a] + 1.15 * k * HORIZON
-        start[a:b] = driven.measured[a]
-        ticks.append((float(x[a]), f"{driven.t[a]:.1f} s"))
-    nominal, measured, extended = (values - start for values in (driven.nominal, driven.measured, driven.extended))
-    limits = []
-    for near in np.concatenate([measured, extended]).T:
-        low, high = float(np.nanmin(near)), float(np.nanmax(near))
-        # room for the begin of what leaves the picture
-        margin = 0.3 * (high - low) + 1e-3
-        limits.append((low - margin, high + margin))
-    axis = Axis("start of each window", ticks=tuple(ticks))
-    return compared(x, (nominal, measured, extended), _NAMES, [f"{name} [rad]" for name in joints], axis, limits)
+def tracking_error_figure(tracking: Tracking) -> Figure:
+    """How far the simulated arm strays from the recorded motion under the measured torques, a joint a panel."""
+    channels = tuple(1e3 * values for values in (tracking.before, tracking.perfect, tracking.after))
+    titles = [f"{name} [mrad]" for name in tracking.joints]
+    names = ("nominal model", "noise alone", "extended model")
+    return compared(tracking.t, (channels[0], channels[1], channels[2]), names, titles, Axis("time since the first stamp [s]"))
 
 
 def residual_figure(p: Predictions, units: Sequence[str], floor: FloatArray) -> Figure:
