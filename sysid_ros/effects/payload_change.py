@@ -30,6 +30,7 @@ class PayloadChange(Payload):
 
     id = "payload_change"
     label = "change of the payload"
+    words = "a body that is picked up or set down ({mass} more from {t0} on)"
     acts = Acts.LINK
     depends_on = frozenset({Depends.TIME})
     knobs = (Knob("t0", 0.0, 1e9, "s", False, reach=2.0, bumpy=True, step=0.05),)
