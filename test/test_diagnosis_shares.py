@@ -98,7 +98,7 @@ def test_any_set_of_terms_removes_what_a_fit_of_it_removes() -> None:
     fit = train.problem.fit([t for g in groups for t in g], inexact=True)
     held = HeldOut.of(model, judged, fit)
     weight = 1.0 / held.rms(np.sqrt(fit.noise.variance(judged.band.f))) ** 2
-    removes = removed_power(train.problem, held, fit, [Part(t, i) for i, g in enumerate(groups) for t in g], weight)
+    removes = removed_power(train.problem, held, fit, [Part(t, frozenset({i})) for i, g in enumerate(groups) for t in g], weight)
 
     def power(rows: FloatArray) -> float:
         return float(np.sum(held.rms(rows) ** 2 * weight))

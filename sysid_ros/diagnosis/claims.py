@@ -100,7 +100,7 @@ def claims(judged: Judged) -> Claims:
     for i, terms in enumerate(groups):
         if not any(t.effect.notable(fit.theta_of(t)) for t in terms):
             continue  # in the model, but no fault
-        others = [p.term for p in parts if p.of != i and (p.unless is None or p.unless == i)]
+        others = [p.term for p in parts if i not in p.of and (p.unless is None or p.unless == i)]
         evidence = replace(_evidence(judged, terms, others), gain=float(shares[i]))
         weak = evidence.p_value > _SURE if terms[0].expected else evidence.delta_bic < _STRONG
         if weak and removes(every) - removes(every - {i}) < _GAINS:
@@ -114,14 +114,18 @@ def claims(judged: Judged) -> Claims:
 
 
 def _parts(judged: Judged, groups: Sequence[list[Term]], rich: Sequence[Term]) -> list[Part]:
-    """The terms by their group; without a richer form of dry friction its joint has the simplest, as the other joints have."""
-    parts = [Part(t, i) for i, terms in enumerate(groups) for t in terms]
+    """The terms by their group. A richer form of dry friction adds to the simplest, which the other joints have: without the
+    richer its joint has the simplest, without the simplest it has none."""
     simple = {terms[0].kind: i for i, terms in enumerate(groups)}
-    for part in list(parts):
-        kind = part.term.simplest
-        if part.term in rich and kind is not None:
-            plain = judged.selection.library.local(kind.id, part.term.joints[0])
-            parts.append(Part(plain, simple[kind], part.of))
+    parts = []
+    for i, terms in enumerate(groups):
+        for term in terms:
+            kind = term.simplest
+            if term not in rich or kind is None:
+                parts.append(Part(term, frozenset({i})))
+                continue
+            plain = judged.selection.library.local(kind.id, term.joints[0])
+            parts += [Part(term, frozenset({i, simple[kind]})), Part(plain, frozenset({simple[kind]}), i)]
     return parts
 
 

@@ -29,10 +29,10 @@ Removes = Callable[[frozenset[int]], float]
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A term in the model of every set that has the cause ``of``, and has not the cause ``unless``."""
+    """A term in the model of every set that has all the causes ``of``, and has not the cause ``unless``."""
 
     term: Term
-    of: int
+    of: frozenset[int]
     unless: int | None = None
 
 
@@ -57,12 +57,12 @@ def removed_power(problem: Problem, held: HeldOut, fit: Fit, parts: Sequence[Par
     power, cross = _normal(blocks, m, np.broadcast_to(weight / samples, judged.y.shape), judged.y)
     before = max(float(np.sum(held.rms(judged.y) ** 2 * weight)), 1e-12)
     own = [(p.of, p.unless) for p in parts for _ in range(p.term.p)]
-    last = 1 + max((p.of for p in parts), default=-1)
-    own += [(last, None)] * (m - len(own))
+    last = 1 + max((i for p in parts for i in p.of), default=-1)
+    own += [(frozenset({last}), None)] * (m - len(own))
 
     @cache
     def removes(causes: frozenset[int]) -> float:
-        at = np.flatnonzero([of in causes and unless not in causes for of, unless in own])
+        at = np.flatnonzero([of <= causes and unless not in causes for of, unless in own])
         if not len(at):
             return 0.0
         scale = 1.0 / np.sqrt(np.maximum(np.diag(information)[at], 1e-30))
