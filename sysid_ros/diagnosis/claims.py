@@ -96,7 +96,6 @@ def claims(judged: Judged) -> Claims:
     count = len(groups) + fit.inexact
     removes = removed_power(judged.train.problem, judged.held, fit, parts, judged.weight)
     shares, every = shapley(removes, count), frozenset(range(count))
-    found: dict[int, Finding] = {}
     for i, terms in enumerate(groups):
         if not any(t.effect.notable(fit.theta_of(t)) for t in terms):
             continue  # in the model, but no fault
@@ -107,10 +106,15 @@ def claims(judged: Judged) -> Claims:
             continue  # in the model, but not claimed: its scatter over time leaves too little of its evidence
         if evidence.p_value > _SURE:
             out.scattering.append(terms[0].effect.label)
-        found[i] = _finding(judged, terms, [t for t in rich if t.simplest is terms[0].kind], evidence, len(groups), out)
-    main = fewest(removes, list(found))
-    out.findings = _companions_last([replace(f, headline=i in main) for i, f in found.items()])
+        out.findings.append(_finding(judged, terms, [t for t in rich if t.simplest is terms[0].kind], evidence, len(groups), out))
+    out.findings = with_headline(_companions_last(out.findings))
     return out
+
+
+def with_headline(findings: Sequence[Finding]) -> list[Finding]:
+    """The findings of which those of the headline are marked: the fewest that make nearly all of what all causes remove."""
+    main = fewest([f.heldout_gain or 0.0 for f in findings])
+    return [replace(f, headline=i in main) for i, f in enumerate(findings)]
 
 
 def _parts(judged: Judged, groups: Sequence[list[Term]], rich: Sequence[Term]) -> list[Part]:
@@ -171,13 +175,13 @@ def _finding(
 
 def _companions_last(findings: Sequence[Finding]) -> list[Finding]:
     """In order of gain; what an effect brings along comes after it, whichever gains more."""
-    gain = {f.id: f.heldout_gain or 0.0 for f in findings}
-    by_name = {f.id: f for f in reversed(findings)}
-    for f in findings:
-        other = by_name.get(EFFECTS[f.id].companion)
-        if other is not None and set(other.joints) <= set(f.joints):
-            gain[f.id] = max(gain[f.id], gain[other.id] + 1e-9)
-    return sorted(findings, key=lambda f: -gain[f.id])
+
+    def key(f: Finding) -> tuple[float, bool]:
+        own = f.heldout_gain or 0.0
+        brings = [g for g in findings if g.id == EFFECTS[f.id].companion and set(g.joints) <= set(f.joints)]
+        return max([own, *(g.heldout_gain or 0.0 for g in brings)]), bool(brings)
+
+    return sorted(findings, key=key, reverse=True)
 
 
 def _groups(terms: Sequence[Term]) -> dict[tuple[str, str], list[Term]]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid_ros.diagnosis.channel_evidence import Deviation
 from sysid_ros.diagnosis.channel_faults import Fault
+from sysid_ros.diagnosis.claims import with_headline
 from sysid_ros.diagnosis.effort_lattice import lattices
 from sysid_ros.diagnosis.evidence import Evidence, count_interval, interval, together
 from sysid_ros.diagnosis.fit import Fit
@@ -16,7 +17,6 @@ from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.message_faults import MessageFaults
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter, TorqueRmse
-from sysid_ros.diagnosis.shares import HEADLINE
 from sysid_ros.diagnosis.signal_faults import velocity_lag
 from sysid_ros.effects import ChannelEffect, TorqueQuantisation, TorqueUnit, VelocityLag
 from sysid_ros.effects.wording import of_joints, phrase
@@ -75,7 +75,6 @@ def as_unit(findings: Sequence[Finding], joints: Sequence[str]) -> list[Finding]
                 signature=unit.signature,
                 heldout_gain=None,
                 of_data=True,
-                headline=False,
             )
         )
     return sorted(out, key=lambda f: f.of_data)
@@ -156,11 +155,7 @@ def with_findings(found: Diagnosis, findings: Sequence[Finding]) -> Diagnosis:
         return replace(found, findings=tuple(findings))
     scale = 1.0 / (1.0 - lost)
     every = [f if f.of_data else replace(f, heldout_gain=scale * (f.heldout_gain or 0.0)) for f in findings]
-    needed, bought = HEADLINE * sum(f.heldout_gain or 0.0 for f in every), 0.0
-    for i, f in enumerate(every if not any(f.headline for f in every) else ()):
-        every[i] = replace(f, headline=not f.of_data and bought < needed)
-        bought += f.heldout_gain or 0.0
-    return replace(found, findings=tuple(every), rest=None if found.rest is None else found.rest.scaled(scale))
+    return replace(found, findings=tuple(with_headline(every)), rest=None if found.rest is None else found.rest.scaled(scale))
 
 
 def _with_contacts(found: Diagnosis, contacts: Sequence[Finding]) -> Diagnosis:
@@ -168,9 +163,7 @@ def _with_contacts(found: Diagnosis, contacts: Sequence[Finding]) -> Diagnosis:
     of what the others are judged on, so that the others divide what is left."""
     pushed = sum(f.heldout_gain or 0.0 for f in contacts)
     others = [replace(f, heldout_gain=(1.0 - pushed) * (f.heldout_gain or 0.0)) for f in found.causes]
-    # of the headline by the same rule as the others
-    main = pushed > (1.0 - HEADLINE) * (pushed + sum(f.heldout_gain or 0.0 for f in others))
-    every = sorted([*others, *(replace(f, headline=main) for f in contacts)], key=lambda f: -(f.heldout_gain or 0.0))
+    every = with_headline(sorted([*others, *contacts], key=lambda f: -(f.heldout_gain or 0.0)))
     rest = None if found.rest is None else found.rest.scaled(1.0 - pushed)
     return replace(found, findings=(*every, *found.data_faults), rest=rest) if contacts else found
 

@@ -16,6 +16,7 @@ from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, Rest, TorqueRmse
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.time_or_temperature import RECORD_NEXT, correlations
+from sysid_ros.effects.wording import listed
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
@@ -115,9 +116,8 @@ def _beyond_in_words(robot: RobotModel, beyond: Sequence[int], after: FloatArray
 
 
 def _record_next(findings: Sequence[Finding]) -> tuple[str, ...]:
-    return tuple(
-        f"To tell {f.id} from {' and '.join(f.cannot_be_told_from)}: {f.separated_by}." for f in findings if f.cannot_be_told_from
-    )
+    sentences = [f"To tell {f.label} from {listed(f.look_alikes)}: {f.separated_by}." for f in findings if f.cannot_be_told_from]
+    return tuple(dict.fromkeys(sentences))
 
 
 def _predictions(robot: RobotModel, held: HeldOut, fit: Fit) -> Predictions:

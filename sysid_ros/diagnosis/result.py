@@ -7,13 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.diagnosis.sentences import answer, sentence
-from sysid_ros.effects import Parameter
+from sysid_ros.diagnosis.sentences import answer, percent, sentence
+from sysid_ros.effects import EFFECTS, Parameter
+from sysid_ros.effects.wording import listed
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.model_file import ModelFile
 
 __all__ = ["VERDICTS", "Diagnosis", "Finding", "Parameter", "Predictions", "Rest", "SimulationError", "TorqueRmse"]
 
+_MOST_REFINEMENTS = 4
+_UNNAMED = "effects too small or too uncertain to be named; model.yaml has them"
+_HARM = f"{_UNNAMED}, and on other motion they do harm"
 VERDICTS = ("explained", "partly_explained", "unexplained", "nothing_wrong", "refused")
 
 
@@ -53,6 +57,11 @@ class Finding:
     headline: bool = False
     probability: float | None = None
     remark: str = ""
+
+    @property
+    def look_alikes(self) -> tuple[str, ...]:
+        """What explains these recordings as well, in words."""
+        return tuple(EFFECTS[id_].label if id_ in EFFECTS else id_ for id_ in self.cannot_be_told_from)
 
     @property
     def sentence(self) -> str:
@@ -103,6 +112,14 @@ class Rest:
     unclaimed: float
     noise: float
     unexplained: float
+
+    def in_words(self) -> list[tuple[float, str]]:
+        """Its parts, and what they are."""
+        return [
+            (self.unclaimed, _UNNAMED if self.unclaimed > 0.0 else _HARM),
+            (self.unexplained, "of no cause that is known here"),
+            (self.noise, "noise, which no model removes"),
+        ]
 
     def scaled(self, factor: float) -> Rest:
         """As parts of a whole of which it is ``factor``."""
@@ -192,6 +209,14 @@ class Diagnosis:
             [f.words for f in self.data_faults],
             self.unexplained_fraction,
         )
+
+    @property
+    def refinements(self) -> str:
+        """The causes that are not of the headline and make a part of the error, in a sentence; empty where there is none."""
+        others = [f for f in self.causes if not f.headline and (f.heldout_gain or 0.0) > 0.0]
+        named = [f"{f.label} ({percent(f.heldout_gain)})" for f in others[:_MOST_REFINEMENTS]]
+        more = [f"{len(others) - len(named)} more"] if len(others) > len(named) else []
+        return f"Then: {listed([*named, *more])}." if others else ""
 
     def as_dict(self) -> dict[str, Any]:
         """The document diagnosis.json."""

@@ -17,14 +17,18 @@ def sentence(words: str, gain: float | None) -> str:
 
 def makes(gain: float) -> str:
     """A share of the error in words; that of a cause which does harm beside the others is negative."""
-    if gain < -0.005:
-        return f"makes the error on data that were not fitted {100 * -gain:.0f} % larger"
+    if gain <= -0.0005:
+        return f"makes the error on data that were not fitted {percent(-gain)} larger"
     return f"makes {percent(gain)} of the error"
 
 
-def percent(gain: float) -> str:
-    """A share in per cent."""
-    return f"{100 * gain:.0f} %" if gain >= 0.095 else f"{100 * gain:.1f} %" if gain >= 0.0005 else "less than 0.1 %"
+def percent(gain: float | None) -> str:
+    """A share in per cent; a dash where there is none."""
+    if gain is None:
+        return "-"
+    size = abs(gain)
+    digits = 0 if size >= 0.0995 else 1
+    return f"{100 * gain:.{digits}f} %" if size >= 0.0005 else "below 0.1 %" if size > 0.0 else "0 %"
 
 
 def answer(
@@ -37,7 +41,7 @@ def answer(
         faults: of the data, in words. left: part of the error that nothing explains.
     """
     if verdict == "refused":
-        return f"No answer: {(refusal or 'these recordings can not be judged.')}"
+        return f"No answer: {first_sentence(refusal or 'these recordings can not be judged.')[0]}"
     data = f" The data have {'a fault' if len(faults) == 1 else 'faults'} of their own: {listed(faults)}." if faults else ""
     if verdict == "unexplained":
         return f"The model is wrong, and no cause that is known here explains it.{data}"
@@ -52,6 +56,12 @@ def answer(
     whole = f"{first}{_in_a_row(named)}. {'It makes' if len(main) == 1 else 'Together they make'} {percent(gain)} of the error"
     rest = f"; {percent(left)} of it is of no cause that is known here" if verdict == "partly_explained" and left >= 0.005 else ""
     return f"{capital(whole)}{rest}.{data}"
+
+
+def first_sentence(text: str) -> tuple[str, str]:
+    """A text's first sentence, and what follows it."""
+    first, stop, rest = text.partition(". ")
+    return f"{first}." if stop else first, rest
 
 
 def _in_a_row(clauses: Sequence[str]) -> str:

@@ -20,7 +20,7 @@ _EXACT = 10
 _STD_ERROR = 0.01
 """Standard error of a share that is sampled, as a part of what all causes remove: less than the digits that are shown."""
 _FEWEST_PAIRS, _MOST_PAIRS = 16, 400
-HEADLINE = 0.95
+_HEADLINE = 0.95
 """Part of what all causes remove that those of the headline remove."""
 
 Removes = Callable[[frozenset[int]], float]
@@ -115,19 +115,16 @@ def _along(removes: Removes, order: Sequence[int]) -> FloatArray:
     return out
 
 
-def fewest(removes: Removes, causes: Sequence[int]) -> frozenset[int]:
-    """The fewest causes that remove nearly all of what ``causes`` remove together, the best of as many; none where all remove
-    nothing. Of very many causes they are added one by one."""
-    target = HEADLINE * removes(frozenset(causes))
-    if target <= 0.0:
-        return frozenset()
-    best: frozenset[int] = frozenset()
-    for size in range(1, len(causes) + 1):
-        sets = combinations(causes, size) if len(causes) <= _EXACT else ((*best, c) for c in causes if c not in best)
-        best = max((frozenset(s) for s in sets), key=removes)
-        if removes(best) >= target:
+def fewest(shares: Sequence[float]) -> frozenset[int]:
+    """The fewest causes whose shares make nearly all of what all causes remove; none where all together remove nothing."""
+    target, bought = _HEADLINE * sum(shares), 0.0
+    found: set[int] = set()
+    for i in sorted(range(len(shares)), key=lambda i: -shares[i]):
+        if bought >= target or shares[i] <= 0.0:
             break
-    return best
+        found.add(i)
+        bought += shares[i]
+    return frozenset(found) if target > 0.0 else frozenset()
 
 
 def _normal(blocks: dict[int, Block], m: int, weight: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -16,17 +16,17 @@ def phrase(words: str, label: str, parameters: Sequence[Parameter], where: str) 
     """``words`` with what stands in braces filled in.
 
     Args:
-        words: {label}, {where}, {sizes} for all parameters, the name of a parameter for its values over the joints, {more} for
-            "more", "less" or "other", by their signs. where: the joints in words.
+        words: {label}, {where}, {sizes} for all parameters, the name of a parameter for its values over the joints, {unmodelled}
+            for which way the model is off, by their signs. where: the joints in words.
     """
     by_name: dict[str, list[Parameter]] = {}
     for p in parameters:
         by_name.setdefault(p.name, []).append(p)
     signs = {float(np.sign(p.value)) for p in parameters if isinstance(p.value, float | int)}
-    more = "more" if signs <= {1.0} else "less" if signs <= {-1.0} else "other"
+    unmodelled = "unmodelled" if signs <= {1.0} else "too much modelled" if signs <= {-1.0} else "wrongly modelled"
     values = {name: size(group) for name, group in by_name.items()}
     sizes = ", ".join(f"{name} {text}" for name, text in values.items())
-    return words.format_map({**values, "label": label, "where": where, "sizes": sizes, "more": more})
+    return words.format_map({**values, "label": label, "where": where, "sizes": sizes, "unmodelled": unmodelled})
 
 
 def size(parameters: Sequence[Parameter]) -> str:
@@ -52,8 +52,11 @@ def one(p: Parameter) -> str:
         digits = max(0, 2 - int(np.floor(np.log10(max(max(abs(factor * x) for x in p.value), 1e-12)))))
         return f"({', '.join(f'{factor * x + 0.0:.{digits}f}' for x in p.value)}){unit}"
     unit, factor = _unit(p.unit, p.value)
-    spread = "" if p.std is None else f" ± {1.96 * factor * p.std:.2g}"
-    return f"{factor * p.value:.3g}{spread}{unit}"
+    value, half = factor * p.value, 0.0 if p.std is None else 1.96 * factor * p.std
+    if not half > 0.0:
+        return f"{value:.3g}{unit}"
+    digits = min(max(0, 1 - int(np.floor(np.log10(half)))), max(0, 3 - int(np.floor(np.log10(max(abs(value), half))))))
+    return f"{value:.{digits}f} ± {half:.{digits}f}{unit}" if round(half, digits) > 0.0 else f"{value:.{digits}f}{unit}"
 
 
 def listed(names: Sequence[str]) -> str:
