@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -12,15 +13,18 @@ import pytest
 from diagnosis_bags import ARM, messages
 from robots import robot, urdf, with_body
 
-from sysid_ros.diagnosis import Diagnosis, Finding, Recording, diagnose, read_messages
+from sysid_ros.cli.diagnose_output import show
+from sysid_ros.diagnosis import Diagnosis, Finding, Parameter, Recording, diagnose, read_messages
 from sysid_ros.diagnosis.fault_findings import with_findings
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.result import Rest
 from sysid_ros.diagnosis.shares import Part, Removes, fewest, removed_power, shapley
-from sysid_ros.effects import LinkInertia
+from sysid_ros.effects import EFFECTS, LinkInertia
+from sysid_ros.effects.wording import of_joints, one, phrase
 from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.pages.diagnosis_page import diagnosis_page
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.urdf_bodies import fixed_bodies, matching, within_reach
@@ -175,6 +179,47 @@ def test_a_hand_that_is_not_mounted_is_told_as_the_link_of_the_urdf() -> None:
         told(hand) == "the robot has 0.700 ± 0.039 kg on 'hand' that the model lacks, around (10.0, 20.0, 60.0) mm of its frame"
     )
     assert told(np.array([0.01, 0.1, *np.zeros(8)])).startswith("the mass of 'hand' lies elsewhere than the model says")
+
+
+def test_the_page_answers_first_and_its_bar_adds_up() -> None:
+    fault = replace(worn().findings[0], heldout_gain=None, of_data=True, headline=False, words="efforts in coarse steps on lift")
+    page = diagnosis_page(replace(worn(), findings=(*worn().findings, fault)), "arm", {})
+    body = page[page.index("<body>") :]
+    marks = ("Mostly: unmodelled dry friction", "Then: ", "Faults of the data", "Efforts in coarse steps", "What makes the error")
+    places = [body.index(mark) for mark in (*marks, "Torque error of each joint", "Numbers of each cause")]
+    assert places == sorted(places)
+    widths = [float(x) for x in re.findall(r'<i style="width:([\d.]+)%;background:[^"]+" title', body)]
+    assert sum(widths) == pytest.approx(100.0, abs=0.1)
+    assert len(widths) >= 3
+    # statistics are folded, with what they mean
+    assert body.index("<details>") < body.index("Bayesian information criterion")
+
+
+def test_the_terminal_answers_first_and_is_no_wider_than_its_tables(capsys: pytest.CaptureFixture[str]) -> None:
+    show(worn())
+    out = capsys.readouterr().out
+    assert " ".join(out.split()).startswith(worn().headline)
+    assert max(map(len, out.splitlines())) <= 100
+    assert "noise, which no model removes" not in out  # below a tenth of a per cent here
+    show(Diagnosis("refused", ("a",), "The robot stands still. Let it move."))
+    assert capsys.readouterr().out.split("\n")[:2] == ["No answer: The robot stands still.", "Let it move."]
+
+
+def test_words_hold_the_sizes_and_which_way_they_are_off() -> None:
+    def told(*values: float) -> str:
+        found = [Parameter("b", f"j{i}", x, "N m s/rad", 0.01, x - 0.02, x + 0.02) for i, x in enumerate(values)]
+        return phrase("{unmodelled} friction on {where} ({b})", "friction", found, "j")
+
+    assert told(2.0) == "unmodelled friction on j (2.000 ± 0.020 N m s/rad)"
+    assert told(1.0, 3.5) == "unmodelled friction on j (1 to 3.5 N m s/rad)"
+    assert told(-1.0, -2.0) == "too much modelled friction on j (-2 to -1 N m s/rad)"
+    assert told(-1.0, 2.0).startswith("wrongly modelled")
+    assert one(Parameter("delay", None, 0.004, "s", 1e-5)) == "4.000 ± 0.020 ms"
+    assert one(Parameter("com", None, [0.02, -0.05, 0.3], "m")) == "(0.020, -0.050, 0.300) m"
+    assert of_joints("abc", 3) == "all 3 joints"
+    assert of_joints("abcd", 6) == "4 of 6 joints (a, b, c and d)"
+    for effect in EFFECTS.values():
+        assert effect.words.count("{") == effect.words.count("}")
 
 
 def test_bodies_fixed_to_a_link_stand_in_the_frame_of_its_joint() -> None:
