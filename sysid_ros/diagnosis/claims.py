@@ -175,10 +175,13 @@ def _finding(
 
 def _companions_last(findings: Sequence[Finding]) -> list[Finding]:
     """In order of gain; what an effect brings along comes after it, whichever gains more."""
+    by_name: dict[str, list[Finding]] = {}
+    for f in findings:
+        by_name.setdefault(f.id, []).append(f)
 
     def key(f: Finding) -> tuple[float, bool]:
         own = f.heldout_gain or 0.0
-        brings = [g for g in findings if g.id == EFFECTS[f.id].companion and set(g.joints) <= set(f.joints)]
+        brings = [g for g in by_name.get(EFFECTS[f.id].companion, ()) if set(g.joints) <= set(f.joints)]
         return max([own, *(g.heldout_gain or 0.0 for g in brings)]), bool(brings)
 
     return sorted(findings, key=key, reverse=True)

@@ -48,7 +48,7 @@ class FrictionDrift(DryFriction, JointCurves):
 
     id = "friction_drift"
     label = "friction that drifts"
-    words = "friction that changes with {over} on {where} (dry friction {Fc}, by {rate_Fc}; viscous {b}, by {rate_b})"
+    words = "friction that changes with {over} on {where} (dry {Fc}, changing by {rate_Fc}; viscous {b}, changing by {rate_b})"
     depends_on = frozenset({Depends.TEMPERATURE, Depends.TIME})
     usual = 0.2
     includes = ("coulomb_friction", "viscous_friction")
