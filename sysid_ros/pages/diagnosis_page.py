@@ -108,9 +108,7 @@ def _errors(result: Diagnosis) -> list[dict[str, Any]]:
     if t is None:
         return []
     values = np.stack([t.before, t.after, t.noise_floor])
-    # a part of a torque that is itself no more than noise means nothing
-    loaded = t.torque > np.sqrt(2.0) * t.noise_floor
-    parts = np.where(loaded, values / np.maximum(t.torque, 1e-12), 0.0)
+    parts = values / np.maximum(t.torque, 1e-12)
     widths = 100.0 * parts / max(float(parts.max()), 1e-12)
     shown = [i for i in range(len(_MODELS)) if result.causes or i != 1]
     out = []
@@ -118,9 +116,9 @@ def _errors(result: Diagnosis) -> list[dict[str, Any]]:
         bars = []
         for i in shown:
             name, colour = _MODELS[i]
-            part = percent(parts[i, j]) if loaded[j] and i < 2 else ""
+            part = percent(parts[i, j]) if i < 2 else ""
             bars.append({"name": name, "colour": colour, "value": values[i, j], "part": part, "width": widths[i, j]})
-        out.append({"joint": joint, "torque": float(t.torque[j]), "loaded": bool(loaded[j]), "bars": bars})
+        out.append({"joint": joint, "torque": float(t.torque[j]), "bars": bars})
     return out
 
 
