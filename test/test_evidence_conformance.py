@@ -23,7 +23,7 @@ from sysid_ros.diagnosis.channel_evidence import deviation_of, fault_evidence
 from sysid_ros.diagnosis.channel_faults import find_faults
 from sysid_ros.diagnosis.contacts import find_contacts
 from sysid_ros.diagnosis.effort_lattice import lattice_of, lattices
-from sysid_ros.diagnosis.evidence import Evidence, bic_difference, count_interval, heldout_gain, interval, log_p_value
+from sysid_ros.diagnosis.evidence import Evidence, bic_difference, count_interval, interval, log_p_value
 from sysid_ros.diagnosis.fault_findings import message_finding, signal_findings
 from sysid_ros.diagnosis.message_faults import find_message_faults
 from sysid_ros.diagnosis.prepare import prepare
@@ -375,7 +375,6 @@ def test_a_p_value_is_that_of_the_chi_squared_distribution_however_small(paramet
 
 def test_the_other_numbers_are_what_they_say() -> None:
     assert bic_difference(30.0, 3, 100.0) == pytest.approx(30.0 - 3.0 * np.log(100.0))
-    assert heldout_gain(np.array([3.0, 5.0]), np.array([1.0, 1.0]), 12.0) == pytest.approx(0.5)
     assert interval(2.0, 0.5) == pytest.approx((2.0 - 0.98, 2.0 + 0.98), abs=1e-4)
     std, low, high = count_interval(20, 1000)
     assert (std, low, high) == pytest.approx(

@@ -107,7 +107,7 @@ def _read_all(
                 raise RobotModelError(f"bag '{path}': {reason}")
         require_same_robot(path, own, robot)
         with progress_bar(path.name, source.message_count) as advance:
-            recording, sentences = read_messages(str(path), source, robot, settings, advance)
+            recording, sentences = read_messages(_name_of(path, (*bags, *validate)), source, robot, settings, advance)
         series, unread = temperatures(source)
         recording, unused = with_temperatures(recording, robot, series)
         for sentence in (*sentences, *unread, *unused):
@@ -119,3 +119,8 @@ def _read_all(
         recordings.append(recording)
     assert robot is not None
     return robot, recordings[: len(bags)], recordings[len(bags) :]
+
+
+def _name_of(bag: Path, every: tuple[Path, ...]) -> str:
+    """A bag's own name, with its folder where others are called the same."""
+    return bag.name if [b.resolve().name for b in every].count(bag.name) == 1 else str(bag)

@@ -7,13 +7,21 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from rich.table import Table
 
 from sysid_ros.cli.output import note, report, table, write_json
 from sysid_ros.diagnosis import Diagnosis
+from sysid_ros.diagnosis.result import TorqueRmse
+from sysid_ros.diagnosis.sentences import first_sentence, percent
+from sysid_ros.effects.wording import listed
 from sysid_ros.exceptions import ModelFileError, RobotModelError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.torque.mjcf_export import export_mjcf
 from sysid_ros.torque.urdf_export import export_urdf
+
+_WIDTH = 100
+_SEEN = 5e-4
+"""Part of the error from which it is shown, in tenths of a per cent."""
 
 
 def progress_lines() -> Callable[[str], None]:
@@ -55,25 +63,43 @@ def write_files(result: Diagnosis, robot: RobotModel | None, folder: Path, prove
 
 
 def show(result: Diagnosis) -> None:
-    """Print the verdict, the causes and the torque errors."""
-    console = report()
-    console.print(f"Verdict: {result.verdict.replace('_', ' ')}")
+    """Print the answer, faults of the data, the causes with their shares, and the torque errors."""
+    console = report(_WIDTH)
+    console.print(f"{result.headline} {result.refinements}".rstrip())
     if result.refusal:
-        console.print(result.refusal)
+        console.print(first_sentence(result.refusal)[1])
         return
-    for number, finding in enumerate(result.findings, start=1):
-        console.print(f"{number}. {finding.sentence}")
-        if finding.cannot_be_told_from:
-            console.print(f"   These recordings can't tell it from {', '.join(finding.cannot_be_told_from)}.")
-    for sentence in (result.unexplained, *result.record_next, *result.notes):
-        if sentence:
-            console.print(sentence)
-    if (t := result.torque) is None:
-        return
-    title = "Torque error on held-out data below 8 Hz: rms in N m"
-    out = table(title, "joint", "torque", "nominal model", "extended model", "noise floor")
+    console.print(f"Verdict: {result.verdict.replace('_', ' ')}.{f' {result.unexplained}' if result.unexplained else ''}")
+    for finding in result.data_faults:
+        console.print(f"\nFault of the data: {finding.sentence}")
+    if result.causes:
+        console.print(_causes(result))
+    if result.torque is not None:
+        console.print(_errors(result.torque))
+    for sentence in (*result.record_next, *result.notes):
+        console.print(f"- {sentence}")
+
+
+def _causes(result: Diagnosis) -> Table:
+    """The causes, and what else the error on held-out data is made of."""
+    likely = any(f.probability is not None for f in result.causes)
+    title = "What makes the torque error on data that were not fitted (squared, each joint over its noise)"
+    out = table(title, "share", *(["sure"] if likely else []), "cause", words=("cause",))
+    for f in result.causes:
+        also = f" (or: {listed(f.look_alikes)}; these recordings can't tell)" if f.look_alikes else ""
+        sure = [] if not likely else ["-" if f.probability is None else f"{100 * f.probability:.0f} %"]
+        out.add_row(percent(f.heldout_gain), *sure, f"{f.words}{also}{f' {f.remark}' if f.remark else ''}")
+    for part, words in result.rest.in_words() if result.rest is not None else ():
+        if abs(part) < _SEEN:
+            continue
+        out.add_row(percent(part), *([""] if likely else []), words, style="dim")
+    return out
+
+
+def _errors(t: TorqueRmse) -> Table:
+    title = "Torque error on data that were not fitted, below 8 Hz: rms in N m"
+    out = table(title, "joint", "torque", "error before", "error after", "of torque", "noise")
     for j, name in enumerate(t.joints):
-        part = 100.0 * t.after[j] / max(t.torque[j], 1e-12)
-        after = f"{t.after[j]:.3g} ({part:.1f} %)"
-        out.add_row(name, f"{t.torque[j]:.3g}", f"{t.before[j]:.3g}", after, f"{t.noise_floor[j]:.2g}")
-    console.print(out)
+        part = f"{100.0 * t.after[j] / max(t.torque[j], 1e-12):.1f} %"
+        out.add_row(name, f"{t.torque[j]:.3g}", f"{t.before[j]:.3g}", f"{t.after[j]:.3g}", part, f"{t.noise_floor[j]:.2g}")
+    return out

@@ -25,9 +25,9 @@ class Advance(Protocol):
     def __call__(self, steps: int) -> None: ...
 
 
-def report() -> Console:
+def report(width: int = 120) -> Console:
     """Where tables are printed: as wide as the terminal, and wide enough for every column where there is none."""
-    return Console(width=None if sys.stdout.isatty() else 120, highlight=False)
+    return Console(width=None if sys.stdout.isatty() else width, highlight=False)
 
 
 def table(title: str, *columns: str, words: Collection[str] = ()) -> Table:

@@ -47,7 +47,7 @@ def contact_findings(contacts: Sequence[Contact], robot: RobotModel) -> list[Fin
             Parameter("frame", None, c.frame, ""),
         ]
     shown = "; ".join(f"{c.recording}: {in_words(c)}" for c in contacts[:4]) + ("; ..." if len(contacts) > 4 else "")
-    sentence = f"Something pushed the robot. {shown}. These windows are kept out of every other fit."
+    words = f"something pushed the robot ({shown})"
     evidence = together([c.evidence for c in contacts])
     return [
         Finding(
@@ -59,10 +59,11 @@ def contact_findings(contacts: Sequence[Contact], robot: RobotModel) -> list[Fin
             delta_bic=evidence.delta_bic,
             p_value=evidence.p_value,
             cannot_be_told_from=(),
-            sentence=sentence,
+            words=words,
             signature="a short push on all joints below one link at once, gone afterwards",
             separated_by=ExternalForce.separated_by,
             log10_p=evidence.log10_p,
+            remark="These windows are kept out of every other fit.",
         )
     ]
 

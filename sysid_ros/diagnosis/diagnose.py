@@ -15,7 +15,15 @@ from sysid_ros.diagnosis.contact_findings import contact_findings, contacts_held
 from sysid_ros.diagnosis.contacts import without
 from sysid_ros.diagnosis.covariance import with_knobs
 from sysid_ros.diagnosis.extended_model import extended_model
-from sysid_ros.diagnosis.fault_findings import as_unit, finding_of, message_finding, signal_findings, with_faults, with_scales
+from sysid_ros.diagnosis.fault_findings import (
+    as_unit,
+    finding_of,
+    message_finding,
+    signal_findings,
+    with_faults,
+    with_findings,
+    with_scales,
+)
 from sysid_ros.diagnosis.faults import refusal_of
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.gain import with_gain
@@ -117,11 +125,11 @@ def diagnose(
     fit = selection.fit = with_masses(robot, train.problem, fit, held)
     values = with_knobs(train.problem, library, fit)
     found = report(robot, train, selection, fit, held, values)
-    found = replace(found, findings=tuple(as_unit(found.findings, robot.joint_names)))
+    found = with_findings(found, as_unit(found.findings, robot.joint_names))
     signals += contact_findings(contacts, robot)
     if faults or signals:
         known_faults, rest = with_scales(faults, found.findings, robot.joint_names)
-        found = replace(found, findings=tuple(rest))
+        found = with_findings(found, rest)
         evidence, deviation = fault_evidence(robot, published_fitted, faults), deviation_of(train, fit)
         first = [finding_of(f, robot.joint_names, e, deviation) for f, e in zip(known_faults, evidence, strict=True)]
         raw = prepare(robot, published, effects) if faults and not later else held.prepared

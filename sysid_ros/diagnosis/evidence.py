@@ -12,8 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from sysid_ros.sample import FloatArray
-
 _95 = 1.959964
 
 
@@ -23,7 +21,7 @@ class Evidence:
 
     Attributes:
         rise: of the likelihood, as above. parameters: free numbers that it brings. rows: independent values that were explained.
-        candidates: causes that were tried. gain: as :func:`heldout_gain` has it, None for what has no share in a torque.
+        candidates: causes that were tried. gain: share of the held-out error, None for what has none.
     """
 
     rise: float
@@ -82,16 +80,6 @@ def log_p_value(rise: float, parameters: int, candidates: int = 1) -> float:
             series += term
         log_tail = (a - 1.0) * float(np.log(x)) - x - float(special.gammaln(a)) + float(np.log(series))
     return min(0.0, log_tail + float(np.log(max(candidates, 1))))
-
-
-def heldout_gain(without: FloatArray, after: FloatArray, before: float) -> float:
-    """Part of the nominal residual's power that comes back on data that were not fitted where a cause alone is left out.
-
-    Args:
-        without, after: power a joint without and with the cause, over that of the joint's noise, shape (n,). before: that of the
-            nominal model, summed over the joints.
-    """
-    return float(np.sum(without - after)) / max(before, 1e-12)
 
 
 def interval(value: float, std: float) -> tuple[float, float]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid_ros.diagnosis.channel_evidence import Deviation
 from sysid_ros.diagnosis.channel_faults import Fault
+from sysid_ros.diagnosis.claims import with_headline
 from sysid_ros.diagnosis.effort_lattice import lattices
 from sysid_ros.diagnosis.evidence import Evidence, count_interval, interval, together
 from sysid_ros.diagnosis.fit import Fit
@@ -18,9 +19,11 @@ from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter, TorqueRmse
 from sysid_ros.diagnosis.signal_faults import velocity_lag
 from sysid_ros.effects import ChannelEffect, TorqueQuantisation, TorqueUnit, VelocityLag
+from sysid_ros.effects.wording import of_joints, phrase
 from sysid_ros.signals.recording import Recording
 
 MESSAGE_FAULTS = "message_faults"
+_UNDONE = "It was undone before anything else, since every other cause would soak it up."
 _FAR, _MOST = 1.15, 0.7
 """Gains further from 1 than by this factor on this part of the joints are another unit."""
 
@@ -40,12 +43,7 @@ def finding_of(fault: Fault, joints: Sequence[str], evidence: Evidence, deviatio
         else:
             found.append(_factor(name, where, value, unit, *measured))
     named = tuple(joints[j] for j in fault.joints)
-    sizes = ", ".join(_size(p) for p in found)
-    sentence = (
-        f"{_capital(effect.label)} on {', '.join(named)} ({sizes}): undone before anything else, since every other cause "
-        "would soak it up."
-    )
-    return _finding(effect, named, tuple(found), evidence, sentence)
+    return _finding(effect, named, len(joints), tuple(found), evidence, _UNDONE)
 
 
 def _factor(name: str, joint: str | None, value: float, unit: str, part: float, part_std: float) -> Parameter:
@@ -65,11 +63,6 @@ def as_unit(findings: Sequence[Finding], joints: Sequence[str]) -> list[Finding]
             continue
         unit = TorqueUnit([1.0])
         values = tuple(replace(p, name="factor") for p in f.parameters)
-        sizes = ", ".join(_size(p) for p in values)
-        sentence = (
-            f"The efforts are in another unit than N m, with a factor of its own on each joint ({sizes}), as currents are: "
-            "multiply them by the torque constants and the gear ratios."
-        )
         out.append(
             replace(
                 f,
@@ -77,7 +70,8 @@ def as_unit(findings: Sequence[Finding], joints: Sequence[str]) -> list[Finding]
                 label=unit.label,
                 joints=tuple(joints),
                 parameters=values,
-                sentence=sentence,
+                words=phrase(unit.words, unit.label, values, ""),
+                remark="Currents have a factor of their own on each joint: multiply by torque constants and gear ratios.",
                 signature=unit.signature,
                 heldout_gain=None,
                 of_data=True,
@@ -108,21 +102,17 @@ def signal_findings(fitted: Sequence[Recording], joints: Sequence[str]) -> list[
     out = []
     if (lag := velocity_lag(fitted)) is not None:
         value = Parameter("cutoff", None, lag.cutoff, "Hz", lag.std, *interval(lag.cutoff, lag.std))
-        sentence = (
-            f"The published velocity went through a low-pass of about {lag.cutoff:.3g} Hz, which explains "
-            f"{100 * lag.share:.0f} % of its difference to the derivative of the position; "
-            "velocities are taken from the positions here."
+        remark = (
+            f"That explains {100 * lag.share:.0f} % of their difference to the derivative of the positions, which is used in "
+            "their place."
         )
-        out.append(_finding(VelocityLag(lag.cutoff), tuple(joints), (value,), lag.evidence, sentence))
+        out.append(_finding(VelocityLag(lag.cutoff), tuple(joints), len(joints), (value,), lag.evidence, remark))
     if found := lattices(fitted):
         named = tuple(joints[x.joint] for x in found)
         values = tuple(Parameter("step", joints[x.joint], x.step, "N m", x.std, *interval(x.step, x.std)) for x in found)
-        sentence = (
-            f"The effort of {', '.join(named)} comes in steps of {', '.join(f'{p.value:.3g}' for p in values)} N m, coarser "
-            "than its noise: the noise floor can't be lower than the step over the square root of 12."
-        )
         effect = TorqueQuantisation([next((x.step for x in found if x.joint == j), 0.0) for j in range(len(joints))])
-        out.append(_finding(effect, named, values, together([x.evidence for x in found]), sentence))
+        remark = "That is coarser than their noise: no error can be smaller than the step over the square root of 12."
+        out.append(_finding(effect, named, len(joints), values, together([x.evidence for x in found]), remark))
     return out
 
 
@@ -151,12 +141,31 @@ def with_faults(
             held.rms(raw.band.rows([m.tau for m in raw.motions])),
         )
         predictions = replace(predictions, measured=measured, nominal=np.concatenate(raw.nominal), extended=extended)
-    every = list(found.findings)
-    for f in findings:
-        later = [i for i, x in enumerate(every) if x.of_data or (x.heldout_gain or 0.0) < (f.heldout_gain or 0.0)]
-        every.insert(len(every) if f.of_data or not later else later[0], f)
+    found = _with_contacts(found, [f for f in findings if not f.of_data])
+    every = (*found.causes, *found.data_faults, *(f for f in findings if f.of_data))
     verdict = "explained" if found.verdict == "nothing_wrong" else found.verdict
-    return replace(found, verdict=verdict, findings=tuple(every), torque=torque, predictions=predictions)
+    return replace(found, verdict=verdict, findings=every, torque=torque, predictions=predictions)
+
+
+def with_findings(found: Diagnosis, findings: Sequence[Finding]) -> Diagnosis:
+    """The diagnosis with findings of which a cause became a fault of the data, or a part of one: the others divide the error
+    that is left once that is undone."""
+    lost = sum(f.heldout_gain or 0.0 for f in found.findings) - sum(f.heldout_gain or 0.0 for f in findings)
+    if lost == 0.0 or lost >= 1.0:
+        return replace(found, findings=tuple(findings))
+    scale = 1.0 / (1.0 - lost)
+    every = [f if f.of_data else replace(f, heldout_gain=scale * (f.heldout_gain or 0.0)) for f in findings]
+    return replace(found, findings=tuple(with_headline(every)), rest=None if found.rest is None else found.rest.scaled(scale))
+
+
+def _with_contacts(found: Diagnosis, contacts: Sequence[Finding]) -> Diagnosis:
+    """The diagnosis with contacts among its causes. Their shares are of the fitted recordings' error; their windows are left out
+    of what the others are judged on, so that the others divide what is left."""
+    pushed = sum(f.heldout_gain or 0.0 for f in contacts)
+    others = [replace(f, heldout_gain=(1.0 - pushed) * (f.heldout_gain or 0.0)) for f in found.causes]
+    every = with_headline(sorted([*others, *contacts], key=lambda f: -(f.heldout_gain or 0.0)))
+    rest = None if found.rest is None else found.rest.scaled(1.0 - pushed)
+    return replace(found, findings=(*every, *found.data_faults), rest=rest) if contacts else found
 
 
 def message_finding(found: Sequence[MessageFaults], joints: Sequence[str]) -> list[Finding]:
@@ -170,20 +179,22 @@ def message_finding(found: Sequence[MessageFaults], joints: Sequence[str]) -> li
     if not values:
         return []
     sizes = ", ".join(f"{100 * p.value:.1f} % {p.name}" for p in values)
-    sentence = (
-        f"The messages are not in order ({sizes}): they were put in the order of their stamps, and those that repeat another or "
-        "are late were left out before anything else. Correct the driver; two publishers on one topic look alike."
+    words = f"messages that are not in order ({sizes})"
+    remark = (
+        "They were put in the order of their stamps, and those that repeat another or are late were left out before anything "
+        "else. Correct the driver; two publishers on one topic look alike."
     )
     signature = "stairs and jumps in the raw values of all joints at once"
     label, cure = "message faults", "stamps that the hardware sets, and one publisher"
     # stamps without any fault have no distribution that these counts could be judged by
-    of_stamps = Finding(MESSAGE_FAULTS, label, tuple(joints), tuple(values), None, None, None, (), sentence, signature, cure)
-    return [replace(of_stamps, of_data=True)]
+    of_stamps = Finding(MESSAGE_FAULTS, label, tuple(joints), tuple(values), None, None, None, (), words, signature, cure)
+    return [replace(of_stamps, of_data=True, remark=remark)]
 
 
 def _finding(
-    effect: ChannelEffect, joints: tuple[str, ...], values: tuple[Parameter, ...], evidence: Evidence, sentence: str
+    effect: ChannelEffect, joints: tuple[str, ...], of: int, values: tuple[Parameter, ...], evidence: Evidence, remark: str
 ) -> Finding:
+    """A fault of the data on some joints of a robot that has ``of`` of them."""
     return Finding(
         effect.id,
         effect.label,
@@ -193,18 +204,10 @@ def _finding(
         delta_bic=evidence.delta_bic,
         p_value=evidence.p_value,
         cannot_be_told_from=(),
-        sentence=sentence,
+        words=phrase(effect.words, effect.label, values, of_joints(joints, of)),
         signature=effect.signature,
         separated_by=effect.separated_by,
         log10_p=evidence.log10_p,
         of_data=True,
+        remark=remark,
     )
-
-
-def _size(p: Parameter) -> str:
-    where = f" of {p.joint}" if p.joint else ""
-    return f"{p.name}{where} = {p.value if isinstance(p.value, str) else format(p.value, '.4g')}"
-
-
-def _capital(text: str) -> str:
-    return text[0].upper() + text[1:]

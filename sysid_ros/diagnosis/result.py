@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from sysid_ros.effects import Parameter
+from sysid_ros.diagnosis.sentences import answer, percent, sentence
+from sysid_ros.effects import EFFECTS, Parameter
+from sysid_ros.effects.wording import listed
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.model_file import ModelFile
 
-__all__ = ["VERDICTS", "Diagnosis", "Finding", "Parameter", "Predictions", "SimulationError", "TorqueRmse", "Tracking"]
+__all__ = [
+    "VERDICTS",
+    "Diagnosis",
+    "Finding",
+    "Parameter",
+    "Predictions",
+    "Rest",
+    "SimulationError",
+    "TorqueRmse",
+    "Tracking",
+]
 
+_MOST_REFINEMENTS = 4
+_UNNAMED = "effects too small or too uncertain to be named; model.yaml has them"
+_HARM = f"{_UNNAMED}, and on other motion they do harm"
 VERDICTS = ("explained", "partly_explained", "unexplained", "nothing_wrong", "refused")
 
 
@@ -22,14 +37,17 @@ class Finding:
 
     Attributes:
         id, label: of the effect. joints: that it concerns. parameters: with their intervals.
-        heldout_gain: part of the nominal residual's power that it removes on data that were not fitted; None for faults of the
-            data, which have no share in a torque.
+        heldout_gain: its share of the nominal model's error on data that were not fitted (power, over that of each joint's
+            noise) by Shapley's rule: the shares of all causes add up to what all remove, and one that does harm beside the
+            others has a negative one. None for faults of the data, which have no share in a torque.
         delta_bic: of the fitted rows. p_value: corrected for the number of candidates; log10_p: its decimal logarithm, also where
             it is smaller than a number can be. None where they can't be measured.
-        cannot_be_told_from: ids that explain these recordings as well. sentence: for an engineer.
+        cannot_be_told_from: ids that explain these recordings as well. words: what is wrong, where, how large.
         signature: what it looks like. separated_by: motion that tells it from its look-alikes.
         drift: of a friction that drifts, where a temperature is known: what it follows, and by which evidence.
         of_data: True for a fault of the channels or the messages.
+        headline: True for one of the fewest causes that remove nearly all of what all causes remove.
+        probability: that it is a cause; None where it was not computed. remark: further sentences.
     """
 
     id: str
@@ -40,12 +58,25 @@ class Finding:
     delta_bic: float | None
     p_value: float | None
     cannot_be_told_from: tuple[str, ...]
-    sentence: str
+    words: str
     signature: str = ""
     separated_by: str = ""
     drift: dict[str, Any] | None = None
     log10_p: float | None = None
     of_data: bool = False
+    headline: bool = False
+    probability: float | None = None
+    remark: str = ""
+
+    @property
+    def look_alikes(self) -> tuple[str, ...]:
+        """What explains these recordings as well, in words."""
+        return tuple(EFFECTS[id_].label if id_ in EFFECTS else id_ for id_ in self.cannot_be_told_from)
+
+    @property
+    def sentence(self) -> str:
+        """For an engineer: what is wrong, where, how large, what share of the error it makes, and what else there is to say."""
+        return f"{sentence(self.words, self.heldout_gain)} {self.remark}".rstrip()
 
     def as_dict(self) -> dict[str, Any]:
         """As it stands in diagnosis.json."""
@@ -53,6 +84,8 @@ class Finding:
             "name": self.id,
             "joints": list(self.joints),
             "parameters": [p.as_dict() for p in self.parameters],
+            "probability": self.probability,
+            "headline": self.headline,
             "evidence": {
                 "heldout_gain": self.heldout_gain,
                 "delta_bic": self.delta_bic,
@@ -74,6 +107,33 @@ class TorqueRmse:
     after: FloatArray
     noise_floor: FloatArray
     torque: FloatArray
+
+
+@dataclass(frozen=True)
+class Rest:
+    """What the nominal model's error on held-out data is made of beside the findings, as parts of its power; with the findings'
+    shares they add up to 1.
+
+    Attributes:
+        unclaimed: removed by terms that stand in the model and are no finding, each too small or too usual.
+        noise: what no model removes. unexplained: beyond the noise.
+    """
+
+    unclaimed: float
+    noise: float
+    unexplained: float
+
+    def in_words(self) -> list[tuple[float, str]]:
+        """Its parts, and what they are."""
+        return [
+            (self.unclaimed, _UNNAMED if self.unclaimed > 0.0 else _HARM),
+            (self.unexplained, "of no cause that is known here"),
+            (self.noise, "noise, which no model removes"),
+        ]
+
+    def scaled(self, factor: float) -> Rest:
+        """As parts of a whole of which it is ``factor``."""
+        return Rest(factor * self.unclaimed, factor * self.noise, factor * self.unexplained)
 
 
 @dataclass(frozen=True)
@@ -141,7 +201,8 @@ class Diagnosis:
 
     Attributes:
         verdict: one of :data:`VERDICTS`. refusal: why, where it is "refused".
-        findings: causes in order of gain, then the faults of the data. torque: error on held-out data.
+        findings: causes in order of gain, then the faults of the data. rest: of the error beside them.
+        torque: error on held-out data.
         simulation: of the recorded motion held in a simulator, where it was run. tracking: its position errors.
         unexplained_fraction: power above the noise that is left on held-out data, as a part of the nominal residual's.
         record_next: what to record next, one sentence each. notes: what the user should know, one sentence each.
@@ -153,6 +214,7 @@ class Diagnosis:
     joints: tuple[str, ...]
     refusal: str | None = None
     findings: tuple[Finding, ...] = ()
+    rest: Rest | None = None
     torque: TorqueRmse | None = None
     simulation: SimulationError | None = None
     unexplained_fraction: float = 0.0
@@ -165,15 +227,49 @@ class Diagnosis:
     tracking: Tracking | None = None
     temperature: dict[str, Any] | None = None
 
+    @property
+    def causes(self) -> tuple[Finding, ...]:
+        """The findings that have a share in the torque."""
+        return tuple(f for f in self.findings if not f.of_data)
+
+    @property
+    def data_faults(self) -> tuple[Finding, ...]:
+        """The findings between the robot and the messages."""
+        return tuple(f for f in self.findings if f.of_data)
+
+    @property
+    def headline(self) -> str:
+        """What an engineer would answer who was asked what is wrong."""
+        main = [f for f in self.causes if f.headline]
+        return answer(
+            self.verdict,
+            self.refusal,
+            [f.words for f in main],
+            sum(f.heldout_gain or 0.0 for f in main),
+            len(self.causes) - len(main),
+            [f.words for f in self.data_faults],
+            self.unexplained_fraction,
+        )
+
+    @property
+    def refinements(self) -> str:
+        """The causes that are not of the headline and make a part of the error, in a sentence; empty where there is none."""
+        others = [f for f in self.causes if not f.headline and (f.heldout_gain or 0.0) > 0.0]
+        named = [f"{f.label} ({percent(f.heldout_gain)})" for f in others[:_MOST_REFINEMENTS]]
+        more = [f"{len(others) - len(named)} more"] if len(others) > len(named) else []
+        return f"Then: {listed([*named, *more])}." if others else ""
+
     def as_dict(self) -> dict[str, Any]:
         """The document diagnosis.json."""
         nothing = np.zeros(len(self.joints))
         torque = self.torque or TorqueRmse(self.joints, nothing, nothing, nothing, nothing)
         return {
             "verdict": self.verdict,
+            "headline": self.headline,
             "refusal": self.refusal,
             "effects": [f.as_dict() for f in self.findings],
-            "data_faults": [f.as_dict() for f in self.findings if f.of_data],
+            "data_faults": [f.as_dict() for f in self.data_faults],
+            "rest_of_error": None if self.rest is None else asdict(self.rest),
             "torque_rmse": {
                 "joints": list(torque.joints),
                 "before": torque.before.tolist(),

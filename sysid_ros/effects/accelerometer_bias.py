@@ -28,6 +28,7 @@ class AccelerometerBias(Effect):
 
     id = "accelerometer_bias"
     label = "bias of the accelerometer"
+    words = "a bias of the accelerometer ({sizes})"
     setting_names = ("frame",)
     acts = Acts.LINK
     signature = "a force that keeps its direction in the base while the base turns, on all links by their mass"

@@ -15,6 +15,7 @@ class AsymmetricCoulombFriction(DryFriction, JointCurves):
 
     id = "asymmetric_coulomb_friction"
     label = "Coulomb friction that differs with the direction"
+    words = "dry friction that differs with the direction on {where} ({F_pos} forward, {F_neg} backward)"
     usual = 0.2
     sum_of = ("coulomb_friction", "torque_offset")
     symbols = ("F_pos", "F_neg")

@@ -37,6 +37,7 @@ class Backlash(Compliance):
 
     id = "backlash"
     label = "backlash"
+    words = "play in the gear of {where} ({gap})"
     setting_names = ("width", "around", "flank", "damping", "side", "exact")
     knobs = (Knob("flank", 8.0, 60.0, "Hz"), Knob("damping", 0.05, 2.0, "1"))
     between = (0.0, np.inf)

@@ -34,6 +34,7 @@ class BaseTilt(Effect):
 
     id = "base_tilt"
     label = "tilted base"
+    words = "a base that does not stand level (roll {roll}, pitch {pitch})"
     acts = Acts.LINK
     depends_on = frozenset({Depends.LINKS})
     between = (-_STEEPEST, _STEEPEST)

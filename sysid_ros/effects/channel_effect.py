@@ -26,7 +26,7 @@ class ChannelEffect(ABC):
     """A fault between the sensors and the message: it is undone on the recording before anything is fitted.
 
     Attributes:
-        id, label, signature, look_alikes, separated_by: as :class:`sysid_ros.effects.effect.Effect` has them.
+        id, label, words, signature, look_alikes, separated_by: as :class:`sysid_ros.effects.effect.Effect` has them.
         scales: True where its parameters are factors on the efforts, which the efforts tell.
         absorbs: id of the effect whose factors belong to this fault's where both were found.
         stands_out: by how much it must lower the sum of the logarithms of the joints' squared errors to be undone.
@@ -34,6 +34,7 @@ class ChannelEffect(ABC):
 
     id: ClassVar[str]
     label: ClassVar[str]
+    words: ClassVar[str] = "{label} on {where} ({sizes})"
     signature: ClassVar[str]
     look_alikes: ClassVar[tuple[str, ...]]
     separated_by: ClassVar[str]

@@ -21,6 +21,7 @@ class Cogging(JointCurves):
 
     id = "cogging"
     label = "cogging"
+    words = "torque ripple over the turn of {where} (amplitude {amp}, {harmonic})"
     setting_names = ("harmonic",)
     symbols = ("s", "c")
     symbol_units = ("N m", "N m")

@@ -42,6 +42,7 @@ class CoulombFriction(DryFriction, JointEffect):
 
     id = "coulomb_friction"
     label = "Coulomb friction"
+    words = "{unmodelled} dry friction (Coulomb) on {where} ({Fc})"
     usual = 0.9
     in_urdf = True
     signature = "two levels of equal size by direction of motion"

@@ -18,6 +18,7 @@ class ExternalForce(Effect):
 
     id = "external_force"
     label = "external force"
+    words = "a steady force on the last link, {force} in the axes of the base"
     setting_names = ("frame",)
     acts = Acts.LINK
     signature = "as a weight that keeps its direction in the world, without any inertia"

@@ -7,6 +7,7 @@ import numpy as np
 
 from sysid_ros.effects.coulomb_friction import DryFriction
 from sysid_ros.effects.effect import Depends, JointCurves
+from sysid_ros.effects.parameter import Parameter
 from sysid_ros.effects.traits import Candidate
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
@@ -47,6 +48,7 @@ class FrictionDrift(DryFriction, JointCurves):
 
     id = "friction_drift"
     label = "friction that drifts"
+    words = "friction that changes with {over} on {where} (dry {Fc}, changing by {rate_Fc}; viscous {b}, changing by {rate_b})"
     depends_on = frozenset({Depends.TEMPERATURE, Depends.TIME})
     usual = 0.2
     includes = ("coulomb_friction", "viscous_friction")
@@ -117,3 +119,6 @@ class FrictionDrift(DryFriction, JointCurves):
         high = theta + 2.0 * std
         drifts = np.abs(theta[[1, 3]]) > _DRIFTS * np.maximum(std[[1, 3]], 1e-12)
         return bool(high[0] > 0.0 and high[2] > 0.0 and np.any(drifts))
+
+    def in_words(self, parameters: Sequence[Parameter], where: str) -> str:
+        return super().in_words([*parameters, Parameter("over", None, self.over, "")], where)

@@ -1,6 +1,9 @@
 """An effort from which the controller's own gravity torque was taken away, or to which it was added."""
 
+from collections.abc import Sequence
+
 from sysid_ros.effects.effect import Acts, Effect
+from sysid_ros.effects.parameter import Parameter
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -28,3 +31,7 @@ class GravityCompensatedEffort(Effect):
 
     def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
         return abs(abs(float(theta[0])) - 1.0) < _COMPENSATED
+
+    def in_words(self, parameters: Sequence[Parameter], where: str) -> str:
+        lost = "efforts without the arm's weight (its controller took it out)"
+        return lost if parameters[0].value < 0.0 else "efforts with the arm's weight in them twice"

@@ -23,6 +23,7 @@ class JointCoupling(JointCurves):
 
     id = "joint_coupling"
     label = "coupling of two joints"
+    words = "torque of one joint that follows another's, {where} ({c} N m for each N m)"
     setting_names = ("follows",)
     depends_on = frozenset({Depends.DRIVE})
     alone = False

@@ -34,6 +34,7 @@ class JointElasticity(Compliance):
 
     id = "joint_elasticity"
     label = "elastic joint"
+    words = "a gear that yields under load on {where} (stiffness {stiffness})"
     setting_names = ("around", "damping", "exact")
     knobs = (Knob("damping", 0.003, 1.0, "1"),)
     deflection = DeflectionSearch(

@@ -27,6 +27,7 @@ class JointOffset(Effect):
 
     id = "joint_offset"
     label = "wrong zero of a joint"
+    words = "a wrong zero of {where} ({delta})"
     acts = Acts.LINK
     depends_on = frozenset({Depends.LINKS})
     scope = Scope.LINK

@@ -17,6 +17,7 @@ class JointOrder(ChannelEffect):
 
     id = "joint_order"
     label = "joints in the wrong order"
+    words = "channels that stand under another joint's name ({sizes})"
     signature = "what one joint should show, another one does"
     look_alikes = ("joint_coupling", "joint_sign")
     separated_by = "joints that carry different loads"

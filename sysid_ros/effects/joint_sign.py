@@ -17,6 +17,7 @@ class JointSign(ChannelEffect):
 
     id = "joint_sign"
     label = "joint that counts backwards"
+    words = "positions that count backwards on {where}"
     signature = "all joints before it are wrong by far, and its own sign of position, velocity and effort with them"
     look_alikes = ("torque_sign", "joint_offset")
     separated_by = "any motion with gravity on the joints around it"

@@ -8,8 +8,10 @@ from sysid_ros.effects.effect import Acts, Effect
 from sysid_ros.effects.parameter import Parameter, by_delta_method, vector
 from sysid_ros.effects.payload import BODY_STD
 from sysid_ros.effects.traits import Candidate, Scope
+from sysid_ros.effects.wording import one
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.urdf_bodies import matching, within_reach
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -79,13 +81,14 @@ class LinkInertia(Effect):
         return super().prior_std() if form == _SCALE else np.tile(BODY_STD, len(self.joints))
 
     def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
-        """An error of one link: a link is not lighter than nothing, and the last one not heavier, which is what a payload is."""
+        """An error of one link: a link is not lighter than nothing, its centre of mass is on the robot, and the last one is not
+        heavier, which is what a payload is."""
         joint = int(self.joints[0])
         if form == _SCALE:
             return bool(theta[0] > -1.0)
         if self.robot.body_names[joint] == self.robot.default_frame and theta[0] > 0.0:
             return False
-        return bool(self.robot.pi[10 * joint] + theta[0] + 2.0 * std[0] > 0.0)
+        return within_reach(self.robot, self.robot.pi[10 * joint : 10 * joint + 4] + theta[:4], std)
 
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         """What a link's mass and first moment differ by from the URDF's."""
@@ -94,3 +97,22 @@ class LinkInertia(Effect):
         error, spread = basis @ values, basis @ covariance @ basis.T
         dm = by_delta_method("dm", joint, "kg", lambda x: float(x[0]), error, spread)
         return [dm, vector("dmc", joint, "kg m", lambda x: x[1:4], error, spread)]
+
+    def in_words(self, parameters: Sequence[Parameter], where: str) -> str:
+        """Each link's as that of a body which is there or is not, where its mass is determined."""
+        moments = {p.joint: p for p in parameters if p.name == "dmc"}
+        return "; ".join(self._body_in_words(p, moments[p.joint]) for p in parameters if p.name == "dm")
+
+    def _body_in_words(self, mass: Parameter, moment: Parameter) -> str:
+        joint = self.robot.joint_names.index(mass.joint or "")
+        link = f"'{self.robot.body_names[joint]}'"
+        if mass.low <= 0.0 <= mass.high:
+            return f"the mass of {link} lies elsewhere than the model says (first moment off by {one(moment)})"
+        place = one(Parameter("com", None, [x / mass.value for x in moment.value], "m"))
+        if mass.value > 0.0:
+            return f"the robot has {one(mass)} on {link} that the model lacks, around {place} of its frame"
+        size = one(Parameter("m", None, -mass.value, "kg", mass.std))
+        first = np.array([mass.value, *moment.value]), np.array([mass.std, *moment.std])
+        names = " or ".join(f"'{b.name}' ({b.theta[0]:.3g} kg)" for b in matching(self.robot, joint, -first[0], first[1]))
+        what = f"mass and place of the URDF's {names}: not mounted?" if names else f"around {place} of its frame"
+        return f"the model has {size} on {link} that are not there ({what})"

@@ -15,6 +15,7 @@ class LoadDependentFriction(DryFriction, JointCurves):
 
     id = "load_dependent_friction"
     label = "friction that grows with the load"
+    words = "dry friction that grows with the load on {where} ({Fc} without load, {mu} N m for each N m of load)"
     depends_on = frozenset({Depends.LOAD})
     usual = 0.4
     nonnegative = True

@@ -10,6 +10,7 @@ from sysid_ros.effects.parameter import Parameter, by_delta_method, vector
 from sysid_ros.effects.traits import Candidate
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.urdf_bodies import within_reach
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -34,6 +35,7 @@ class Payload(Effect):
 
     id: ClassVar[str] = "payload"
     label: ClassVar[str] = "payload"
+    words: ClassVar[str] = "the robot carries {mass} that the model lacks, with the centre of mass at {com} in '{frame}'"
     acts: ClassVar[Acts] = Acts.LINK
     inertial: ClassVar[bool] = True
     carried: ClassVar[bool] = True
@@ -75,7 +77,10 @@ class Payload(Effect):
         return BODY_STD
 
     def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
-        return bool(theta[0] > 0.0)
+        return bool(theta[0] > 0.0) and within_reach(self.robot, theta, std)
+
+    def in_words(self, parameters: Sequence[Parameter], where: str) -> str:
+        return super().in_words([*parameters, Parameter("frame", None, self.frame, "")], where)
 
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         mass = by_delta_method("mass", None, "kg", lambda x: float(x[0]), values, covariance)

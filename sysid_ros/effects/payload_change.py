@@ -1,6 +1,7 @@
 """A body that is picked up or put down during the recording."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from sysid_ros.effects.parameter import Parameter, by_delta_method
 from sysid_ros.effects.payload import Payload
 from sysid_ros.effects.searched import Searched
 from sysid_ros.effects.traits import Candidate
+from sysid_ros.effects.wording import one
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
@@ -30,6 +32,7 @@ class PayloadChange(Payload):
 
     id = "payload_change"
     label = "change of the payload"
+    words = "a body of {size} {done} at {t0}{run}"
     acts = Acts.LINK
     depends_on = frozenset({Depends.TIME})
     knobs = (Knob("t0", 0.0, 1e9, "s", False, reach=2.0, bumpy=True, step=0.05),)
@@ -96,3 +99,12 @@ class PayloadChange(Payload):
         name = self.recording
         recording = [Parameter("recording", None, name, "")] if name else []
         return [*super().as_parameters(values, covariance, basis), t0, *recording]
+
+    def in_words(self, parameters: Sequence[Parameter], where: str) -> str:
+        mass = next(p for p in parameters if p.name == "mass")
+        own = {
+            "size": one(replace(mass, value=abs(mass.value))),
+            "done": "picked up" if mass.value > 0.0 else "set down",
+            "run": f" of {self.recording}" if self.recording else "",
+        }
+        return super().in_words([*parameters, *(Parameter(name, None, text, "") for name, text in own.items())], where)

@@ -38,6 +38,7 @@ class PreslidingHysteresis(JointCurves):
 
     id = "presliding_hysteresis"
     label = "presliding hysteresis"
+    words = "dry friction that builds up only after each reversal on {where} ({Fc} after some {z_s})"
     setting_names = ("z_s",)
     family = "dry friction"
     usual = 0.3

@@ -12,6 +12,7 @@ class QuadraticFriction(JointEffect):
 
     id = "quadratic_friction"
     label = "friction with the square of the speed"
+    words = "friction that grows with the square of the speed on {where} ({c})"
     nonnegative = True
     simpler = "viscous_friction"
     symbol = "c"

@@ -12,6 +12,7 @@ class RotorInertia(JointEffect):
 
     id = "rotor_inertia"
     label = "rotor inertia"
+    words = "{unmodelled} rotor inertia on {where} ({J} at the joint)"
     signature = "in proportion to the joint's own acceleration, whatever the posture"
     look_alikes = ("link_inertia", "joint_elasticity")
     separated_by = "strong accelerations in several postures; on the first and the last joint a link's inertia is the same"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sysid_ros.effects.parameter import Parameter, by_delta_method
 from sysid_ros.effects.traits import Candidate, DeflectionSearch, Knob, Scope
+from sysid_ros.effects.wording import phrase
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.motion import Motion
@@ -23,6 +24,7 @@ class Searched(ABC):
     basis of a :class:`sysid_ros.effects.traits.Candidate`.
 
     Attributes:
+        words: what it is told as, with braces as :func:`sysid_ros.effects.wording.phrase` fills them.
         setting_names: constructor arguments beside robot and joints, each of which stands in an attribute of its name.
         scope: what one occurrence belongs to.
         between: values of its parameters that are possible.
@@ -40,6 +42,8 @@ class Searched(ABC):
     """
 
     id: ClassVar[str]
+    label: ClassVar[str]
+    words: ClassVar[str] = "{label} on {where} ({sizes})"
     family: ClassVar[str]
     nonnegative: ClassVar[bool]
     knobs: ClassVar[tuple[Knob, ...]]
@@ -161,3 +165,11 @@ class Searched(ABC):
             if knob.reported:
                 out.append(by_delta_method(knob.name, joint, knob.unit, lambda x, i=i: float(x[i]), values, covariance))  # type: ignore[misc]
         return out
+
+    def in_words(self, parameters: Sequence[Parameter], where: str) -> str:
+        """What it is told as, without a full stop: what is wrong, where, how large.
+
+        Args:
+            parameters: of all its occurrences, as :meth:`as_parameters` gives them. where: their joints in words.
+        """
+        return phrase(self.words, self.label, parameters, where)

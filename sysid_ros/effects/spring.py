@@ -24,6 +24,7 @@ class Spring(JointCurves):
 
     id = "spring"
     label = "spring, cable or balancer"
+    words = "a spring, cable or balancer on {where} that the model lacks ({k})"
     setting_names = ("shape",)
     acts = Acts.LINK
     symbols = ("along", "across")

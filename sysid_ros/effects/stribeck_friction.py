@@ -30,6 +30,7 @@ class StribeckFriction(DryFriction, JointCurves):
 
     id = "stribeck_friction"
     label = "Stribeck friction"
+    words = "dry friction that is higher at low speed on {where} (Stribeck: {Fs} when it starts, {Fc} at speed)"
     setting_names = ("vs", "width")
     usual = 0.4
     nonnegative = True

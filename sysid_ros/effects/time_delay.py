@@ -27,6 +27,7 @@ class TimeDelay(Effect):
 
     id = "time_delay"
     label = "effort late"
+    words = "efforts that come late ({delay})"
     setting_names = ("around",)
     acts = Acts.MEASUREMENT
     depends_on = frozenset({Depends.DRIVE})

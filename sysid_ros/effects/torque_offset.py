@@ -12,6 +12,7 @@ class TorqueOffset(JointEffect):
 
     id = "torque_offset"
     label = "torque offset"
+    words = "efforts with a constant offset on {where} ({offset})"
     acts = Acts.MEASUREMENT
     usual = 0.5
     signature = "a constant, at rest and in motion"

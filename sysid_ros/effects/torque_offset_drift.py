@@ -19,6 +19,7 @@ class TorqueOffsetDrift(JointEffect):
 
     id = "torque_offset_drift"
     label = "drift of the torque measurement"
+    words = "efforts whose zero drifts on {where} ({rate})"
     setting_names = ("start",)
     acts = Acts.MEASUREMENT
     depends_on = frozenset({Depends.TIME})

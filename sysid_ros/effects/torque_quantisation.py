@@ -16,6 +16,7 @@ class TorqueQuantisation(ChannelEffect):
 
     id = "torque_quantisation"
     label = "coarse steps of the effort"
+    words = "efforts in coarse steps on {where} ({step})"
     signature = "the raw effort takes only values on a lattice that is wider than its noise"
     look_alikes = ("torque_saturation",)
     separated_by = "any motion"

@@ -46,6 +46,7 @@ class TorqueSaturation(JointCurves):
 
     id = "torque_saturation"
     label = "saturation of the torque"
+    words = "efforts that stop at a limit on {where} ({limit})"
     setting_names = ("limit", "kind")
     acts = Acts.MEASUREMENT
     depends_on = frozenset({Depends.DRIVE})

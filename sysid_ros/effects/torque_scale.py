@@ -13,6 +13,7 @@ class TorqueScale(JointCurves):
 
     id = "torque_scale"
     label = "wrong gain of the torque"
+    words = "efforts with a wrong gain on {where} (measured over true: {gain})"
     acts = Acts.MEASUREMENT
     depends_on = frozenset({Depends.DRIVE})
     usual = 0.1

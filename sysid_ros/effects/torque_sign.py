@@ -17,6 +17,7 @@ class TorqueSign(ChannelEffect):
 
     id = "torque_sign"
     label = "wrong sign of the effort"
+    words = "efforts with the wrong sign on {where}"
     signature = "twice the torque of the joint is left, with a gain of exactly -1"
     look_alikes = ("joint_sign", "torque_scale")
     separated_by = "a joint that carries gravity"

@@ -17,6 +17,7 @@ class TorqueUnit(ChannelEffect):
 
     id = "torque_unit"
     label = "wrong unit of the effort"
+    words = "efforts in another unit than N m ({sizes})"
     signature = "one factor for all joints, or one for each that has nothing to do with the motion"
     look_alikes = ("torque_scale", "payload")
     separated_by = "any motion in which the joints carry load"

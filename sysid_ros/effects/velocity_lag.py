@@ -13,6 +13,7 @@ class VelocityLag(ChannelEffect):
 
     id = "velocity_lag"
     label = "velocity late"
+    words = "velocities behind a low-pass filter (cut-off {cutoff})"
     signature = "the published velocity lags behind the derivative of the position, more the faster it changes"
     look_alikes = ("time_delay",)
     separated_by = "fast motion; no torque is needed"

@@ -10,6 +10,7 @@ class ViscousFriction(JointEffect):
 
     id = "viscous_friction"
     label = "viscous friction"
+    words = "{unmodelled} viscous friction on {where} ({b})"
     usual = 0.9
     in_urdf = True
     signature = "a straight line against the speed"

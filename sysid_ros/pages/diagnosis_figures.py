@@ -16,8 +16,8 @@ _BAND = 8.0
 """Upper end of the band that is judged [Hz]."""
 _CURVE_POINTS = 4000
 _CLOUD_POINTS = 500
-_MODELS = (("nominal model", palette.NOMINAL), ("extended model", palette.FOUND))
-_NAMES = ("nominal model", "measured", "extended model")
+_MODELS = (("model as given", palette.NOMINAL), ("with the causes", palette.FOUND))
+_NAMES = ("model as given", "measured", "with the causes")
 
 
 def torque_figure(p: Predictions, units: Sequence[str]) -> Figure:

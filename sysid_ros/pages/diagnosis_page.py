@@ -3,46 +3,118 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter, SimulationError
+from sysid_ros.diagnosis.result import Diagnosis, Parameter, SimulationError
+from sysid_ros.diagnosis.sentences import capital, first_sentence, percent
+from sysid_ros.effects.wording import listed
+from sysid_ros.pages import palette
 from sysid_ros.pages.diagnosis_figures import residual_figure, torque_figure, tracking_error_figure
 from sysid_ros.pages.page import page
 from sysid_ros.simulation.simulators import NAMES
 
 _VERDICTS = {
-    "explained": "The causes below explain what the nominal model gets wrong.",
-    "partly_explained": "The causes below explain a part of what the nominal model gets wrong; something else is left.",
-    "unexplained": "The nominal model is wrong, and no cause that is known here explains it.",
-    "nothing_wrong": "Nothing is wrong that these recordings could show: the model predicts the torques down to the noise.",
-    "refused": "These recordings can't be judged.",
+    "explained": ("good", "These causes explain what the model gets wrong: hardly more than noise is left."),
+    "partly_explained": (
+        "fair",
+        "These causes explain only a part, or are not all sure: see below what else was noticed.",
+    ),
+    "unexplained": ("poor", ""),
+    "nothing_wrong": ("good", ""),
+    "refused": ("poor", ""),
 }
+"""How good news a verdict is, and what it means where the answer does not say it."""
+_CAUSES = (palette.BLUE, palette.ORANGE, palette.GREEN, palette.AMBER, palette.PINK, palette.SKY, palette.BROWN)
+_REST = (palette.PALE, palette.SOFT, palette.GRID)
+_SEEN = 5e-4
+"""Part of the error from which it is shown, in tenths of a per cent."""
+_MODELS = (("model as given", palette.NOMINAL), ("with the causes", palette.FOUND), ("noise", palette.PALE))
 
 
 def diagnosis_page(result: Diagnosis, name: str, provenance: Mapping[str, object]) -> str:
-    """HTML of the report: a paragraph in plain words, the causes, the figures, the numbers, where they come from."""
+    """HTML of the report: the answer, faults of the data, what makes the error, figures, numbers, where they come from."""
     p = result.predictions
     units = ["N m"] * len(result.joints)
     floor = result.torque.noise_floor if result.torque is not None else np.zeros(len(result.joints))
+    chip, meaning = _VERDICTS[result.verdict]
     return page(
         "diagnosis.html",
-        title=f"Diagnosis of {name or 'robot'}",
-        where=f"{len(result.joints)} joints; {_judged_on(provenance)}.",
+        title=f"Diagnosis of {name}" if name else "Diagnosis",
+        where=f"{len(result.joints)} joints; {_judged_on(provenance)}." if result.joints else "",
         result=result,
-        verdict=_VERDICTS[result.verdict],
-        first=_first(result),
-        worst=_worst(result),
+        chip=chip,
+        meaning=" ".join(s for s in (meaning, first_sentence(result.refusal or "")[1], result.unexplained) if s),
         tiles=_tiles(result),
-        parameters=[(f.label, q.joint or "", q.name, *_values(q)) for f in result.findings for q in f.parameters],
+        parts=_parts(result),
+        likely=any(f.probability is not None for f in result.causes),
+        models=[m for i, m in enumerate(_MODELS) if result.causes or i != 1],
+        errors=_errors(result),
+        numbers=[(f, [(q.joint or "", q.name, *_values(q)) for q in f.parameters]) for f in result.findings],
         torque=torque_figure(p, units) if p is not None else None,
         tracking=tracking_error_figure(result.tracking) if result.tracking is not None else None,
         simulation=_held(result.simulation),
         residual=residual_figure(p, units, floor) if p is not None else None,
         facts=[(key, ", ".join(map(str, v)) if isinstance(v, list) else str(v)) for key, v in provenance.items()],
     )
+
+
+@dataclass(frozen=True)
+class _Share:
+    """A part of the error: a cause, or what stands beside the causes.
+
+    Attributes:
+        width: of its piece of the bar [%], 0 for what does harm. share, sure: in per cent. other: what it may be as well.
+    """
+
+    colour: str
+    width: float
+    share: str
+    sure: str
+    words: str
+    main: bool = False
+    other: str = ""
+    remark: str = ""
+
+
+def _parts(result: Diagnosis) -> list[_Share]:
+    """The causes, and what else the error on held-out data is made of: the pieces of one bar."""
+    rest = [] if result.rest is None else [(*x, _REST[i]) for i, x in enumerate(result.rest.in_words()) if abs(x[0]) >= _SEEN]
+    gains = [*(f.heldout_gain or 0.0 for f in result.causes), *(part for part, _, _ in rest)]
+    whole = max(sum(max(gain, 0.0) for gain in gains), 1e-12)
+    widths = [100.0 * max(gain, 0.0) / whole for gain in gains]
+    out = []
+    for i, f in enumerate(result.causes):
+        sure = "" if f.probability is None else f"{100 * f.probability:.0f} %"
+        colour = _CAUSES[i] if i < len(_CAUSES) else palette.SOFT
+        other = listed(f.look_alikes)
+        out.append(_Share(colour, widths[i], percent(f.heldout_gain), sure, capital(f.words), f.headline, other, f.remark))
+    for width, (part, words, colour) in zip(widths[len(result.causes) :], rest, strict=True):
+        out.append(_Share(colour, width, percent(part), "", capital(words)))
+    return out
+
+
+def _errors(result: Diagnosis) -> list[dict[str, Any]]:
+    """Of each joint its torque and the errors of both models and of the noise [N m], with their parts of the torque."""
+    t = result.torque
+    if t is None:
+        return []
+    values = np.stack([t.before, t.after, t.noise_floor])
+    parts = values / np.maximum(t.torque, 1e-12)
+    widths = 100.0 * parts / max(float(parts.max()), 1e-12)
+    shown = [i for i in range(len(_MODELS)) if result.causes or i != 1]
+    out = []
+    for j, joint in enumerate(t.joints):
+        bars = []
+        for i in shown:
+            name, colour = _MODELS[i]
+            part = percent(parts[i, j]) if i < 2 else ""
+            bars.append({"name": name, "colour": colour, "value": values[i, j], "part": part, "width": widths[i, j]})
+        out.append({"joint": joint, "torque": float(t.torque[j]), "bars": bars})
+    return out
 
 
 def _judged_on(provenance: Mapping[str, object]) -> str:
@@ -54,41 +126,8 @@ def _judged_on(provenance: Mapping[str, object]) -> str:
     return f"from {', '.join(bags) or 'recordings'}; {judged}"
 
 
-def _first(result: Diagnosis) -> dict[str, str] | None:
-    """The first cause, where it is, and what comes after it."""
-    if not result.findings or result.torque is None:
-        return None
-    first, *others = result.findings[:4]
-    return {"label": first.label, "joints": _where(first, result), "then": _listed(tuple(f.label for f in others))}
-
-
-def _worst(result: Diagnosis) -> dict[str, str] | None:
-    """Error on held-out data of the joint that is furthest above its noise, before and after."""
-    if not result.findings or result.torque is None:
-        return None
-    t = result.torque
-    floor = np.maximum(t.noise_floor, 1e-12)
-    most, left = int(np.argmax(t.before / floor)), int(np.argmax(t.after / floor))
-    torque = max(float(t.torque[most]), 1e-12)
-    return {
-        "joint": result.joints[most],
-        "before": _times(t.before[most] / floor[most]),
-        "after": _times(t.after[most] / floor[most]),
-        "parts": f"{100 * t.before[most] / torque:.2g} to {100 * t.after[most] / torque:.2g} %",
-        "left": result.joints[left],
-    }
-
-
 def _tiles(result: Diagnosis) -> list[tuple[str, str]]:
-    tiles = [(result.verdict.replace("_", " "), "verdict")]
-    if result.torque is not None:
-        weight = np.maximum(result.torque.noise_floor, 1e-12)
-        before = float(np.sqrt(np.mean((result.torque.before / weight) ** 2)))
-        after = float(np.sqrt(np.mean((result.torque.after / weight) ** 2)))
-        tiles += [
-            (str(len(result.findings)), "causes that earned their place"),
-            (f"{before:.1f} → {after:.2f}", "error over noise floor, before and after"),
-        ]
+    tiles = []
     if (s := result.simulation) is not None:
         angles = f"{_angle(s.position_rmse_before)} → {_angle(s.position_rmse_after)}"
         tiles.append((angles, f"tracking error of the simulation; noise alone makes {_angle(s.position_rmse_perfect)}"))
@@ -123,15 +162,3 @@ def _values(p: Parameter) -> tuple[str, list[str]]:
 
 def _number(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float | int) else "–" if value is None else str(value)
-
-
-def _listed(names: tuple[str, ...]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
-
-
-def _where(finding: Finding, result: Diagnosis) -> str:
-    return "all joints" if len(finding.joints) == len(result.joints) > 2 else _listed(finding.joints)
-
-
-def _times(ratio: float) -> str:
-    return f"{ratio:.1f} times" if ratio < 10.0 else f"{ratio:.0f} times"

@@ -1,0 +1,216 @@
+"""From the terms of a fit to findings: which of them are claimed, with what evidence, at what share of the error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from sysid_ros.diagnosis.covariance import Estimates
+from sysid_ros.diagnosis.evidence import Evidence
+from sysid_ros.diagnosis.fit import Fit
+from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.prepare import Prepared
+from sysid_ros.diagnosis.result import Finding
+from sysid_ros.diagnosis.rivals import rivals
+from sysid_ros.diagnosis.selection import Selection
+from sysid_ros.diagnosis.shares import Part, fewest, removed_power, shapley
+from sysid_ros.diagnosis.term import Term
+from sysid_ros.diagnosis.time_or_temperature import SIGNATURE, drift_cause
+from sysid_ros.effects import EFFECTS, Parameter
+from sysid_ros.effects.parameter import by_delta_method
+from sysid_ros.effects.wording import of_joints
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+
+_MOST_RIVALS = 8
+_STRONG = 10.0
+"""Difference of the BIC from which evidence is very strong (Kass, Raftery 1995)."""
+_SURE = 0.05
+"""Probability, times the number of candidates tried, up to which what every arm has is claimed however little it gains."""
+_GAINS = 0.02
+"""Part of the residual's power on data that was not fitted, from which an effect is claimed however much it scatters."""
+
+Values = dict[Term, Estimates]
+
+
+@dataclass
+class Claims:
+    """What is claimed of a fit.
+
+    Attributes:
+        findings: in order of their shares. scattering: labels of what differs so much from time to time that it may be something
+            else. undecided: whether a friction drifts with time or with temperature is open.
+    """
+
+    findings: list[Finding] = field(default_factory=list)
+    scattering: list[str] = field(default_factory=list)
+    undecided: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A fit and what it is judged on.
+
+    Attributes:
+        train: what was fitted. held: what was not. values: of each term, with their covariance.
+        before, after: rows that the nominal and the extended model leave of ``held``, shape (K, n). noise: variance of them.
+        floor: rms of the noise of each joint, shape (n,) [N m]. weight: of its mean square, 0 where it does not move, shape (n,).
+    """
+
+    robot: RobotModel
+    train: Prepared
+    selection: Selection
+    fit: Fit
+    held: HeldOut
+    values: Values
+    before: FloatArray
+    after: FloatArray
+    noise: FloatArray
+    floor: FloatArray
+    weight: FloatArray
+
+    @classmethod
+    def of(cls, robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, held: HeldOut, values: Values) -> Judged:
+        """The rows of all three models on the held-out data."""
+        noise = fit.noise.variance(held.prepared.band.f)
+        floor, active = held.rms(np.sqrt(noise)), train.problem.active
+        weight = np.zeros(robot.n)
+        weight[active] = 1.0 / np.maximum(floor[active], 1e-9) ** 2
+        before, after = held.prepared.problem.y, held.residual(fit)
+        return cls(robot, train, selection, fit, held, values, before, after, noise, floor, weight)
+
+    def power(self, rows: FloatArray) -> FloatArray:
+        """Of rows, over that of the joint's noise, shape (n,)."""
+        power: FloatArray = self.held.rms(rows) ** 2 * self.weight
+        return power
+
+
+def claims(judged: Judged) -> Claims:
+    """The findings of a fit, each with its share of the held-out error."""
+    fit, out = judged.fit, Claims()
+    groups = list(_groups(fit.terms).values())
+    rich = _beside_simplest(fit.terms, judged.robot.n)
+    parts = _parts(judged, groups, rich)
+    count = len(groups) + fit.inexact
+    removes = removed_power(judged.train.problem, judged.held, fit, parts, judged.weight)
+    shares, every = shapley(removes, count), frozenset(range(count))
+    for i, terms in enumerate(groups):
+        if not any(t.effect.notable(fit.theta_of(t)) for t in terms):
+            continue  # in the model, but no fault
+        others = [p.term for p in parts if i not in p.of and (p.unless is None or p.unless == i)]
+        evidence = replace(_evidence(judged, terms, others), gain=float(shares[i]))
+        weak = evidence.p_value > _SURE if terms[0].expected else evidence.delta_bic < _STRONG
+        if weak and removes(every) - removes(every - {i}) < _GAINS:
+            continue  # in the model, but not claimed: its scatter over time leaves too little of its evidence
+        if evidence.p_value > _SURE:
+            out.scattering.append(terms[0].effect.label)
+        out.findings.append(_finding(judged, terms, [t for t in rich if t.simplest is terms[0].kind], evidence, len(groups), out))
+    out.findings = with_headline(_companions_last(out.findings))
+    return out
+
+
+def with_headline(findings: Sequence[Finding]) -> list[Finding]:
+    """The findings of which those of the headline are marked: the fewest that make nearly all of what all causes remove."""
+    main = fewest([f.heldout_gain or 0.0 for f in findings])
+    return [replace(f, headline=i in main) for i, f in enumerate(findings)]
+
+
+def _parts(judged: Judged, groups: Sequence[list[Term]], rich: Sequence[Term]) -> list[Part]:
+    """The terms by their group. A richer form of dry friction adds to the simplest, which the other joints have: without the
+    richer its joint has the simplest, without the simplest it has none."""
+    simple = {terms[0].kind: i for i, terms in enumerate(groups)}
+    parts = []
+    for i, terms in enumerate(groups):
+        for term in terms:
+            kind = term.simplest
+            if term not in rich or kind is None:
+                parts.append(Part(term, frozenset({i})))
+                continue
+            plain = judged.selection.library.local(kind.id, term.joints[0])
+            parts += [Part(term, frozenset({i, simple[kind]})), Part(plain, frozenset({simple[kind]}), i)]
+    return parts
+
+
+def _evidence(judged: Judged, terms: Sequence[Term], others: Sequence[Term]) -> Evidence:
+    """Of some terms against a model of all others."""
+    fit, train = judged.fit, judged.train
+    rest = train.problem.fit(others, fit.noise, inexact=fit.inexact)
+    rise = 2.0 * (fit.loglik - rest.loglik) / max(judged.values[t].scatter for t in terms)
+    rows = len(train.band.f) * (len(train.problem.active) if terms[0].row is None else len(terms))
+    return Evidence(rise, sum(t.cost for t in terms), rows, judged.selection.tried)
+
+
+def _finding(
+    judged: Judged, terms: Sequence[Term], richer: Sequence[Term], evidence: Evidence, groups: int, out: Claims
+) -> Finding:
+    robot, fit, effect = judged.robot, judged.fit, terms[0].effect
+    named = sorted([*terms, *richer], key=lambda t: t.joints)
+    if richer:
+        parameters = tuple(_dry_friction(t, judged.values[t]) for t in named)
+    else:
+        parameters = tuple(p for t in terms for p in t.effect.as_parameters(*judged.values[t][:2], t.basis))
+    joints = tuple(dict.fromkeys(robot.joint_names[j] for t in named for j in t.joints))
+    drift = drift_cause(judged.train.problem, judged.selection.library, fit, judged.held, list(terms), judged.floor)
+    if drift is not None:
+        out.undecided |= not drift.decided
+    return Finding(
+        id=effect.id,
+        label=effect.label,
+        joints=joints,
+        parameters=parameters,
+        heldout_gain=evidence.gain,
+        delta_bic=evidence.delta_bic,
+        p_value=evidence.p_value,
+        cannot_be_told_from=rivals(judged.selection, list(terms), groups <= _MOST_RIVALS),
+        words=effect.in_words(parameters, of_joints(joints, robot.n)),
+        signature=SIGNATURE if drift is not None and drift.over == "temperature" else effect.signature,
+        separated_by=effect.separated_by,
+        drift=None if drift is None else drift.as_dict(),
+        log10_p=evidence.log10_p,
+        remark="" if drift is None else drift.in_words(),
+    )
+
+
+def _companions_last(findings: Sequence[Finding]) -> list[Finding]:
+    """In order of gain; what an effect brings along comes after it, whichever gains more."""
+    by_name: dict[str, list[Finding]] = {}
+    for f in findings:
+        by_name.setdefault(f.id, []).append(f)
+
+    def key(f: Finding) -> tuple[float, bool]:
+        own = f.heldout_gain or 0.0
+        brings = [g for g in by_name.get(EFFECTS[f.id].companion, ()) if set(g.joints) <= set(f.joints)]
+        return max([own, *(g.heldout_gain or 0.0 for g in brings)]), bool(brings)
+
+    return sorted(findings, key=key, reverse=True)
+
+
+def _groups(terms: Sequence[Term]) -> dict[tuple[str, str], list[Term]]:
+    """Terms of one finding: those of one effect, but for what keeps them apart, as an event."""
+    groups: dict[tuple[str, str], list[Term]] = {}
+    for term in sorted(terms, key=lambda t: t.joints):
+        groups.setdefault((term.id, term.effect.apart), []).append(term)
+    return groups
+
+
+def _beside_simplest(terms: Sequence[Term], n: int) -> list[Term]:
+    """Richer forms of dry friction where most joints have the simplest: their level is named with the others'."""
+    out = []
+    rubbing = [t for t in terms if t.effect.as_dry_friction(np.ones(t.effect.p)).any()]
+    for kind in dict.fromkeys(t.simplest for t in rubbing if t.simplest):
+        plain, rich = [t for t in rubbing if t.kind is kind], [t for t in rubbing if t.simplest is kind]
+        if len(plain) >= len(rich) and len(plain) + len(rich) > n // 2:
+            out += rich
+    return out
+
+
+def _dry_friction(term: Term, estimates: Estimates) -> Parameter:
+    """The level of dry friction that any form of it has on its joint."""
+    effect, (joint, *_) = term.effect, term.joints
+
+    def level(x: FloatArray) -> float:
+        return float(effect.as_dry_friction(x[: effect.p])[joint])
+
+    return by_delta_method("Fc", effect.robot.joint_names[joint], effect.units[0], level, *estimates[:2])
