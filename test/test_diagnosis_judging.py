@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from motions import Motion as Path_
 from robots import robot, urdf
+from sysid_ros.diagnosis.wrong_robot import wrong_robot
 from test_diagnosis import ARM, NOISE, RATE, record
 
 from sysid_ros.diagnosis import Recording, diagnose
@@ -20,7 +21,6 @@ from sysid_ros.diagnosis.leftover import leftovers
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.signal_faults import velocity_lag
-from sysid_ros.diagnosis.wrong_robot import wrong_robot
 from sysid_ros.robot.robot_model import RobotModel
 
 

@@ -1,0 +1,215 @@
+"""Whose torques they are: this URDF's, with its channels as they should be or with a fault, another robot's alike, or no robot's.
+
+One family of hypotheses on the same rows, weighed by how likely they make torques of the half of the joint space that they have
+not seen. What wins, with its probability, is what is undone, or why the recordings are refused.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid_ros.diagnosis.channel_faults import Fault, fault_of_factors, faults_of_signs_and_order, faults_of_units
+from sysid_ros.diagnosis.coarse_rows import CoarseRows
+from sysid_ros.diagnosis.effort_factors import EffortFactors, effort_factors
+from sysid_ros.diagnosis.robot_kernels import RobotKernels
+from sysid_ros.diagnosis.robot_likelihood import USUAL, JointTorques, halves, left_out
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
+
+_FAULT = 0.01
+"""Probability of each kind of fault of the channels, before any data."""
+_GRAVITY = {0.0: 0.98, -1.0: 0.01, 1.0: 0.01}
+"""Probability that the efforts hold gravity as it is, not at all, or twice."""
+_OTHER = 0.005
+"""Probability that a URDF that somebody gives is that of another robot alike, or that the efforts are no torques of a robot."""
+_FAULTS = 3
+"""Most faults that are looked for beside one another."""
+_COARSE, _TRIED = 3, 2
+"""Each of so many rows for a first comparison, and how many hypotheses are compared on all of them."""
+_SEGMENTS, _DRAWS = 20, 400
+"""Stretches of time that are drawn from anew, and how often, for the scatter of a likelihood ratio."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """What recordings say of a URDF.
+
+    Attributes:
+        robot: the URDF's. faults: of the channels, in the order in which they are to be undone.
+        rows: log-likelihood of each row, with its prior odds in equal parts: under each form of the URDF with its faults undone,
+            shape (g, N); with free bodies and with no robot at all, shape (N,) each.
+        factors: what was found of efforts with a factor of their own on each joint, where that is a fault.
+    """
+
+    robot: RobotModel
+    faults: tuple[Fault, ...]
+    urdf: FloatArray
+    free: FloatArray
+    no_robot: FloatArray
+    factors: EffortFactors | None = None
+
+    @property
+    def probability(self) -> float:
+        """That the torques are those of the URDF's robot."""
+        return float(probabilities([*self.urdf, self.free, self.no_robot])[: len(self.urdf)].sum())
+
+    @property
+    def refusal(self) -> str | None:
+        """Why nothing can be said with this URDF, and the cure; None where something can."""
+        if self.probability < 0.5:
+            return self._of_another_robot()
+        if self.factors is not None and not self.factors.seen.all():
+            return self._without_signal(self.factors)
+        return None
+
+    def _of_another_robot(self) -> str:
+        no_robot = self.no_robot.sum() > self.free.sum()
+        other = (
+            "functions of the joint angles that know no robot" if no_robot else "the same joints with any other bodies on them"
+        )
+        ratio = max(self.no_robot.sum(), self.free.sum()) - max(self.urdf.sum(axis=1))
+        return (
+            f"The URDF '{self.robot.name}' does not explain these torques: where the arm had not been before, {other} predict them "
+            f"better (by {ratio / np.log(10.0):.3g} decades of likelihood, probability of this URDF {self.probability:.2g}), whatever "
+            "friction, offset and payload are added to it. It is another robot's URDF, or the efforts are no joint torques; give the "
+            "URDF of the robot that was recorded (--urdf)."
+        )
+
+    def _without_signal(self, found: EffortFactors) -> str:
+        names = self.robot.joint_names
+        told = ", ".join(f"{names[j]} {found.values[j]:.3g} +- {found.std[j]:.1g}" for j in np.flatnonzero(found.seen))
+        silent = ", ".join(names[j] for j in np.flatnonzero(~found.seen))
+        return (
+            "The efforts are in another unit than N m, with a factor of its own on each joint (torque_unit), as currents are"
+            f"{f': {told}' if told else ''}. On {silent} they hold nothing of the links' torque, so that no factor can be told there: "
+            "these channels are dead, or friction is all that they show. Publish joint torques in N m (current times torque constant "
+            "and gear ratio), or leave these joints out (joint_names)."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """Channels with some faults undone.
+
+    Attributes:
+        rows: as they are then. scale: log of what the faults publish of 1 N m, over all joints. silent: joints without a signal.
+    """
+
+    rows: CoarseRows
+    kernels: RobotKernels
+    scale: float
+    log_prior: float
+    silent: NDArray[np.bool_]
+    fault: Fault | None = None
+    factors: EffortFactors | None = None
+
+    def total(self, half: NDArray[np.bool_]) -> float:
+        """Log-likelihood of the likeliest form with usual noise and discrepancy."""
+        return float(self.likelihood(half, USUAL).sum(axis=1).max())
+
+    def likelihood(self, half: NDArray[np.bool_], sizes: FloatArray | None = None) -> FloatArray:
+        """Log-likelihood of each published row with gravity as it is, not at all and twice, shape (3, N), their priors in it."""
+        tau, k = self.rows.tau, self.kernels
+        usual = np.maximum(np.sqrt(np.mean(tau**2, axis=0)), 1e-12)
+        largest = float(usual[~self.silent].max()) if not self.silent.all() else 0.0
+        joints = []
+        for j in range(k.robot.n):
+            forms = np.stack([tau[:, j] - k.mean[:, j] - c * k.gravity[:, j] for c in _GRAVITY], axis=1)
+            prior = k.urdf(j, largest)
+            if self.silent[j]:
+                forms, prior = np.repeat(tau[:, [j]], len(_GRAVITY), axis=1), (0.0 * prior[0], 0.0 * prior[1])
+            joints.append(JointTorques(forms, prior, k.own(j), k.pattern, float(usual[j])))
+        priors = self.log_prior + np.log(list(_GRAVITY.values())) - len(tau) * self.scale
+        return left_out(joints, half, sizes) + priors[:, None] / len(tau)
+
+
+def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | None:
+    """What recordings say of a URDF and of their channels; None where nothing of them can be used."""
+    rows = CoarseRows.of(robot, recordings)
+    if rows is None:
+        return None
+    half = halves(rows.q)
+    trial = _Trial(rows, RobotKernels(robot, rows), 0.0, np.log(1.0 - 2.0 * _OTHER), np.zeros(robot.n, dtype=bool))
+    found, faults, factors = trial.likelihood(half), list[Fault](), None
+    while len(faults) < _FAULTS:
+        options = _first_choice(robot, trial, half)
+        weighed = [(found, trial), *((option.likelihood(half), option) for option in options)]
+        share = probabilities([x[int(np.argmax(x.sum(axis=1)))] for x, _ in weighed])
+        best = int(np.argmax(share))
+        if best == 0:
+            break
+        found, trial = weighed[best]
+        assert trial.fault is not None
+        faults.append(replace(trial.fault, probability=float(share[best])))
+        factors = trial.factors or factors
+    return Judgement(robot, tuple(faults), found, *_others(robot, rows, half), factors)
+
+
+def _others(robot: RobotModel, rows: CoarseRows, half: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+    """Log-likelihood of each row with free bodies on the same joints, and with no robot, shape (N,) each."""
+    k, usual = RobotKernels(robot, rows), np.maximum(np.sqrt(np.mean(rows.tau**2, axis=0)), 1e-12)
+    nothing = np.zeros((len(rows.t), 1))
+    out = []
+    for free in (True, False):
+        joints = []
+        for j, u in enumerate(usual):
+            prior = k.free(j, float(usual.max())) if free else (nothing, u**2 * k.waves)
+            joints.append(JointTorques(rows.tau[:, [j]], prior, k.own(j), k.pattern, float(u)))
+        out.append(left_out(joints, half)[0] + np.log(_OTHER) / len(rows.t))
+    return out[0], out[1]
+
+
+def _first_choice(robot: RobotModel, trial: _Trial, half: NDArray[np.bool_]) -> list[_Trial]:
+    """The likeliest faults on a few rows, with the noise and the discrepancy that are usual."""
+    few = replace(trial, rows=trial.rows.every(_COARSE), kernels=RobotKernels(robot, trial.rows.every(_COARSE)))
+    made = [*faults_of_signs_and_order(robot.joint_names), *faults_of_units(robot.n)]
+    kinds = Counter(kind for kind, _ in made)
+    tried = []
+    for kind, fault in made:
+        prior = float(np.log(_FAULT / kinds[kind]))
+        option = _with(robot, few, fault, prior)
+        tried.append((option.total(half[::_COARSE]), lambda f=fault, p=prior: _with(robot, trial, f, p)))
+    if trial.factors is None:
+        tried.append((_with_factors(few).total(half[::_COARSE]), lambda: _with_factors(trial)))
+    best = sorted(tried, key=lambda x: -x[0])[:_TRIED]
+    return [_counted(make(), len(tried)) for _, make in best]
+
+
+def _counted(trial: _Trial, candidates: int) -> _Trial:
+    assert trial.fault is not None
+    return replace(trial, fault=replace(trial.fault, candidates=candidates))
+
+
+def _with_factors(trial: _Trial) -> _Trial:
+    """The same with a factor of its own on each effort undone."""
+    factors = effort_factors(trial.kernels, trial.rows.tau)
+    option = _with(trial.kernels.robot, trial, fault_of_factors(factors), float(np.log(_FAULT)) + factors.log_prior)
+    return replace(option, factors=factors, silent=~factors.seen)
+
+
+def _with(robot: RobotModel, trial: _Trial, fault: Fault, log_prior: float) -> _Trial:
+    """The same with one fault more undone."""
+    rows = trial.rows.without(fault.effect)
+    kernels = trial.kernels if np.array_equal(rows.q, trial.rows.q) else RobotKernels(robot, rows)
+    factor = np.abs(fault.effect.publish(np.ones((1, robot.n))))
+    scale = trial.scale + float(np.log(factor).sum())
+    return replace(trial, rows=rows, kernels=kernels, scale=scale, log_prior=trial.log_prior + log_prior, fault=fault)
+
+
+def probabilities(rows: Sequence[FloatArray]) -> FloatArray:
+    """Of hypotheses with log-likelihoods of the same rows, shape (N,) each: mean over what the rows could have been, drawn from
+    them by stretches of time, of the share of each (pseudo-BMA with the Bayesian bootstrap; Yao, Vehtari, Simpson, Gelman 2018).
+
+    A likelihood ratio that a few moments decide is so no certainty.
+    """
+    parts = np.stack([[s.sum() for s in np.array_split(x, _SEGMENTS)] for x in rows])
+    weights = np.random.default_rng(0).dirichlet(np.ones(_SEGMENTS), _DRAWS) * _SEGMENTS
+    total = parts @ weights.T
+    share = np.exp(total - total.max(axis=0))
+    return np.asarray(np.mean(share / share.sum(axis=0), axis=1))
