@@ -282,7 +282,7 @@ def test_targets_hold_or_are_said_to_fail() -> None:
     assert measures("single", [right, wrong])["first"] == 0.5
     assert "cogging x10" in render("single", [right] * 30 + [wrong] * 10)
     assert failed_targets("single", [])
-    assert set(LEVELS) == {"single", "hard", "pairs", "healthy", "outside"}
+    assert set(LEVELS) == {"single", "hard", "pairs", "healthy", "outside", "real"}
 
 
 def test_urdf_of_an_arm_says_nothing_but_its_links() -> None:

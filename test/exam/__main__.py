@@ -3,6 +3,7 @@
 Examples:
     make exam
     make exam LEVEL=hard
+    make exam LEVEL=real
     cd test && ../.venv/bin/python -m exam --level single --cases 64 --seed-base 0 --only payload
 
 Exit code 0 where every target of the level holds, 1 where one does not.
@@ -22,37 +23,43 @@ from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+from exam.baseline import baseline_error
 from exam.candidate import diagnosis_of
-from exam.case import LEVELS, draw_case
+from exam.case import LEVELS, SIMULATORS, draw_case
+from exam.claims import claims
+from exam.real import draw_real
+from exam.real_scoring import score_real
 from exam.scoring import score
 from exam.table import failed_targets, render
 
 EXAMINATION = 10000
 """Seeds from here on are not used while developing."""
-_CASES = {"single": 200, "hard": 100, "pairs": 60, "healthy": 100, "outside": 20}
+_CASES = {"single": 200, "hard": 100, "pairs": 60, "healthy": 100, "outside": 20, "real": 200}
 
 
 def sit(seed: int, level: str, effect: str | None, simulator: str | None = None) -> dict[str, Any]:
     """One case: drawn, diagnosed, scored."""
     began = time.perf_counter()
-    case = draw_case(seed, level, effect, simulator)
+    case = draw_real(seed, effect, simulator) if level == "real" else draw_case(seed, level, effect, simulator)
     drawn = time.perf_counter()
     document = diagnosis_of(case)
-    row = score(case.truth, document)
+    diagnosed = time.perf_counter()
+    row = score_real(case.truth, document, baseline_error(case)) if level == "real" else score(case.truth, document)
     row |= {"seed": seed, "level": level, "hidden": case.truth["hidden"], "arm": case.arm, "simulator": case.truth["simulator"]}
     row |= {
         "draw_s": drawn - began,
-        "diagnose_s": time.perf_counter() - drawn,
+        "diagnose_s": diagnosed - drawn,
+        "claims": claims(case.truth, document),
         "truth": case.truth["effects"],
         "effects": document["effects"],
     }
     return row
 
 
-def sit_all(seeds: range, level: str, effect: str | None, jobs: int) -> Iterator[dict[str, Any]]:
+def sit_all(seeds: range, level: str, effect: str | None, jobs: int, simulator: str | None = None) -> Iterator[dict[str, Any]]:
     """Every case, as they end. A case that breaks the diagnosis is a row that is wrong, with its error."""
     with ProcessPoolExecutor(jobs) as pool:
-        futures = {pool.submit(sit, seed, level, effect): seed for seed in seeds}
+        futures = {pool.submit(sit, seed, level, effect, simulator): seed for seed in seeds}
         for future in as_completed(futures):
             error = future.exception()
             if error is None:
@@ -70,13 +77,14 @@ def main() -> int:
     parser.add_argument("--cases", type=int, help="how many; each level has its own default")
     parser.add_argument("--seed-base", type=int, default=EXAMINATION, help="first seed; below 10000 while developing")
     parser.add_argument("--only", metavar="ID", help="hide this effect alone")
+    parser.add_argument("--simulator", choices=SIMULATORS, help="this one alone; else both in turn")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--json", type=Path, help="write every case")
     arguments = parser.parse_args()
     count = arguments.cases or _CASES[arguments.level]
     seeds = range(arguments.seed_base, arguments.seed_base + count)
     rows = []
-    for row in sit_all(seeds, arguments.level, arguments.only, arguments.jobs):
+    for row in sit_all(seeds, arguments.level, arguments.only, arguments.jobs, arguments.simulator):
         rows.append(row)
         mark = "right" if row["right"] and row.get("exact", True) else "part " if row["right"] else "WRONG"
         print(

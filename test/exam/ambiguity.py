@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid_ros.simulation.hidden_effects import DiagnosisMotion, TrueRobot, cause_of
+from sysid_ros.simulation.hidden_effects import PlannedMotion, TrueRobot, cause_of
 
 _GRID = 0.1
 _TOLD = 3.0
@@ -22,9 +22,9 @@ def _left(columns: np.ndarray, torque: np.ndarray, floor: np.ndarray) -> float:
     return float(np.sqrt(np.mean(left**2, axis=0)).max())
 
 
-def told_apart(true: TrueRobot, motion: DiagnosisMotion, floor: np.ndarray) -> bool:
-    """False where another cause than the first effect of ``true`` explains what it does to within three noise floors."""
+def told_apart(true: TrueRobot, motion: PlannedMotion, floor: np.ndarray, told: float = _TOLD) -> bool:
+    """False where another cause than the first effect of ``true`` explains what it does to within ``told`` noise floors."""
     effect = true.effects[0]
     q, v, a = motion.sample(np.arange(0.0, motion.duration, _GRID))
     torque, others = cause_of(effect.id).rivals(effect, true, q, v, a)
-    return all(_left(columns, torque, floor) >= _TOLD for columns in others)
+    return all(_left(columns, torque, floor) >= told for columns in others)

@@ -20,6 +20,16 @@ _FILES = {
     "xarm7": ("xarm_description/urdf/xarm7.urdf", ()),
 }
 ARMS = tuple(_FILES)
+_MORE = {
+    "z1": ("z1_description/urdf/z1.urdf", ("Gripper",)),
+    "kinova": ("kinova_description/robots/kinova.urdf", ()),
+    "xarm6": ("xarm/xarm6_robot.urdf", ()),
+    "baxter": ("baxter_description/urdf/baxter.urdf", ("head", "right", "gripper")),
+    "tiago_pro": ("tiago_pro_description/robots/tiago_pro.urdf", ("wheel", "torso", "right", "head", "gripper")),
+}
+TEN_ARMS = (*_FILES, *_MORE)
+# what the makers state [N m], where a URDF has one number for all joints
+_RATED = {"iiwa": (320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0)}
 
 
 @dataclass(frozen=True)
@@ -31,6 +41,11 @@ class Arm:
 
     def model(self) -> RobotModel:
         return RobotModel.from_urdf(self.urdf, self.joint_names)
+
+
+def rated_effort(name: str) -> np.ndarray:
+    """Torque that each joint of an arm is built for, shape (n,) [N m]."""
+    return np.array(_RATED[name]) if name in _RATED else arm(name).model().effort_limit
 
 
 def _file(relative: str) -> Path:
@@ -48,15 +63,15 @@ def _file(relative: str) -> Path:
 def all_there() -> bool:
     """True where the URDFs of all arms are installed."""
     try:
-        return all(_file(relative) for relative, _ in _FILES.values())
+        return all(_file(relative) for relative, _ in (_FILES | _MORE).values())
     except FileNotFoundError:
         return False
 
 
 @cache
 def arm(name: str) -> Arm:
-    """An arm of ``ARMS``."""
-    relative, foreign = _FILES[name]
+    """An arm of ``TEN_ARMS``."""
+    relative, foreign = (_FILES | _MORE)[name]
     root = ElementTree.parse(_file(relative)).getroot()
     for parent, tag in (
         (p, t) for p in root.iter() for t in ("visual", "collision", "dynamics", "transmission", "gazebo", "material")

@@ -12,12 +12,12 @@ def diagnosis_of(case: Case) -> dict[str, Any]:
     """``diagnosis.json`` of a case."""
     from sysid_ros.diagnosis import diagnose
 
-    result = diagnose(case.nominal.model(), [_recording(r) for r in case.train], [_recording(r) for r in case.validate])
+    result = diagnose(case.nominal.model(), [recording_of(r) for r in case.train], [recording_of(r) for r in case.validate])
     document: dict[str, Any] = result.as_dict()
     return document
 
 
-def _recording(recording: HiddenRecording) -> Any:
+def recording_of(recording: HiddenRecording) -> Any:
     from sysid_ros.diagnosis import Recording
 
     return Recording(name=recording.name, t=recording.t, q=recording.q, v=recording.v, tau=recording.tau)

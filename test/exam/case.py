@@ -19,6 +19,7 @@ from sysid_ros.simulation.hidden_effects import (
     HiddenEffect,
     HiddenRecording,
     Noise,
+    PlannedMotion,
     TrueRobot,
     cause_of,
     move,
@@ -33,7 +34,7 @@ from sysid_ros.simulation.hidden_effects import (
 )
 from sysid_ros.simulation.hidden_effects.channels import Signals
 
-LEVELS = ("single", "hard", "pairs", "healthy", "outside")
+LEVELS = ("single", "hard", "pairs", "healthy", "outside", "real")
 SIMULATORS = ("compiled", "mujoco")
 _VISIBLE = 4.0
 _VISIBLE_ITSELF = 3.0
@@ -87,7 +88,7 @@ def draw_case(seed: int, level: str = "single", effect: str | None = None, simul
 
     Args:
         seed: below 10000 for development, others for examination.
-        level: one of ``LEVELS``.
+        level: one of ``LEVELS``; ``real`` has its own, :func:`exam.real.draw_real`.
         effect: id of what is hidden; None: by the seed, each id in turn.
         simulator: one of ``SIMULATORS``; None: by the seed.
     """
@@ -125,16 +126,16 @@ def _draw(seed: int, level: str, effect: str | None, simulator: str | None, rng:
     stiffening = stiffening_for(usual.torque)
     for e in hidden:
         _require_visible(e, robot, motion, settings.rate, stiffening, noise)
-    train = publish("train", true, _physics(simulator)(true, motion, settings.rate, stiffening), noise, rng)
+    train = publish("train", true, physics(simulator)(true, motion, settings.rate, stiffening), noise, rng)
     then = [cause_of(e.id).at_another_time(e, other.duration, rng) for e in true.effects]
     true_then = realise(robot, then)
     true_then.scale_masses(true.mass_factors)
-    validate = publish("validate", true_then, _physics(simulator)(true_then, other, settings.rate, stiffening), noise, rng)
+    validate = publish("validate", true_then, physics(simulator)(true_then, other, settings.rate, stiffening), noise, rng)
     truth = truth_of(true, noise, settings.rate, simulator, seed=seed, level=level, hidden=[e.id for e in hidden], arm=name)
     return Case(seed, level, name, nominal, (train,), (validate,), truth)
 
 
-def _physics(simulator: str) -> Callable[[TrueRobot, DiagnosisMotion, int, np.ndarray], Signals]:
+def physics(simulator: str) -> Callable[[TrueRobot, PlannedMotion, int, np.ndarray], Signals]:
     if simulator == "mujoco":
         from exam.mujoco_physics import move_in_mujoco
 

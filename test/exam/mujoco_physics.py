@@ -7,7 +7,7 @@ import numpy as np
 
 from exam.mujoco_model import STEP, build
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.simulation.hidden_effects import DiagnosisMotion, TrueRobot
+from sysid_ros.simulation.hidden_effects import PlannedMotion, TrueRobot
 from sysid_ros.simulation.hidden_effects.channels import Signals
 from sysid_ros.simulation.hidden_effects.joint_physics import Joints
 
@@ -48,7 +48,7 @@ class _Applied:
         )
         self._bristle = np.zeros(hidden.rotor.size)
 
-    def torque(self, t: float, step: float, q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
+    def torque(self, t: float, step: float, q: np.ndarray, v: np.ndarray, level: np.ndarray, out: np.ndarray) -> None:
         h, bristle = self._hidden, self._bristle
         for j in self._ripple:
             out[j] -= h.ripple[j] * np.sin(h.ripple_harmonic[j] * q[j] + h.ripple_phase[j])
@@ -61,7 +61,7 @@ class _Applied:
             z_s = h.presliding[j]
             end = z_s * np.sign(v[j])
             bristle[j] = end + (bristle[j] - end) * np.exp(-abs(v[j]) * step / z_s)
-            out[j] -= h.coulomb_forward[j] * bristle[j] / z_s
+            out[j] -= level[j] * bristle[j] / z_s
 
 
 class _World:
@@ -122,12 +122,12 @@ class _World:
         q, v = data.qpos[self._qpos], data.qvel[dofs]
         held = self._held(q, v, wanted)
         torque = np.clip(held, -self._limit, self._limit) - self._friction.quadratic(v)
-        self._applied.torque(t, self.step, q, v, torque)
+        level = self._friction.dry(t, q, v, self._link_torque)
+        self._applied.torque(t, self.step, q, v, level, torque)
         viscous = self._friction.viscous(t, q)
         model.dof_damping[:] = self._base_damping
         model.dof_damping[dofs] += viscous + self._feedback
-        dry = np.maximum(self._friction.dry(t, q, v, self._link_torque), 1e-9)
-        model.dof_frictionloss[dofs] = np.where(self._sticky, dry, 0.0)
+        model.dof_frictionloss[dofs] = np.where(self._sticky, np.maximum(level, 1e-9), 0.0)
         data.qfrc_applied[:] = 0.0
         data.qfrc_applied[dofs] = torque
         if np.any(self.true.force):
@@ -141,7 +141,7 @@ class _World:
         return q, 0.5 * (v + v_next), held - self._feedback * v_next
 
 
-def move_in_mujoco(true: TrueRobot, motion: DiagnosisMotion, rate: int, stiffening: np.ndarray) -> Signals:
+def move_in_mujoco(true: TrueRobot, motion: PlannedMotion, rate: int, stiffening: np.ndarray) -> Signals:
     """As :func:`sysid_ros.simulation.hidden_effects.move`, by MuJoCo.
 
     Raises:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from exam.claims import same
 from sysid_ros.simulation.hidden_effects import CAUSES, cause_of
 
 ROBUST = 1e-9
@@ -28,7 +29,7 @@ def score(truth: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
         "named": [e["name"] for e in effects],
         "first": named[0] if named else document["verdict"],
         "unexplained": document.get("unexplained_fraction"),
-        **_residual(document),
+        **residual(document),
     }
     if level == "healthy":
         return {**out, "right": document["verdict"] == "nothing_wrong"}
@@ -36,11 +37,9 @@ def score(truth: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
         return {**out, "right": document["verdict"] in ("unexplained", "partly_explained")}
     first = _is_one_of(beyond[0], hidden) if beyond else False
     found = [h for h in hidden if any(_is_one_of(e, [h]) for e in beyond)]
-    extra = [
-        x for x in named if x not in hidden and x not in tolerated and not any(_same(x, h) for h in hidden if h not in named)
-    ]
+    extra = [x for x in named if x not in hidden and x not in tolerated and not any(same(x, h) for h in hidden if h not in named)]
     joints = {h: _joints_right(_true_effect(truth, h), effects) for h in hidden if h in named}
-    covered = [c for h in hidden if joints.get(h) and cause_of(h).sized for c in _covered(_true_effect(truth, h), effects)]
+    covered = [c for h in hidden if joints.get(h) and cause_of(h).sized for c in covered_by(_true_effect(truth, h), effects)]
     return {
         **out,
         "right": first,
@@ -54,14 +53,10 @@ def score(truth: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _same(one: str, other: str) -> bool:
-    return one == other or any(b in CAUSES[a].equivalent for a, b in ((one, other), (other, one)) if a in CAUSES)
-
-
 def _is_one_of(effect: dict[str, Any], hidden: list[str]) -> bool:
     """Named by its own id, or by an equivalent one that admits it."""
     name = effect["name"]
-    return name in hidden or any(h in effect.get("cannot_be_told_from", ()) and _same(name, h) for h in hidden)
+    return name in hidden or any(h in effect.get("cannot_be_told_from", ()) and same(name, h) for h in hidden)
 
 
 def _true_effect(truth: dict[str, Any], id_: str) -> dict[str, Any]:
@@ -80,7 +75,7 @@ def _joints_right(true: dict[str, Any], effects: list[dict[str, Any]]) -> bool:
     return named == true["joints"] if cause.ordered else set(named) == set(true["joints"])
 
 
-def _covered(true: dict[str, Any], effects: list[dict[str, Any]]) -> list[tuple[str, bool]]:
+def covered_by(true: dict[str, Any], effects: list[dict[str, Any]]) -> list[tuple[str, bool]]:
     """Is the true size inside the interval, for every number that the diagnosis states."""
     counted = cause_of(true["name"]).counted
     stated = [p for e in _entries(true["name"], effects) for p in e["parameters"]]
@@ -96,7 +91,7 @@ def _covered(true: dict[str, Any], effects: list[dict[str, Any]]) -> list[tuple[
     return out
 
 
-def _residual(document: dict[str, Any]) -> dict[str, Any]:
+def residual(document: dict[str, Any]) -> dict[str, Any]:
     """Held-out torque error in noise floors, rms over the joints."""
     rmse = document.get("torque_rmse") or {}
     floor = np.array(rmse.get("noise_floor") or [], dtype=float)

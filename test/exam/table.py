@@ -7,22 +7,31 @@ from typing import Any
 
 import numpy as np
 
+from exam.real_scoring import real_measures, render_real
 from sysid_ros.simulation.hidden_effects import CAUSES
 
 # what must hold: level -> (measure, at least, at most)
 TARGETS = {
     "single": (
-        ("first", 0.97, 1.0),
-        ("exact", 0.92, 1.0),
+        ("first", 0.98, 1.0),
+        ("exact", 0.97, 1.0),
         ("joints", 0.97, 1.0),
         ("covered", 0.88, 0.98),
         ("after", 0.0, 1.2),
         ("worst id", 2.0 / 3.0, 1.0),
     ),
-    "hard": (("first", 0.85, 1.0), ("exact", 0.75, 1.0)),
-    "pairs": (("both", 0.85, 1.0), ("first", 0.97, 1.0)),
-    "healthy": (("right", 0.97, 1.0),),
+    "hard": (("first", 0.94, 1.0), ("exact", 0.92, 1.0), ("covered", 0.90, 0.97)),
+    "pairs": (("both", 0.95, 1.0), ("exact", 0.90, 1.0), ("first", 0.97, 1.0)),
+    "healthy": (("right", 0.99, 1.0),),
     "outside": (("right", 1.0, 1.0),),
+    "real": (
+        ("refused", 0.0, 0.01),
+        ("named", 0.95, 1.0),
+        ("covered", 0.90, 0.98),
+        ("false", 0.0, 0.05),
+        ("worse", 0.0, 0.01),
+        ("ratio", 0.0, 0.75),
+    ),
 }
 
 
@@ -34,6 +43,8 @@ def share(rows: list[dict[str, Any]], key: str) -> float:
 
 def measures(level: str, rows: list[dict[str, Any]]) -> dict[str, float]:
     """The numbers that have targets, and some that have none."""
+    if level == "real":
+        return real_measures(rows)
     after = [r["after"] for r in rows if r.get("after") is not None]
     out = {
         "right": share(rows, "right"),
@@ -71,6 +82,8 @@ def failed_targets(level: str, rows: list[dict[str, Any]]) -> list[str]:
 
 def render(level: str, rows: list[dict[str, Any]]) -> str:
     """Per hidden cause, then what was taken for what, then the numbers."""
+    if level == "real":
+        return render_real(rows)
     lines = [f"{'hidden':30s} {'n':>3s} {'first':>6s} {'exact':>6s} {'joints':>6s} {'cover':>6s} {'before':>8s} {'after':>7s}"]
     for id_, of in grouped(rows).items():
         m = measures(level, of)

@@ -5,7 +5,7 @@ from sysid_ros.simulation.hidden_effects.catalogue import cause_of, hideable, re
 from sysid_ros.simulation.hidden_effects.cause import CAUSES, HiddenCause, register_hidden
 from sysid_ros.simulation.hidden_effects.circumstances import Circumstances, torque_scale
 from sysid_ros.simulation.hidden_effects.hidden_effect import HiddenEffect, TrueParameter
-from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
+from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion, PlannedMotion
 from sysid_ros.simulation.hidden_effects.run import HiddenRecording, move, publish, stiffening_for, truth_of
 from sysid_ros.simulation.hidden_effects.sensor_noise import Noise
 from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
@@ -19,6 +19,7 @@ __all__ = [
     "HiddenEffect",
     "HiddenRecording",
     "Noise",
+    "PlannedMotion",
     "TrueParameter",
     "TrueRobot",
     "cause_of",

@@ -9,6 +9,7 @@ class BaseTilt(ArmCause):
 
     id = "base_tilt"
     parameters = (("roll", "rad"), ("pitch", "rad"))
+    leads = True
 
     def size(self, c: Circumstances) -> list[float | tuple[float, ...]]:
         return [c.sign() * c.share(0.025, 0.1) for _ in range(2)]

@@ -11,7 +11,7 @@ from sysid_ros.simulation.arm import STEP, ArmWorld
 from sysid_ros.simulation.hidden_effects.chain import chain_of
 from sysid_ros.simulation.hidden_effects.channels import Signals
 from sysid_ros.simulation.hidden_effects.integrator import solve_step, state_at
-from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
+from sysid_ros.simulation.hidden_effects.motion import PlannedMotion
 from sysid_ros.simulation.hidden_effects.run import check_followed
 from sysid_ros.simulation.hidden_effects.true_robot import LinkChange, TrueRobot
 from sysid_ros.simulation.payload import urdf_with_payload
@@ -20,7 +20,7 @@ _PUSH = 2
 
 
 def move_in_pybullet(
-    true: TrueRobot, motion: DiagnosisMotion, rate: int, stiffening: FloatArray, progress: Callable[[int], None] = lambda n: None
+    true: TrueRobot, motion: PlannedMotion, rate: int, stiffening: FloatArray, progress: Callable[[int], None] = lambda n: None
 ) -> Signals:
     """As :func:`.run.move`: PyBullet moves the links, a body that is picked up is tied to the tip, and what the joints hide is in
     the torque that the links get at each step.

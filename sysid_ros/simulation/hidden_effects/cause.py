@@ -47,6 +47,10 @@ class HiddenCause(ABC):
         family: of the causes of one family a joint has one: two describe one thing twice.
         dry: it is dry friction, which stands in place of a joint's usual one.
         everywhere: every joint of a usual robot has it, see :meth:`draw_everywhere`.
+        leads: it can be wrong by so much more than all that is a little wrong with any robot (:meth:`as_built`) that it is what
+            an engineer wants to hear of first.
+        either: of the causes with one word here each joint of a robot as built has one; empty: there is no such choice.
+        within: ids of what it is made of: who names it has named them too, and they are there where it is.
         changes_input: it changes what every other cause looks like; a pair with it has one answer only after it is undone.
         plain: which of ``constant``, ``sign`` and ``velocity`` (of each joint's motion) may not be taken from it, see
             :func:`.visibility.shown_as_itself`.
@@ -69,6 +73,9 @@ class HiddenCause(ABC):
     family: ClassVar[str] = ""
     dry: ClassVar[bool] = False
     everywhere: ClassVar[bool] = False
+    leads: ClassVar[bool] = False
+    either: ClassVar[str] = ""
+    within: ClassVar[tuple[str, ...]] = ()
     changes_input: ClassVar[bool] = False
     plain: ClassVar[tuple[str, ...]] = ()
     whole_arm: ClassVar[bool] = False
@@ -124,6 +131,10 @@ class HiddenCause(ABC):
         """On every joint, as large as a usual robot has it; asked of what is ``everywhere``."""
         return self.draw(c)
 
+    def as_built(self, c: Circumstances) -> tuple[HiddenEffect, ...]:
+        """As every robot has it that nothing is wrong with, a little on each joint; empty where it is not the rule."""
+        return ()
+
     def at_another_time(self, effect: HiddenEffect, duration: float, rng: np.random.Generator) -> HiddenEffect:
         """The same effect in another recording of ``duration`` [s]: what happened at a time happens at another."""
         return effect
@@ -156,6 +167,14 @@ class JointCause(HiddenCause):
     @abstractmethod
     def sizes(self, c: Circumstances, joints: list[int]) -> list[list[float]]:
         """Values of each parameter, one a joint."""
+
+    def usual_sizes(self, c: Circumstances) -> list[list[float]]:
+        """As :meth:`sizes`, of every joint of a robot as built; empty where it is not the rule."""
+        return []
+
+    def as_built(self, c: Circumstances) -> tuple[HiddenEffect, ...]:
+        sizes = self.usual_sizes(c)
+        return (self.on(c, list(range(c.robot.n)), sizes),) if sizes else ()
 
     def draw(self, c: Circumstances) -> HiddenEffect:
         joints = self.where(c)

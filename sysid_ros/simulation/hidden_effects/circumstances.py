@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
+from sysid_ros.simulation.hidden_effects.motion import PlannedMotion
 
 _GRID = 0.02
 _LEAST_SHARE = 0.03
@@ -23,14 +23,16 @@ class Circumstances:
         scale: multiplies the sizes; 1 is usual.
         torque_noise: standard deviation of the efforts, shape (n,) [N m]; a resolution is drawn relative to it.
         only: the joint where it has to be; None: any.
+        rated: torque that each joint is built for, shape (n,) [N m]; None: the URDF's effort limit.
     """
 
     robot: RobotModel
-    motion: DiagnosisMotion
+    motion: PlannedMotion
     rng: np.random.Generator
     scale: float
     torque_noise: FloatArray
     only: int | None = None
+    rated: FloatArray | None = None
 
     def __post_init__(self) -> None:
         self.t = np.arange(0.0, self.motion.duration, _GRID)
@@ -39,6 +41,7 @@ class Circumstances:
         self.torque = torque_scale(self.tau)
         self.speed = np.sqrt(np.mean(self.v**2, axis=0))
         self.acceleration = np.sqrt(np.mean(self.a**2, axis=0))
+        self.effort = self.robot.effort_limit if self.rated is None else self.rated
 
     @cached_property
     def inertia(self) -> FloatArray:
@@ -71,6 +74,10 @@ class Circumstances:
     def share(self, low: float, high: float) -> float:
         """A size relative to what is usual, evenly spread in its logarithm, times ``scale``."""
         return self.scale * float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
+
+    def of_effort(self, low: float, high: float) -> list[float]:
+        """A size for each joint, evenly spread in its logarithm, as a part of what the joint is built for; not scaled."""
+        return (self.effort * np.exp(self.rng.uniform(np.log(low), np.log(high), self.robot.n))).tolist()  # type: ignore[no-any-return]
 
     def sign(self) -> float:
         """1 or -1."""

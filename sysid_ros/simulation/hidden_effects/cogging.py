@@ -20,3 +20,10 @@ class Cogging(HiddenCause):
         j = c.one_joint()
         sizes = [[c.rng.integers(8, 41)], [c.share(0.04, 0.15) * c.torque[j]]]
         return self.on(c, [j], sizes, phase=[c.uniform(-np.pi, np.pi)])
+
+    def as_built(self, c: Circumstances) -> tuple[HiddenEffect, ...]:
+        n = c.robot.n
+        harmonics = np.round(np.exp(c.rng.uniform(np.log(8.0), np.log(100.0), n))).tolist()
+        return (
+            self.on(c, list(range(n)), [harmonics, c.of_effort(0.002, 0.008)], phase=c.rng.uniform(-np.pi, np.pi, n).tolist()),
+        )

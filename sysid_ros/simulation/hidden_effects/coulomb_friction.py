@@ -12,6 +12,7 @@ class DryFriction(TorqueShare):
     adds: ClassVar[Pairs] = (("coulomb_forward", "Fc"), ("coulomb_backward", "Fc"))
     family = "friction"
     dry = True
+    within: ClassVar[tuple[str, ...]] = ("coulomb_friction",)
     share = (0.06, 0.35)
 
 
@@ -21,6 +22,8 @@ class CoulombFriction(DryFriction):
 
     id = "coulomb_friction"
     everywhere = True
+    leads = True
+    within = ()
     plain = ("sign",)
     equivalent = ("asymmetric_coulomb_friction",)  # with an offset, the same while the joint moves
     usual_share = (0.1, 0.4)

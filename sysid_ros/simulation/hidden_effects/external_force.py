@@ -12,6 +12,7 @@ class ExternalForce(ArmCause):
 
     id = "external_force"
     parameters = (("force", "N"),)
+    leads = True
 
     def size(self, c: Circumstances) -> list[float | tuple[float, ...]]:
         direction = c.rng.normal(size=3) * np.array([1.0, 1.0, 0.5])

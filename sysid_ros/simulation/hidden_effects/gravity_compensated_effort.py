@@ -13,6 +13,7 @@ class GravityCompensatedEffort(ArmCause):
     in_messages = True
     parameters = (("coef", ""),)
     changes_input = True
+    leads = True
 
     def size(self, c: Circumstances) -> list[float | tuple[float, ...]]:
         return [c.sign()]

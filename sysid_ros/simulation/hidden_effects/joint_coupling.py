@@ -21,6 +21,7 @@ class JointCoupling(HiddenCause):
     in_messages = True
     local = True
     ordered = True
+    leads = True
 
     def draw(self, c: Circumstances) -> HiddenEffect:
         last = c.robot.n - 1

@@ -31,6 +31,7 @@ class JointElasticity(Compliance):
 
     id = "joint_elasticity"
     parameters = (("stiffness", "N m/rad"),)
+    leads = True
     damping_ratio = 0.03
 
     def draw(self, c: Circumstances) -> HiddenEffect:

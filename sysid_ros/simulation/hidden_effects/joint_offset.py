@@ -13,6 +13,7 @@ class JointOffset(JointCause):
     in_messages = True
     parameters = (("delta", "rad"),)
     single = True
+    leads = True
     equivalent = ("backlash",)
 
     def sizes(self, c: Circumstances, joints: list[int]) -> list[list[float]]:

@@ -1,6 +1,8 @@
 """Friction that grows with the load, hidden."""
 
-from sysid_ros.simulation.hidden_effects.cause import Circumstances, register_hidden
+import numpy as np
+
+from sysid_ros.simulation.hidden_effects.cause import Circumstances, HiddenEffect, register_hidden
 from sysid_ros.simulation.hidden_effects.coulomb_friction import DryFriction
 
 
@@ -18,3 +20,8 @@ class LoadDependentFriction(DryFriction):
 
     def sizes(self, c: Circumstances, joints: list[int]) -> list[list[float]]:
         return [*super().sizes(c, joints), [c.share(0.08, 0.3)]]
+
+    def as_built(self, c: Circumstances) -> tuple[HiddenEffect, ...]:
+        joints = np.flatnonzero(c.torque > 0.1 * c.effort).tolist()
+        factors = np.exp(c.rng.uniform(np.log(0.02), np.log(0.1), len(joints))).tolist()
+        return (self.on(c, joints, [[0.0] * len(joints), factors]),) if joints else ()

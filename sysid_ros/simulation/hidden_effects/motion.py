@@ -1,6 +1,6 @@
 """DiagnosisMotion: fast, then slow, with rests: what a diagnosis needs to see."""
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,15 @@ _AMPLITUDE = 1.3
 _SPEED_SHARE = 0.7
 _EFFORT_SHARE = 0.8
 _SLOW_AMPLITUDE = 0.4
+
+
+class PlannedMotion(Protocol):
+    """A motion from its beginning to its end at ``duration`` [s]."""
+
+    duration: float
+
+    def sample(self, t: NDArray[np.floating[Any]]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position, velocity and acceleration, each of shape (len(t), n), at the times t [s]."""
 
 
 class DiagnosisMotion:

@@ -37,6 +37,7 @@ class TipBody(Inertial):
 
     parameters: ClassVar[Pairs] = (("mass", "kg"), ("com", "m"))
     family = "body"
+    leads = True
     whole_arm = True
 
     def draw(self, c: Circumstances) -> HiddenEffect:

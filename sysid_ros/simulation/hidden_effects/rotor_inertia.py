@@ -15,3 +15,6 @@ class RotorInertia(TorqueShare):
 
     def usual(self, c: Circumstances, joint: int) -> float:
         return float(c.acceleration[joint])
+
+    def usual_sizes(self, c: Circumstances) -> list[list[float]]:
+        return [c.of_effort(0.003, 0.01)]  # at 1 rad/s^2

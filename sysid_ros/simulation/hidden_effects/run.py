@@ -10,7 +10,7 @@ from sysid_ros.sample import FloatArray, JointStateRecord
 from sysid_ros.simulation.hidden_effects.chain import chain_of, inverse_dynamics, place
 from sysid_ros.simulation.hidden_effects.channels import Signals
 from sysid_ros.simulation.hidden_effects.integrator import FREQUENCY, integrate, state_at
-from sysid_ros.simulation.hidden_effects.motion import DiagnosisMotion
+from sysid_ros.simulation.hidden_effects.motion import PlannedMotion
 from sysid_ros.simulation.hidden_effects.sensor_noise import Noise
 from sysid_ros.simulation.hidden_effects.true_robot import TrueRobot
 
@@ -47,7 +47,7 @@ class HiddenRecording:
         return [JointStateRecord(t, t, self.joint_names, q, v, tau) for t, q, v, tau in rows]
 
 
-def move(true: TrueRobot, motion: DiagnosisMotion, rate: int, stiffening: FloatArray) -> Signals:
+def move(true: TrueRobot, motion: PlannedMotion, rate: int, stiffening: FloatArray) -> Signals:
     """Positions and velocities at the motors and the torque asked of them, every 1/rate [s].
 
     Raises:
@@ -93,7 +93,7 @@ def require_rate(rate: int) -> None:
         raise SettingsError(f"rate is {rate}; it must be a divisor of 1000 Hz: 1000, 500, 250, 200, 125, 100, ...")
 
 
-def check_followed(true: TrueRobot, motion: DiagnosisMotion, t: FloatArray, q: FloatArray) -> None:
+def check_followed(true: TrueRobot, motion: PlannedMotion, t: FloatArray, q: FloatArray) -> None:
     """The positions (K, n) that were reached at t (K,) are those of the motion.
 
     Raises:
@@ -136,7 +136,7 @@ def publish(
     q = moved.q + noise.position * rng.standard_normal((count, n))
     read = replace(
         moved,
-        q=np.round(q / noise.resolution) * noise.resolution if noise.resolution > 0.0 else q,
+        q=noise.read(q),
         v=moved.v + noise.velocity * rng.standard_normal((count, n)),
         tau=moved.tau + noise.of_torque(count, period, rng),
     )
@@ -160,7 +160,7 @@ def truth_of(true: TrueRobot, noise: Noise, rate: int, simulator: str, **more: A
             "coloured": noise.coloured.tolist(),
             "memory": noise.memory,
             "encoder": noise.position,
-            "resolution": noise.resolution,
+            "resolution": np.asarray(noise.resolution).tolist(),
             "velocity": noise.velocity,
         },
         **more,

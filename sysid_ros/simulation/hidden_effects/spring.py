@@ -12,6 +12,7 @@ class Spring(HiddenCause):
     id = "spring"
     parameters = (("k", "N m/rad"), ("q0", "rad"))
     local = True
+    leads = True
     equivalent = ("link_inertia",)  # a link's weight about a horizontal axis is a balancer there
 
     def draw(self, c: Circumstances) -> HiddenEffect:

@@ -12,9 +12,13 @@ class TimeDelay(ArmCause):
     id = "time_delay"
     in_messages = True
     parameters = (("delay", "s"),)
+    leads = True
 
     def size(self, c: Circumstances) -> list[float | tuple[float, ...]]:
         return [max(c.share(0.006, 0.02), 0.004)]
+
+    def as_built(self, c: Circumstances) -> tuple[HiddenEffect, ...]:
+        return (self.of_arm(c, [c.uniform(0.001, 0.005)]),)
 
     def publish(self, effect: HiddenEffect, robot: TrueRobot, signals: Signals, true: Signals) -> Signals:
         earlier = signals.t - effect.number("delay")

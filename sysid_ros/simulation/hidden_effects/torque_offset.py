@@ -1,6 +1,13 @@
 """A constant in the efforts, hidden."""
 
-from sysid_ros.simulation.hidden_effects.cause import HiddenEffect, Signals, TorqueShare, TrueRobot, register_hidden
+from sysid_ros.simulation.hidden_effects.cause import (
+    Circumstances,
+    HiddenEffect,
+    Signals,
+    TorqueShare,
+    TrueRobot,
+    register_hidden,
+)
 
 
 @register_hidden
@@ -15,6 +22,10 @@ class TorqueOffset(TorqueShare):
     equivalent = ("asymmetric_coulomb_friction",)  # with a Coulomb friction, the same while the joint moves
     share = (0.04, 0.3)
     signed = True
+    leads = True
+
+    def usual_sizes(self, c: Circumstances) -> list[list[float]]:
+        return [(c.rng.uniform(-0.01, 0.01, c.robot.n) * c.effort).tolist()]
 
     def publish(self, effect: HiddenEffect, robot: TrueRobot, signals: Signals, true: Signals) -> Signals:
         return signals.with_tau(signals.tau + robot.per_joint(effect.per_joint("offset")))

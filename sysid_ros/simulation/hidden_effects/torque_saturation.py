@@ -25,6 +25,7 @@ class TorqueSaturation(HiddenCause):
     in_messages = True
     parameters = (("limit", "N m"),)
     local = True
+    leads = True
 
     def draw(self, c: Circumstances) -> HiddenEffect:
         motor = c.uniform(0.0, 1.0) > 0.35

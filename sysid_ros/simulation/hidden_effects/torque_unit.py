@@ -13,6 +13,7 @@ class TorqueUnit(Gain):
     id = "torque_unit"
     parameters = (("factor", ""),)
     changes_input = True
+    leads = True
     whole_arm = True
 
     def draw(self, c: Circumstances) -> HiddenEffect:

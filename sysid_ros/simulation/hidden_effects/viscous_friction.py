@@ -17,3 +17,6 @@ class ViscousFriction(TorqueShare):
 
     def usual(self, c: Circumstances, joint: int) -> float:
         return float(c.speed[joint])
+
+    def usual_sizes(self, c: Circumstances) -> list[list[float]]:
+        return [c.of_effort(0.01, 0.05)]  # at 1 rad/s
