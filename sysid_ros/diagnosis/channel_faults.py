@@ -50,7 +50,7 @@ def undo(recording: Recording, effect: ChannelEffect) -> Recording:
 
 
 def faults_of_signs_and_order(names: Sequence[str]) -> Iterator[tuple[str, Fault]]:
-    """One effort, or one joint, with the wrong sign; the efforts, or all channels, of two joints swapped. With the kind of each."""
+    """With the kind of each: one effort, or one joint, with the wrong sign; efforts, or all channels, of two joints swapped."""
     n = len(names)
     for j in range(n):
         yield "effort", Fault(TorqueSign([j]), (j,), (("gain", j, -1.0, "1", None),))

@@ -35,7 +35,7 @@ class CoarseRows:
 
     Attributes:
         t: shape (N,) [s]. stretch: recording without a gap that each belongs to, shape (N,).
-        q, v, a, tau: shape (N, n). sign, slow_sign: smoothed signs of the velocity through the filter of the torque, shape (N, n).
+        q, v, a, tau: shape (N, n). sign, slow_sign: smoothed signs of the velocity through the torque's filter, shape (N, n).
         stands: 1 where a joint stands, shape (N, n).
     """
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from sysid_ros.diagnosis.robot_kernels import RobotKernels
-from sysid_ros.diagnosis.robot_likelihood import USUAL, JointTorques
+from sysid_ros.diagnosis.robot_likelihood import USUAL, JointTorques, inverse
 from sysid_ros.sample import FloatArray
 
 _TURNS = 4
@@ -25,8 +25,8 @@ class EffortFactors:
     """What efforts say of a factor of their own on each joint.
 
     Attributes:
-        values: published effort over torque, shape (n,). std: standard deviations. seen: joints whose efforts are likelier with the
-            URDF's bodies in them than without any; of the others no factor can be told.
+        values: published effort over torque, shape (n,). std: standard deviations. seen: joints whose efforts are likelier
+            with the URDF's bodies in them than without any; of the others no factor can be told.
         log_prior: log-probability of such factors before any data: how narrowly each is told of what it could have been.
     """
 
@@ -79,7 +79,7 @@ def _posterior(joints: Sequence[JointTorques], sizes: Sequence[FloatArray]) -> t
     p = joints[0].prior[0].shape[1]
     H, h = np.eye(p), np.zeros(p)
     for x, s in zip(joints, sizes, strict=True):
-        own, side = x.information(x.precision(s))
+        own, side = x.information(inverse(x.covariance(s)))
         H, h = H + own, h + side
     covariance = linalg.inv(H)
     return covariance, covariance @ h

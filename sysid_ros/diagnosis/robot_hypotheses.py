@@ -7,8 +7,9 @@ not seen. What wins, with its probability, is what is undone, or why the recordi
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from sysid_ros.diagnosis.channel_faults import Fault, fault_of_factors, faults_o
 from sysid_ros.diagnosis.coarse_rows import CoarseRows
 from sysid_ros.diagnosis.effort_factors import EffortFactors, effort_factors
 from sysid_ros.diagnosis.robot_kernels import RobotKernels
-from sysid_ros.diagnosis.robot_likelihood import USUAL, JointTorques, halves, left_out
+from sysid_ros.diagnosis.robot_likelihood import LEAVES, LEAVES_ALL, JointTorques, RowLikelihoods, halves, row_likelihoods
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
@@ -30,6 +31,8 @@ _OTHER = 0.005
 """Probability that a URDF that somebody gives is that of another robot alike, or that the efforts are no torques of a robot."""
 _FAULTS = 3
 """Most faults that are looked for beside one another."""
+_INEXACT = 0.03
+"""What even a right URDF leaves of a torque, in a first comparison."""
 _COARSE, _TRIED = 3, 2
 """Each of so many rows for a first comparison, and how many hypotheses are compared on all of them."""
 _SEGMENTS, _DRAWS = 20, 400
@@ -42,14 +45,14 @@ class Judgement:
 
     Attributes:
         robot: the URDF's. faults: of the channels, in the order in which they are to be undone.
-        rows: log-likelihood of each row, with its prior odds in equal parts: under each form of the URDF with its faults undone,
-            shape (g, N); with free bodies and with no robot at all, shape (N,) each.
+        urdf: of each row under each form of the URDF with its faults undone, their prior odds in it. free, no_robot:
+            log-likelihood of each row given the other half, with free bodies and with no robot at all, shape (N,) each.
         factors: what was found of efforts with a factor of their own on each joint, where that is a fault.
     """
 
     robot: RobotModel
     faults: tuple[Fault, ...]
-    urdf: FloatArray
+    urdf: RowLikelihoods
     free: FloatArray
     no_robot: FloatArray
     factors: EffortFactors | None = None
@@ -57,7 +60,7 @@ class Judgement:
     @property
     def probability(self) -> float:
         """That the torques are those of the URDF's robot."""
-        return float(probabilities([*self.urdf, self.free, self.no_robot])[: len(self.urdf)].sum())
+        return float(probabilities([*self.urdf.then, self.free, self.no_robot])[:-2].sum())
 
     @property
     def refusal(self) -> str | None:
@@ -69,16 +72,15 @@ class Judgement:
         return None
 
     def _of_another_robot(self) -> str:
-        no_robot = self.no_robot.sum() > self.free.sum()
-        other = (
-            "functions of the joint angles that know no robot" if no_robot else "the same joints with any other bodies on them"
-        )
-        ratio = max(self.no_robot.sum(), self.free.sum()) - max(self.urdf.sum(axis=1))
+        other = "functions of the joint angles that know no robot"
+        if self.free.sum() > self.no_robot.sum():
+            other = "the same joints with any other bodies on them"
+        more = max(self.no_robot.sum(), self.free.sum()) - max(self.urdf.then.sum(axis=1))
         return (
-            f"The URDF '{self.robot.name}' does not explain these torques: where the arm had not been before, {other} predict them "
-            f"better (by {ratio / np.log(10.0):.3g} decades of likelihood, probability of this URDF {self.probability:.2g}), whatever "
-            "friction, offset and payload are added to it. It is another robot's URDF, or the efforts are no joint torques; give the "
-            "URDF of the robot that was recorded (--urdf)."
+            f"The URDF '{self.robot.name}' does not explain these torques (probability {self.probability:.2g}): where the arm had "
+            f"not been before, {other} predict them better, by {more / np.log(10.0):.3g} powers of ten in likelihood, whatever "
+            "friction, offset and payload are added to it. It is another robot's URDF, or the efforts are no joint torques; give "
+            "the URDF of the robot that was recorded (--urdf)."
         )
 
     def _without_signal(self, found: EffortFactors) -> str:
@@ -87,9 +89,9 @@ class Judgement:
         silent = ", ".join(names[j] for j in np.flatnonzero(~found.seen))
         return (
             "The efforts are in another unit than N m, with a factor of its own on each joint (torque_unit), as currents are"
-            f"{f': {told}' if told else ''}. On {silent} they hold nothing of the links' torque, so that no factor can be told there: "
-            "these channels are dead, or friction is all that they show. Publish joint torques in N m (current times torque constant "
-            "and gear ratio), or leave these joints out (joint_names)."
+            f"{f': {told}' if told else ''}. On {silent} they hold nothing of the links' torque, so that no factor can be told "
+            "there: these channels are dead, or friction is all that they show. Publish joint torques in N m (current times "
+            "torque constant and gear ratio), or leave these joints out (joint_names)."
         )
 
 
@@ -109,12 +111,21 @@ class _Trial:
     fault: Fault | None = None
     factors: EffortFactors | None = None
 
-    def total(self, half: NDArray[np.bool_]) -> float:
-        """Log-likelihood of the likeliest form with usual noise and discrepancy."""
-        return float(self.likelihood(half, USUAL).sum(axis=1).max())
+    def coarse(self) -> float:
+        """Roughly its log-likelihood: that of white noise beside the URDF's bodies and each joint's offset and friction."""
+        tau, k, best = self.rows.tau, self.kernels, -np.inf
+        for c in _GRAVITY:
+            total = self.log_prior - len(tau) * self.scale
+            for j in range(k.robot.n):
+                X = np.stack([np.ones(len(tau)), self.rows.v[:, j], self.rows.sign[:, j]], axis=1)
+                y = tau[:, j] - (0.0 if self.silent[j] else k.mean[:, j] + c * k.gravity[:, j])
+                left = float(np.mean((y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) ** 2))
+                total -= 0.5 * len(tau) * np.log(left + (_INEXACT * float(np.std(tau[:, j]))) ** 2 + 1e-24)
+            best = max(best, total)
+        return best
 
-    def likelihood(self, half: NDArray[np.bool_], sizes: FloatArray | None = None) -> FloatArray:
-        """Log-likelihood of each published row with gravity as it is, not at all and twice, shape (3, N), their priors in it."""
+    def likelihood(self, half: NDArray[np.bool_]) -> RowLikelihoods:
+        """Of the published rows, with gravity as it is, not at all and twice, their priors in it."""
         tau, k = self.rows.tau, self.kernels
         usual = np.maximum(np.sqrt(np.mean(tau**2, axis=0)), 1e-12)
         largest = float(usual[~self.silent].max()) if not self.silent.all() else 0.0
@@ -126,7 +137,7 @@ class _Trial:
                 forms, prior = np.repeat(tau[:, [j]], len(_GRAVITY), axis=1), (0.0 * prior[0], 0.0 * prior[1])
             joints.append(JointTorques(forms, prior, k.own(j), k.pattern, float(usual[j])))
         priors = self.log_prior + np.log(list(_GRAVITY.values())) - len(tau) * self.scale
-        return left_out(joints, half, sizes) + priors[:, None] / len(tau)
+        return row_likelihoods(joints, half).plus(priors)
 
 
 def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | None:
@@ -138,17 +149,23 @@ def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | Non
     trial = _Trial(rows, RobotKernels(robot, rows), 0.0, np.log(1.0 - 2.0 * _OTHER), np.zeros(robot.n, dtype=bool))
     found, faults, factors = trial.likelihood(half), list[Fault](), None
     while len(faults) < _FAULTS:
-        options = _first_choice(robot, trial, half)
+        options = _first_choice(robot, trial)
         weighed = [(found, trial), *((option.likelihood(half), option) for option in options)]
-        share = probabilities([x[int(np.argmax(x.sum(axis=1)))] for x, _ in weighed])
+        # a fault must be likelier before any row is seen, by what is usual, and where the arm had not been
+        share = np.minimum(*(probabilities(x) for x in zip(*((x.likeliest, x.then[x.best]) for x, _ in weighed), strict=True)))
         best = int(np.argmax(share))
-        if best == 0:
+        if best == 0 or share[best] < 0.5:
             break
         found, trial = weighed[best]
         assert trial.fault is not None
         faults.append(replace(trial.fault, probability=float(share[best])))
         factors = trial.factors or factors
     return Judgement(robot, tuple(faults), found, *_others(robot, rows, half), factors)
+
+
+def rank(judgements: Sequence[Judgement]) -> FloatArray:
+    """Probability of each of several URDFs, one of which is the robot's, by the likelihood of all rows."""
+    return probabilities([x.urdf.likeliest for x in judgements])
 
 
 def _others(robot: RobotModel, rows: CoarseRows, half: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
@@ -160,36 +177,33 @@ def _others(robot: RobotModel, rows: CoarseRows, half: NDArray[np.bool_]) -> tup
         joints = []
         for j, u in enumerate(usual):
             prior = k.free(j, float(usual.max())) if free else (nothing, u**2 * k.waves)
-            joints.append(JointTorques(rows.tau[:, [j]], prior, k.own(j), k.pattern, float(u)))
-        out.append(left_out(joints, half)[0] + np.log(_OTHER) / len(rows.t))
+            leaves = LEAVES if free else LEAVES_ALL
+            joints.append(JointTorques(rows.tau[:, [j]], prior, k.own(j), k.pattern, float(u), leaves))
+        out.append(row_likelihoods(joints, half).plus(np.array([np.log(_OTHER)])).then[0])
     return out[0], out[1]
 
 
-def _first_choice(robot: RobotModel, trial: _Trial, half: NDArray[np.bool_]) -> list[_Trial]:
-    """The likeliest faults on a few rows, with the noise and the discrepancy that are usual."""
+def _first_choice(robot: RobotModel, trial: _Trial) -> list[_Trial]:
+    """The likeliest faults on a few rows, roughly compared."""
     few = replace(trial, rows=trial.rows.every(_COARSE), kernels=RobotKernels(robot, trial.rows.every(_COARSE)))
-    made = [*faults_of_signs_and_order(robot.joint_names), *faults_of_units(robot.n)]
-    kinds = Counter(kind for kind, _ in made)
-    tried = []
-    for kind, fault in made:
-        prior = float(np.log(_FAULT / kinds[kind]))
-        option = _with(robot, few, fault, prior)
-        tried.append((option.total(half[::_COARSE]), lambda f=fault, p=prior: _with(robot, trial, f, p)))
+    listed = [*faults_of_signs_and_order(robot.joint_names), *faults_of_units(robot.n)]
+    kinds = Counter(kind for kind, _ in listed)
+    made = [(replace(fault, candidates=len(listed) + 1), float(np.log(_FAULT / kinds[kind]))) for kind, fault in listed]
+    tried: list[tuple[float, Callable[[_Trial], _Trial]]] = []
+    for fault, prior in made:
+        undone = partial(_with, robot, fault=fault, log_prior=prior)
+        tried.append((undone(few).coarse(), undone))
     if trial.factors is None:
-        tried.append((_with_factors(few).total(half[::_COARSE]), lambda: _with_factors(trial)))
-    best = sorted(tried, key=lambda x: -x[0])[:_TRIED]
-    return [_counted(make(), len(tried)) for _, make in best]
+        undone = partial(_with_factors, candidates=len(listed) + 1)
+        tried.append((undone(few).coarse(), undone))
+    return [undone(trial) for _, undone in sorted(tried, key=lambda x: -x[0])[:_TRIED]]
 
 
-def _counted(trial: _Trial, candidates: int) -> _Trial:
-    assert trial.fault is not None
-    return replace(trial, fault=replace(trial.fault, candidates=candidates))
-
-
-def _with_factors(trial: _Trial) -> _Trial:
+def _with_factors(trial: _Trial, candidates: int) -> _Trial:
     """The same with a factor of its own on each effort undone."""
     factors = effort_factors(trial.kernels, trial.rows.tau)
-    option = _with(trial.kernels.robot, trial, fault_of_factors(factors), float(np.log(_FAULT)) + factors.log_prior)
+    fault = replace(fault_of_factors(factors), candidates=candidates)
+    option = _with(trial.kernels.robot, trial, fault, float(np.log(_FAULT)) + factors.log_prior)
     return replace(option, factors=factors, silent=~factors.seen)
 
 

@@ -46,8 +46,8 @@ class RobotKernels:
     state, and of time, of a size that the data tell.
 
     Attributes:
-        mean, gravity: torque of the URDF's links and of their weight, shape (N, n). pattern: covariance of the discrepancy, of unit
-            variance, and waves: that of functions of the joint angles that know no robot, shape (N, N) each.
+        mean, gravity: torque of the URDF's links and of their weight, shape (N, n). pattern: covariance of the discrepancy, of
+            unit variance, and waves: that of functions of the joint angles that know no robot, shape (N, N) each.
     """
 
     def __init__(self, robot: RobotModel, rows: CoarseRows) -> None:
@@ -104,7 +104,7 @@ class RobotKernels:
 
     def whole_arm(self, joint: int, usual: float) -> FloatArray:
         """Columns of a payload, a force on the tool and a tilt of the base, shape (N, 15)."""
-        weight = float(np.max(np.sqrt(np.mean(self._payload[:, :, 0] ** 2, axis=0))))
+        weight = float(np.sqrt(np.max(np.mean(np.sum((self._payload * _CARRIED) ** 2, axis=2), axis=0))))
         carried = max(_PAYLOAD * self._total, _WHOLE * usual / max(weight, 1e-9))
         force, tilt = _GRAVITY * _REACH * carried, _GRAVITY * _TILT
         parts = [self._payload[:, joint] * carried * _CARRIED, self._force[:, joint] * force, self._tilt[:, joint] * tilt]
@@ -136,7 +136,7 @@ def _distance(q: FloatArray, v: FloatArray) -> FloatArray:
     """Between states, over their usual spread, shape (N, N)."""
     X = np.concatenate([x / np.maximum(x.std(axis=0), 1e-9) for x in (q, v)], axis=1)
     size = np.sum(X**2, axis=1)
-    return np.sqrt(np.maximum(size[:, None] + size - 2.0 * X @ X.T, 0.0) / X.shape[1])
+    return np.asarray(np.sqrt(np.maximum(size[:, None] + size - 2.0 * X @ X.T, 0.0) / X.shape[1]))
 
 
 def _matern(d: FloatArray) -> FloatArray:
