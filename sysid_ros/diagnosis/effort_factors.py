@@ -16,8 +16,9 @@ from sysid_ros.sample import FloatArray
 _TURNS = 4
 _BROAD = 10.0
 """Standard deviation of a factor over its last value: it is the data that tell it."""
-_SPREAD = np.log(10.0)
-"""Standard deviation of the logarithm of a factor, before any data: efforts in N m, per cent, amperes, counts."""
+_SPREAD, _APART = np.log(10.0), np.log(3.0)
+"""Standard deviations of the logarithm of all factors together (per cent, amperes, counts), and of one joint's against them,
+before any data."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +52,27 @@ def effort_factors(kernels: RobotKernels, tau: FloatArray) -> EffortFactors:
         gain = 1.0 + _BROAD * theta[:n]
         factors = factors * np.where(gain > 0.0, gain, 1.0)
     part = _BROAD * np.sqrt(np.diag(covariance)[:n]) / np.abs(gain)
-    log_prior = -0.5 * (np.log(factors) / _SPREAD) ** 2 - np.log(_SPREAD) + np.minimum(np.log(part), 0.0)
+    log_prior = _narrowly(np.log(factors), part)
     seen = np.zeros(n, dtype=bool)
     for j, x in enumerate(_joints(kernels, tau, factors, size / factors)):
         theta[:n] = 0.0
         without = x.sizes(tau[:, j] / factors[j], x.fixed() - x.prior[1])[1]
         with_bodies = x.sizes(x.residual[:, 0] - x.prior[0] @ theta, x.fixed(), sizes[j])[1]
         seen[j] = gain[j] > 0.0 and with_bodies + log_prior[j] > without
-    return EffortFactors(factors, factors * part, seen, float(log_prior[seen].sum()))
+    return EffortFactors(factors, factors * part, seen, float(log_prior[seen].sum() + _together(np.log(factors[seen]))))
+
+
+def _narrowly(logs: FloatArray, part: FloatArray) -> FloatArray:
+    """Log-prior of each factor in the width to which it is told, shape (n,), against the middle of all."""
+    z = (logs - np.median(logs)) / _APART
+    return np.asarray(-0.5 * z**2 + np.minimum(np.log(part / _APART), 0.0))
+
+
+def _together(logs: FloatArray) -> float:
+    """Log-prior of what the factors that are told have in common, in the width to which it is."""
+    if not logs.size:
+        return 0.0
+    return float(-0.5 * (np.mean(logs) / _SPREAD) ** 2 + np.log(_APART / np.sqrt(logs.size) / _SPREAD))
 
 
 def _joints(kernels: RobotKernels, tau: FloatArray, factors: FloatArray, usual: FloatArray) -> list[JointTorques]:

@@ -23,9 +23,9 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
 
-_FAULT = 0.01
+_FAULT = 0.003
 """Probability of each kind of fault of the channels, before any data."""
-_GRAVITY = {0.0: 0.98, -1.0: 0.01, 1.0: 0.01}
+_GRAVITY = {0.0: 0.978, -1.0: 0.02, 1.0: 0.002}
 """Probability that the efforts hold gravity as it is, not at all, or twice."""
 _OTHER = 0.005
 """Probability that a URDF that somebody gives is that of another robot alike, or that the efforts are no torques of a robot."""
@@ -151,8 +151,9 @@ def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | Non
     while len(faults) < _FAULTS:
         options = _first_choice(robot, trial)
         weighed = [(found, trial), *((option.likelihood(half), option) for option in options)]
-        # a fault must be likelier before any row is seen, by what is usual, and where the arm had not been
-        share = np.minimum(*(probabilities(x) for x in zip(*((x.likeliest, x.then[x.best]) for x, _ in weighed), strict=True)))
+        # with what is usual, and by what the arm then did where it had not been: a fault that is real is likelier by both
+        seen = [x.plus(np.array([-option.log_prior])).then[x.best] for x, option in weighed]
+        share = np.minimum(probabilities([x.likeliest for x, _ in weighed]), probabilities(seen))
         best = int(np.argmax(share))
         if best == 0 or share[best] < 0.5:
             break
@@ -160,7 +161,8 @@ def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | Non
         assert trial.fault is not None
         faults.append(replace(trial.fault, probability=float(share[best])))
         factors = trial.factors or factors
-    return Judgement(robot, tuple(faults), found, *_others(robot, rows, half), factors)
+    given = found.plus(np.array([np.log(1.0 - 2.0 * _OTHER) - trial.log_prior]))  # other robots have the same faults here
+    return Judgement(robot, tuple(faults), given, *_others(trial, half), factors)
 
 
 def rank(judgements: Sequence[Judgement]) -> FloatArray:
@@ -168,18 +170,20 @@ def rank(judgements: Sequence[Judgement]) -> FloatArray:
     return probabilities([x.urdf.likeliest for x in judgements])
 
 
-def _others(robot: RobotModel, rows: CoarseRows, half: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
-    """Log-likelihood of each row with free bodies on the same joints, and with no robot, shape (N,) each."""
-    k, usual = RobotKernels(robot, rows), np.maximum(np.sqrt(np.mean(rows.tau**2, axis=0)), 1e-12)
+def _others(trial: _Trial, half: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+    """Log-likelihood of each published row with free bodies on the same joints, and with no robot, shape (N,) each."""
+    k, rows = trial.kernels, trial.rows
+    usual = np.maximum(np.sqrt(np.mean(rows.tau**2, axis=0)), 1e-12)
+    odds = np.array([np.log(_OTHER) - len(rows.t) * trial.scale])
     nothing = np.zeros((len(rows.t), 1))
     out = []
     for free in (True, False):
         joints = []
         for j, u in enumerate(usual):
-            prior = k.free(j, float(usual.max())) if free else (nothing, u**2 * k.waves)
+            prior = k.free(j, float(usual.max())) if free else (nothing, 0.0 * k.pattern)
             leaves = LEAVES if free else LEAVES_ALL
             joints.append(JointTorques(rows.tau[:, [j]], prior, k.own(j), k.pattern, float(u), leaves))
-        out.append(row_likelihoods(joints, half).plus(np.array([np.log(_OTHER)])).then[0])
+        out.append(row_likelihoods(joints, half).plus(odds).then[0])
     return out[0], out[1]
 
 

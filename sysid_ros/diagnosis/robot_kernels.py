@@ -17,12 +17,12 @@ _BODY = np.array([1.0] + [0.3] * 3 + [0.1] * 6)
 _CARRIED = np.array([1.0] + [0.15] * 3 + [0.03] * 6)
 """A payload, times its mass: within 0.15 m of the flange."""
 _PAYLOAD, _WHOLE = 0.2, 0.5
-"""What is carried: a part of the arm's mass, or what alone makes such a part of the usual torque, if that is more."""
+"""What is carried: a part of the arm's mass, or what makes such a part of the usual torque, if that is more."""
 _REACH = 0.3
 """Height to which a force on the tool is that of a payload [g]."""
 _TILT = 0.05
 """Tilt of a base [rad]."""
-GAIN, _RUBS = 0.15, 0.1
+GAIN, _RUBS = 0.05, 0.1
 """Gain of an effort, as a part of it, and friction of a gear, as a part of its load."""
 _OFFSET, _VISCOUS, _QUADRATIC, _ROTOR, _DRY = 0.3, 0.5, 0.2, 0.3, 0.5
 """What a joint has of its own, as a part of its usual torque, at its usual speed and acceleration."""
@@ -47,7 +47,7 @@ class RobotKernels:
 
     Attributes:
         mean, gravity: torque of the URDF's links and of their weight, shape (N, n). pattern: covariance of the discrepancy, of
-            unit variance, and waves: that of functions of the joint angles that know no robot, shape (N, N) each.
+            unit variance, shape (N, N).
     """
 
     def __init__(self, robot: RobotModel, rows: CoarseRows) -> None:
@@ -65,8 +65,7 @@ class RobotKernels:
         apart = np.where(rows.stretch[:, None] == rows.stretch, np.abs(rows.t[:, None] - rows.t), np.inf)
         self._slow = 1.0 - _DRIFTS + _DRIFTS * np.exp(-0.5 * (apart / _SLOW) ** 2)
         self._rest = np.exp(-0.5 * (apart / _REST) ** 2)
-        self.waves = _waves(q, v, a)
-        self.pattern = (self.waves + _matern(_distance(q, v)) + _matern(np.minimum(apart, 1e3) / _MEMORY)) / 3.0
+        self.pattern = (_waves(q, v, a) + _matern(_distance(q, v)) + _matern(np.minimum(apart, 1e3) / _MEMORY)) / 3.0
 
     def own(self, joint: int) -> FloatArray:
         """Covariance of what a joint has of its own, over the square of its usual torque, shape (N, N)."""
