@@ -45,22 +45,25 @@ class Judgement:
 
     Attributes:
         robot: the URDF's. faults: of the channels, in the order in which they are to be undone.
-        urdf: of each row under each form of the URDF with its faults undone, their prior odds in it. free, no_robot:
-            log-likelihood of each row given the other half, with free bodies and with no robot at all, shape (N,) each.
+        urdf, free, no_robot: under each form of the URDF with its faults undone, with free bodies on the same joints and with no
+            robot at all, their prior odds in it.
         factors: what was found of efforts with a factor of their own on each joint, where that is a fault.
     """
 
     robot: RobotModel
     faults: tuple[Fault, ...]
     urdf: RowLikelihoods
-    free: FloatArray
-    no_robot: FloatArray
+    free: RowLikelihoods
+    no_robot: RowLikelihoods
     factors: EffortFactors | None = None
 
     @property
     def probability(self) -> float:
-        """That the torques are those of the URDF's robot."""
-        return float(probabilities([*self.urdf.then, self.free, self.no_robot])[:-2].sum())
+        """That the torques are those of the URDF's robot: by all rows, rather than of other bodies on the same joints, and by
+        those where the arm had not been before, the less."""
+        by_all = probabilities([*self.urdf.whole, self.free.whole[0]])[:-1]
+        unseen = probabilities([*self.urdf.then, self.free.then[0], self.no_robot.then[0]])[:-2]
+        return float(min(by_all.sum(), unseen.sum()))
 
     @property
     def refusal(self) -> str | None:
@@ -73,14 +76,13 @@ class Judgement:
 
     def _of_another_robot(self) -> str:
         other = "functions of the joint angles that know no robot"
-        if self.free.sum() > self.no_robot.sum():
+        if self.free.then.sum() > self.no_robot.then.sum():
             other = "the same joints with any other bodies on them"
-        more = max(self.no_robot.sum(), self.free.sum()) - max(self.urdf.then.sum(axis=1))
         return (
-            f"The URDF '{self.robot.name}' does not explain these torques (probability {self.probability:.2g}): where the arm had "
-            f"not been before, {other} predict them better, by {more / np.log(10.0):.3g} powers of ten in likelihood, whatever "
-            "friction, offset and payload are added to it. It is another robot's URDF, or the efforts are no joint torques; give "
-            "the URDF of the robot that was recorded (--urdf)."
+            f"The URDF '{self.robot.name}' does not explain these torques (probability {self.probability:.2g}): {other} explain "
+            "them better, above all where the arm had not been before, whatever friction, offset and payload are added to the "
+            "URDF. It is another robot's URDF, or the efforts are no joint torques; give the URDF of the robot that was recorded "
+            "(--urdf)."
         )
 
     def _without_signal(self, found: EffortFactors) -> str:
@@ -170,8 +172,8 @@ def rank(judgements: Sequence[Judgement]) -> FloatArray:
     return probabilities([x.urdf.likeliest for x in judgements])
 
 
-def _others(trial: _Trial, half: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
-    """Log-likelihood of each published row with free bodies on the same joints, and with no robot, shape (N,) each."""
+def _others(trial: _Trial, half: NDArray[np.bool_]) -> tuple[RowLikelihoods, RowLikelihoods]:
+    """Of the published rows with free bodies on the same joints, and with no robot."""
     k, rows = trial.kernels, trial.rows
     usual = np.maximum(np.sqrt(np.mean(rows.tau**2, axis=0)), 1e-12)
     odds = np.array([np.log(_OTHER) - len(rows.t) * trial.scale])
@@ -183,7 +185,7 @@ def _others(trial: _Trial, half: NDArray[np.bool_]) -> tuple[FloatArray, FloatAr
             prior = k.free(j, float(usual.max())) if free else (nothing, 0.0 * k.pattern)
             leaves = LEAVES if free else LEAVES_ALL
             joints.append(JointTorques(rows.tau[:, [j]], prior, k.own(j), k.pattern, float(u), leaves))
-        out.append(row_likelihoods(joints, half).plus(odds).then[0])
+        out.append(row_likelihoods(joints, half).plus(odds))
     return out[0], out[1]
 
 

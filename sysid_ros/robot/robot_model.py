@@ -242,11 +242,10 @@ class RobotModel:
         return by_q, by_v, upper + np.swapaxes(np.triu(by_a, 1), 1, 2)
 
     def frame_jacobian_along(self, q: FloatArray, frame: int) -> FloatArray:
-        """Linear part of the Jacobian of a frame's origin, in the axes of the base, along a motion, shape (N, 3, n)."""
+        """Linear part of the Jacobian of a frame's origin, in the base's axes, along a motion, shape (N, 3, n)."""
         out = np.empty((len(q), 3, self.n))
         for i in range(len(q)):
-            J = pin.computeFrameJacobian(self.model, self._aside, q[i], frame, pin.LOCAL_WORLD_ALIGNED)
-            out[i] = J.reshape(6, self.n)[:3]  # (6,) of one joint
+            out[i] = pin.computeFrameJacobian(self.model, self._aside, q[i], frame, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)[:3]
         return out
 
     def base_acceleration_columns(self, q: FloatArray) -> FloatArray:
