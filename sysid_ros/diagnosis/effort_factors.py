@@ -26,8 +26,9 @@ class EffortFactors:
     """What efforts say of a factor of their own on each joint.
 
     Attributes:
-        values: published effort over torque, shape (n,). std: standard deviations. seen: joints whose efforts are likelier
-            with the URDF's bodies in them than without any; of the others no factor can be told.
+        values: published effort over torque, shape (n,); where none can be told the middle of the others. std: standard
+            deviations. seen: joints whose efforts are likelier with the URDF's bodies in them than without any; of the others no
+            factor can be told.
         log_prior: log-probability of such factors before any data: how narrowly each is told of what it could have been.
     """
 
@@ -59,6 +60,8 @@ def effort_factors(kernels: RobotKernels, tau: FloatArray) -> EffortFactors:
         without = x.sizes(tau[:, j] / factors[j], x.fixed() - x.prior[1])[1]
         with_bodies = x.sizes(x.residual[:, 0] - x.prior[0] @ theta, x.fixed(), sizes[j])[1]
         seen[j] = gain[j] > 0.0 and with_bodies + log_prior[j] > without
+    if seen.any():
+        factors = np.where(seen, factors, np.exp(np.median(np.log(factors[seen]))))
     return EffortFactors(factors, factors * part, seen, float(log_prior[seen].sum() + _together(np.log(factors[seen]))))
 
 

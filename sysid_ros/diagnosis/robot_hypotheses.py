@@ -33,6 +33,8 @@ _FAULTS = 3
 """Most faults that are looked for beside one another."""
 _INEXACT = 0.03
 """What even a right URDF leaves of a torque, in a first comparison."""
+_LEAST = 1e-3
+"""Least size of an effort that is compared, of the largest."""
 _COARSE, _TRIED = 3, 2
 """Each of so many rows for a first comparison, and how many hypotheses are compared on all of them."""
 _SEGMENTS, _DRAWS = 20, 400
@@ -129,7 +131,7 @@ class _Trial:
     def likelihood(self, half: NDArray[np.bool_]) -> RowLikelihoods:
         """Of the published rows, with gravity as it is, not at all and twice, their priors in it."""
         tau, k = self.rows.tau, self.kernels
-        usual = np.maximum(np.sqrt(np.mean(tau**2, axis=0)), 1e-12)
+        usual = _usual(tau, self.silent)
         largest = float(usual[~self.silent].max()) if not self.silent.all() else 0.0
         joints = []
         for j in range(k.robot.n):
@@ -153,15 +155,16 @@ def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | Non
     while len(faults) < _FAULTS:
         options = _first_choice(robot, trial)
         weighed = [(found, trial), *((option.likelihood(half), option) for option in options)]
-        # with what is usual, and by what the arm then did where it had not been: a fault that is real is likelier by both
-        seen = [x.plus(np.array([-option.log_prior])).then[x.best] for x, option in weighed]
-        share = np.minimum(probabilities([x.likeliest for x, _ in weighed]), probabilities(seen))
+        share = probabilities([x.likeliest for x, _ in weighed])
         best = int(np.argmax(share))
-        if best == 0 or share[best] < 0.5:
+        # a fault that is real is no less likely than none where the arm had not been, whatever is usual
+        unseen = [x.plus(np.array([-option.log_prior])).then[x.best] for x, option in (weighed[0], weighed[best])]
+        probability = min(float(share[best]), float(probabilities(unseen)[1]))
+        if best == 0 or probability < 0.5:
             break
         found, trial = weighed[best]
         assert trial.fault is not None
-        faults.append(replace(trial.fault, probability=float(share[best])))
+        faults.append(replace(trial.fault, probability=probability))
         factors = trial.factors or factors
     given = found.plus(np.array([np.log(1.0 - 2.0 * _OTHER) - trial.log_prior]))  # other robots have the same faults here
     return Judgement(robot, tuple(faults), given, *_others(trial, half), factors)
@@ -172,17 +175,25 @@ def rank(judgements: Sequence[Judgement]) -> FloatArray:
     return probabilities([x.urdf.likeliest for x in judgements])
 
 
+def _usual(tau: FloatArray, silent: NDArray[np.bool_]) -> FloatArray:
+    """Usual effort of each joint, shape (n,), not so small that bodies shared with the largest would be lost in rounding."""
+    size = np.sqrt(np.mean(tau**2, axis=0))
+    return np.asarray(np.maximum(size, np.where(silent, 0.0, _LEAST * float(size.max())) + 1e-12))
+
+
 def _others(trial: _Trial, half: NDArray[np.bool_]) -> tuple[RowLikelihoods, RowLikelihoods]:
     """Of the published rows with free bodies on the same joints, and with no robot."""
     k, rows = trial.kernels, trial.rows
-    usual = np.maximum(np.sqrt(np.mean(rows.tau**2, axis=0)), 1e-12)
+    usual = _usual(rows.tau, trial.silent)
     odds = np.array([np.log(_OTHER) - len(rows.t) * trial.scale])
-    nothing = np.zeros((len(rows.t), 1))
+    nothing = 0.0 * k.free(0, 0.0)[0]
     out = []
     for free in (True, False):
         joints = []
         for j, u in enumerate(usual):
-            prior = k.free(j, float(usual.max())) if free else (nothing, 0.0 * k.pattern)
+            prior = k.free(j, float(usual.max()))
+            if not free or trial.silent[j]:
+                prior = nothing, 0.0 * k.pattern
             leaves = LEAVES if free else LEAVES_ALL
             joints.append(JointTorques(rows.tau[:, [j]], prior, k.own(j), k.pattern, float(u), leaves))
         out.append(row_likelihoods(joints, half).plus(odds))

@@ -28,7 +28,7 @@ _LOW, _HIGH = np.log([1e-3, 1e-3]), np.log([2.0, 2.0])
 _STARTS = [np.log([s, k]) for s in (0.002, 0.01, 0.05, 0.3) for k in (0.02, 0.1, 0.5)]
 USUAL = np.log([0.02, 0.05])
 """Noise and discrepancy that a search begins with."""
-_STEPS = 20
+_STEPS, _ROUNDED = 20, 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +176,7 @@ def row_likelihoods(joints: Sequence[JointTorques], half: NDArray[np.bool_]) -> 
     covariances, doubt = [], 0.0
     for j, x in enumerate(joints):
         X, rest = x.prior[0], [y for i, y in enumerate(alone) if i != j]
-        others = linalg.cho_factor(unit + sum(H for H, _ in rest), check_finite=False)
+        others = _factored(unit + sum(H for H, _ in rest))
         theta = linalg.cho_solve(others, sum((h for _, h in rest), np.zeros(len(unit))))
         sizes, _ = x.sizes(x.residual[:, 0] - X @ theta, x.fixed() + _spread(X, others), found[j])
         covariances.append(x.covariance(sizes))
@@ -202,12 +202,12 @@ def _of_halves(joints: Sequence[JointTorques], covariances: Sequence[FloatArray]
         block = np.ix_(rows, rows)
         # the inverse of a block of a precision is the covariance of its rows given all others
         spread = [inverse(P[block]) for P in precisions]
-        seen = linalg.cho_factor(H - sum(W[rows].T @ S @ W[rows] for S, W in zip(spread, Z, strict=True)), check_finite=False)
+        seen = _factored(H - sum(W[rows].T @ S @ W[rows] for S, W in zip(spread, Z, strict=True)))
         theta = linalg.cho_solve(seen, h - sum(W[rows].T @ S @ w[rows] for S, W, w in zip(spread, Z, z, strict=True)))
         G, g = np.eye(len(H)), np.zeros_like(h)  # what the joints so far say of the shared parameters
         for x, K, S, W, w in zip(joints, covariances, spread, Z, z, strict=True):
             X, y = x.prior[0][rows], x.residual[rows]
-            told = linalg.cho_factor(G, check_finite=False)
+            told = _factored(G)
             first[:, rows] += _densities(y - X @ linalg.cho_solve(told, g), K[block] + _spread(X, told))
             weighted = inverse(K[block]) @ X
             G, g = G + X.T @ weighted, g + weighted.T @ y
@@ -221,6 +221,12 @@ def _spread(columns: FloatArray, factored: tuple[FloatArray, bool]) -> FloatArra
     root, lower = factored
     half = linalg.solve_triangular(root, columns.T, lower=lower, trans=0 if lower else 1, check_finite=False)
     return np.asarray(half.T @ half)
+
+
+def _factored(precision: FloatArray) -> tuple[FloatArray, bool]:
+    """The Cholesky factor of a precision, rounded up by what double precision loses of its largest entry."""
+    root, lower = linalg.cho_factor(precision + _ROUNDED * np.diag(precision).max() * np.eye(len(precision)), check_finite=False)
+    return root, bool(lower)
 
 
 def _densities(error: FloatArray, covariance: FloatArray) -> FloatArray:
