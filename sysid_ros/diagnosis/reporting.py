@@ -130,15 +130,17 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
         if unexplained <= (_LEFT_SEEN if follows else _LEFT) and not worse and not scattering
         else "partly_explained"
     )
-    predictions = _predictions(robot, held, fit)
     torque = held.rms(held.prepared.band.rows([m.tau for m in held.prepared.motions]))
+    if nothing := _explains_nothing(robot, held.rms(after), torque):
+        verdict = "unexplained"
+    predictions = _predictions(robot, held, fit)
     return Diagnosis(
         verdict=verdict,
         joints=robot.joint_names,
         findings=tuple(findings),
         torque=TorqueRmse(robot.joint_names, held.rms(before), held.rms(after), floor, torque),
         unexplained_fraction=unexplained,
-        unexplained=_in_words(robot, follows) or _beyond_in_words(robot, beyond, held.rms(after), floor),
+        unexplained=nothing or _in_words(robot, follows) or _beyond_in_words(robot, beyond, held.rms(after), floor),
         record_next=(*_record_next(findings), *([RECORD_NEXT] if undecided else [])),
         predictions=predictions,
         temperature=correlations(predictions),
@@ -148,6 +150,17 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
             *(_SCATTERS.format(label) for label in scattering),
             *tolerated(robot, fit),
         ),
+    )
+
+
+def _explains_nothing(robot: RobotModel, after: FloatArray, torque: FloatArray) -> str:
+    """That the model's error exceeds the torque itself on most joints, in words; else empty. rms, shape (n,) each."""
+    larger = [name for j, name in enumerate(robot.joint_names) if after[j] > torque[j]]
+    if 2 * len(larger) <= robot.n:
+        return ""
+    return (
+        f"The model explains nothing: on held-out data its error exceeds the torque itself on {', '.join(larger)}. The causes "
+        "above are not to be relied on; check that the efforts are joint torques in N m."
     )
 
 
