@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from sysid_ros.cli.inputs import open_bag
 from sysid_ros.cli.main import run
+from sysid_ros.diagnosis import read_messages
+from sysid_ros.diagnosis.robot_hypotheses import judge
+from sysid_ros.online_settings import OnlineSettings
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 UR10E, STAUBLI = DATA / "ur10e", DATA / "staubli_tx40"
@@ -90,3 +95,37 @@ def test_the_urdf_of_another_arm_is_refused(tmp_path: Path) -> None:
     arguments = ["--urdf", str(tmp_path / "other.urdf"), "--out", str(tmp_path / "out")]
     assert run(["diagnose", str(UR10E / "fourier14_noload"), *arguments]) == 2
     assert "does not explain these torques" in json.loads((tmp_path / "out" / "diagnosis.json").read_text())["refusal"]
+
+
+def test_the_urdf_of_the_robot_is_found_among_several(tmp_path: Path) -> None:
+    """A UR3's and a UR5's arms have the same joints, and the robot is a UR10e."""
+    from exam.arms import _file
+
+    others = [_file(f"ur_description/urdf/{name}_robot.urdf") for name in ("ur3", "ur5")]
+    urdfs = [x for path in (others[0], UR10E / "ur10e.urdf", others[1]) for x in ("--urdf", path)]
+    document = diagnosis(tmp_path, *urdfs, UR10E / "fourier14_load")
+    share = {Path(x["urdf"]).stem: x["probability"] for x in document["urdfs"]}
+    assert share["ur10e"] > 0.95
+    assert sum(share.values()) == pytest.approx(1.0)
+    assert "ur10e.urdf is likeliest the robot's" in document["notes"][0]
+
+
+@pytest.mark.parametrize("draw", range(20))
+def test_currents_with_dead_channels_are_named_or_refused_with_that_reason(draw: int) -> None:
+    """Made-up torque constants, different on each joint, and three joints whose efforts are in the encoder's noise."""
+    bag = UR10E / ("fourier14_noload", "fourier14_load", "fast20_noload", "fast20_load")[draw % 4]
+    source, model = open_bag(bag, "/joint_states", UR10E / "ur10e.urdf", OnlineSettings())
+    recording, _ = read_messages(str(bag), source, model, OnlineSettings(), lambda count: None)
+    rng = np.random.default_rng(draw)
+    constants = np.exp(rng.uniform(np.log(3.0), np.log(30.0), model.n))
+    dead = rng.choice(model.n, 3, replace=False)
+    tau = recording.tau / constants
+    tau[:, dead] = 1e-4 * tau[:, dead] / tau[:, dead].std(axis=0) + 1e-4 * rng.normal(size=(len(tau), 3))
+    found = judge(model, [replace(recording, tau=tau)])
+    assert found is not None
+    if found.refusal is None:
+        assert found.factors is not None
+        seen = np.setdiff1d(np.flatnonzero(found.factors.seen), dead)
+        np.testing.assert_allclose(found.factors.values[seen] * constants[seen], 1.0, rtol=0.1)
+    else:
+        assert "factor of its own on each joint (torque_unit)" in found.refusal

@@ -20,13 +20,13 @@ from scipy import stats
 
 from sysid_ros.diagnosis import Finding, Parameter, Recording, diagnose, fault_findings
 from sysid_ros.diagnosis.channel_evidence import deviation_of, fault_evidence
-from sysid_ros.diagnosis.channel_faults import find_faults
 from sysid_ros.diagnosis.contacts import find_contacts
 from sysid_ros.diagnosis.effort_lattice import lattice_of, lattices
 from sysid_ros.diagnosis.evidence import Evidence, bic_difference, count_interval, interval, log_p_value
 from sysid_ros.diagnosis.fault_findings import message_finding, signal_findings
 from sysid_ros.diagnosis.message_faults import find_message_faults
 from sysid_ros.diagnosis.prepare import prepare
+from sysid_ros.diagnosis.robot_hypotheses import judge
 from sysid_ros.diagnosis.signal_faults import velocity_lag
 from sysid_ros.effects import CHANNEL_EFFECTS, EFFECTS
 from sysid_ros.effects.parameter import CHAIN
@@ -214,7 +214,9 @@ def test_a_fault_of_units_signs_or_order_is_measured(id_: str) -> None:
 
     def evidence(scale: float, count: int) -> Evidence:
         published = recordings(id_, scale, count, 1)[0]
-        faults = find_faults(model, published)
+        found = judge(model, published)
+        assert found is not None
+        faults = found.faults
         assert [f.effect.id for f in faults] == [id_]
         return fault_evidence(model, published, faults)[0]
 

@@ -13,19 +13,27 @@ from sysid_ros.cli.diagnose_output import progress_lines, show, write_files
 from sysid_ros.cli.inputs import open_bag, provenance, read_config, require_same_robot, settings_from
 from sysid_ros.cli.output import ManyValues, note, progress_bar, warn, write_json
 from sysid_ros.diagnosis import Diagnosis, Recording, diagnose, missing_joints, read_messages, with_temperatures
+from sysid_ros.diagnosis.result import RankedUrdf
+from sysid_ros.diagnosis.several_urdfs import rank_urdfs, with_ranking
 from sysid_ros.exceptions import DataError, RobotModelError
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation.simulators import SIMULATORS, installed
-from sysid_ros.sources import temperatures
+from sysid_ros.sources import temperatures, urdf_text
 from sysid_ros.torque.model_file import ModelFile
 
 BAD_INPUT = 2
 
 
-@click.command(cls=ManyValues)
+@click.command(cls=ManyValues, one_each=("--urdf",))
 @opt.BAGS
-@opt.path("--urdf", help="The model to judge (nominal model); else /robot_description of the bag.")
+@opt.path(
+    "--urdf",
+    "urdfs",
+    multiple=True,
+    metavar="URDF",
+    help="The model to judge (nominal model); else /robot_description of the bag. Given again for others: the robot's is found.",
+)
 @opt.path("--out", "out_path", required=True, metavar="DIR", help="Folder to write the files to.")
 @opt.path("--validate", multiple=True, metavar="BAG...", help="Bags to judge on, never fitted; of another motion, if possible.")
 @opt.path("--model", "model_path", help="model.yaml of 'sysid identify' or of an earlier diagnosis: the known part.")
@@ -35,7 +43,7 @@ BAD_INPUT = 2
 @opt.JSON
 def command(
     bags: tuple[Path, ...],
-    urdf: Path | None,
+    urdfs: tuple[Path, ...],
     out_path: Path,
     validate: tuple[Path, ...],
     model_path: Path | None,
@@ -72,13 +80,15 @@ def command(
     installed(simulator)
     settings = settings_from(read_config(config_path))
     known = ModelFile.read(model_path) if model_path else None
-    origin = provenance(bags, validate=validate, urdf=urdf or "/robot_description of the first bag", model=model_path)
+    origin = provenance(bags, validate=validate, urdf=urdfs or "/robot_description of the first bag", model=model_path)
     robot: RobotModel | None = None
     try:
-        robot, fitted, judged = _read_all(bags, validate, urdf, topic, settings)
+        robots, fitted, judged = _read_with_urdfs(bags, validate, urdfs, topic, settings)
+        ranked = _ranked(urdfs, robots, fitted)
+        robot = robots[max(ranked, key=lambda x: x.probability).urdf] if ranked else next(iter(robots.values()))
         for sentence in known.notes(robot.urdf) if known else []:
             note(sentence)
-        result = diagnose(robot, fitted, judged, known, progress_lines(), origin, simulator)
+        result = with_ranking(diagnose(robot, fitted, judged, known, progress_lines(), origin, simulator), ranked)
     except (DataError, RobotModelError) as error:
         result = Diagnosis("refused", robot.joint_names if robot else (), refusal=str(error))
     write_files(result, robot, out_path, origin)
@@ -87,6 +97,42 @@ def command(
     show(result)
     note(f"Written to {out_path} in {time.monotonic() - started:.0f} s.")
     return BAD_INPUT if result.verdict == "refused" else 0
+
+
+def _read_with_urdfs(
+    bags: tuple[Path, ...], validate: tuple[Path, ...], urdfs: tuple[Path, ...], topic: str, settings: OnlineSettings
+) -> tuple[dict[str, RobotModel], list[Recording], list[Recording]]:
+    """The robots of the URDFs that have the joints of the bags, by the URDFs' names, and the recordings, as :func:`_read_all`.
+
+    Raises:
+        DataError, RobotModelError: as there, where it is so with each of the URDFs.
+    """
+    first, *others = urdfs or (None,)
+    try:
+        robot, fitted, judged = _read_all(bags, validate, first, topic, settings)
+    except RobotModelError as error:
+        if not others:
+            raise
+        warn(f"{first}: {error}")
+        return _read_with_urdfs(bags, validate, tuple(x for x in others if x is not None), topic, settings)
+    robots = {str(first): robot}
+    for path in others:
+        try:
+            other = RobotModel.from_urdf(urdf_text(path), robot.joint_names, settings.gravity)
+            require_same_robot(Path(str(path)), other, robot)
+            robots[str(path)] = other
+        except RobotModelError as error:
+            warn(f"{path}: {error}")
+    return robots, fitted, judged
+
+
+def _ranked(urdfs: tuple[Path, ...], robots: dict[str, RobotModel], fitted: list[Recording]) -> list[RankedUrdf]:
+    """How likely each of several URDFs is the robot's; none of it where one is given. One without the bags' joints is not."""
+    if len(urdfs) < 2:
+        return []
+    note("weighing the URDFs against one another")
+    known = {x.urdf: x for x in rank_urdfs(list(robots.values()), list(robots), fitted)}
+    return [known.get(str(path), RankedUrdf(str(path), 0.0)) for path in urdfs]
 
 
 def _read_all(

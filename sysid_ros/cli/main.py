@@ -17,7 +17,7 @@ COMMANDS = {
     "identify": ("sysid_ros.cli.identify", "Identify the arm's own dynamics from bags without a payload."),
     "simulate": ("sysid_ros.cli.simulate", "Record a bag of a simulated robot, with the truth beside it."),
     "excite": ("sysid_ros.cli.excite", "Find the motion that tells most about an arm."),
-    "diagnose": ("sysid_ros.cli.diagnose", "Find what a robot's model gets wrong, why, and what mending it gains."),
+    "diagnose": ("sysid_ros.cli.diagnose", "Find what a robot's model gets wrong, why, and what it costs."),
     "frequency": ("sysid_ros.cli.frequency", "Up to what frequency a model holds, and what it misses beyond."),
     "control": ("sysid_ros.cli.control", "Compare control laws on an arm that picks up an unknown payload."),
 }

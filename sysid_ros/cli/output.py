@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
@@ -81,11 +81,20 @@ def write_json(path: Path, document: dict[str, Any]) -> None:
 
 
 class ManyValues(click.Command):
-    """A command whose repeatable options take several values at once: ``--validate A B`` is ``--validate A --validate B``."""
+    """A command whose repeatable options take several values at once: ``--validate A B`` is ``--validate A --validate B``.
+
+    Args:
+        one_each: options that take one value each time, for which an argument may follow them.
+    """
+
+    def __init__(self, *args: Any, one_each: Sequence[str] = (), **more: Any) -> None:
+        super().__init__(*args, **more)
+        self._one_each = set(one_each)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Repeat the option's name before each of its values."""
-        repeatable = {name for p in self.params if isinstance(p, click.Option) and p.multiple for name in p.opts}
+        several = [p for p in self.params if isinstance(p, click.Option) and p.multiple]
+        repeatable = {name for p in several for name in p.opts} - self._one_each
         expanded: list[str] = []
         option = ""
         for argument in args:

@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid_ros.diagnosis.backward import prune
 from sysid_ros.diagnosis.channel_evidence import deviation_of, fault_evidence
-from sysid_ros.diagnosis.channel_faults import find_faults, undo
+from sysid_ros.diagnosis.channel_faults import undo
 from sysid_ros.diagnosis.contact_findings import contact_findings, contacts_held_out, contacts_in, in_words
 from sysid_ros.diagnosis.contacts import without
 from sysid_ros.diagnosis.covariance import with_knobs
@@ -35,12 +35,12 @@ from sysid_ros.diagnosis.message_faults import in_order
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.reporting import report
 from sysid_ros.diagnosis.result import Diagnosis
+from sysid_ros.diagnosis.robot_hypotheses import judge
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.strong_contacts import strong_contacts
 from sysid_ros.diagnosis.temperature import known_everywhere
 from sysid_ros.diagnosis.time_or_temperature import better_drift
 from sysid_ros.diagnosis.urdf_part import urdf_part
-from sysid_ros.diagnosis.wrong_robot import wrong_robot
 from sysid_ros.exceptions import DataError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
@@ -88,8 +88,11 @@ def diagnose(
     fitted, partly = known_everywhere(fitted, judged, robot.joint_names)
     notes += partly
     effects = known.known_effects(robot) if known else []
-    progress("looking for faults of units, signs and order")
-    faults = [] if known else find_faults(robot, fitted)
+    progress("weighing this URDF, faults of its channels and other robots")
+    judged_robot = None if known else judge(robot, fitted)
+    if judged_robot is not None and (reason := judged_robot.refusal):
+        return Diagnosis("refused", robot.joint_names, refusal=reason, notes=notes)
+    faults = judged_robot.faults if judged_robot else ()
     published, published_fitted = judged, fitted
     signals = [
         *signal_findings(fitted, robot.joint_names),
@@ -97,8 +100,6 @@ def diagnose(
     ]
     for fault in faults:
         fitted, judged = ([undo(r, fault.effect) for r in part] for part in (fitted, judged))
-    if not known and (reason := wrong_robot(robot, fitted)):
-        return Diagnosis("refused", robot.joint_names, refusal=reason, notes=notes)
     progress("filtering")
     train = prepare(robot, fitted, effects)
     progress("looking for contacts")

@@ -58,6 +58,9 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
         if unexplained <= (_LEFT_SEEN if follows else _LEFT) and not worse and not claimed.scattering
         else "partly_explained"
     )
+    torque = held.rms(held.prepared.band.rows([m.tau for m in held.prepared.motions]))
+    if nothing := _explains_nothing(robot, after, torque):
+        verdict = "unexplained"
     predictions = _predictions(robot, held, fit)
     power_after = float(np.sum(judged.power(judged.after))) / power_before
     shared = sum(f.heldout_gain or 0.0 for f in claimed.findings)
@@ -66,11 +69,9 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
         joints=robot.joint_names,
         findings=tuple(claimed.findings),
         rest=Rest(1.0 - power_after - shared, power_after - left, left),
-        torque=TorqueRmse(
-            robot.joint_names, before, after, floor, held.rms(held.prepared.band.rows([m.tau for m in held.prepared.motions]))
-        ),
+        torque=TorqueRmse(robot.joint_names, before, after, floor, torque),
         unexplained_fraction=unexplained,
-        unexplained=_in_words(robot, follows) or _beyond_in_words(robot, beyond, after, floor),
+        unexplained=nothing or _in_words(robot, follows) or _beyond_in_words(robot, beyond, after, floor),
         record_next=(*_record_next(claimed.findings), *([RECORD_NEXT] if claimed.undecided else [])),
         predictions=predictions,
         temperature=correlations(predictions),
@@ -80,6 +81,17 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
             *(_SCATTERS.format(label) for label in claimed.scattering),
             *tolerated(robot, fit),
         ),
+    )
+
+
+def _explains_nothing(robot: RobotModel, after: FloatArray, torque: FloatArray) -> str:
+    """That the model's error exceeds the torque itself on most joints, in words; else empty. rms, shape (n,) each."""
+    larger = [name for j, name in enumerate(robot.joint_names) if after[j] > torque[j]]
+    if 2 * len(larger) <= robot.n:
+        return ""
+    return (
+        f"The model explains nothing: on held-out data its error exceeds the torque itself on {', '.join(larger)}. The causes "
+        "above are not to be relied on; check that the efforts are joint torques in N m."
     )
 
 

@@ -99,6 +99,14 @@ class Finding:
 
 
 @dataclass(frozen=True)
+class RankedUrdf:
+    """One of several URDFs: its name and the probability that it is the robot's."""
+
+    urdf: str
+    probability: float
+
+
+@dataclass(frozen=True)
 class TorqueRmse:
     """Torque error on held-out data below the cut-off, a joint, shape (n,) each [N m]."""
 
@@ -208,6 +216,7 @@ class Diagnosis:
         record_next: what to record next, one sentence each. notes: what the user should know, one sentence each.
         model: the extended model. urdf_model: what a URDF can hold of it. predictions: on the held-out data.
         temperature: how what is left goes with the temperature of each joint, where one is known.
+        urdfs: of several URDFs that were given, each with the probability that it is the robot's; the likeliest was diagnosed.
     """
 
     verdict: str
@@ -226,6 +235,7 @@ class Diagnosis:
     predictions: Predictions | None = None
     tracking: Tracking | None = None
     temperature: dict[str, Any] | None = None
+    urdfs: tuple[RankedUrdf, ...] = ()
 
     @property
     def causes(self) -> tuple[Finding, ...]:
@@ -281,6 +291,7 @@ class Diagnosis:
             "unexplained_fraction": self.unexplained_fraction,
             "unexplained": self.unexplained,
             **({} if self.temperature is None else {"temperature": self.temperature}),
+            **({"urdfs": [asdict(x) for x in self.urdfs]} if self.urdfs else {}),
             "record_next": list(self.record_next),
             "notes": list(self.notes),
         }

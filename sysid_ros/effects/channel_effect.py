@@ -29,7 +29,6 @@ class ChannelEffect(ABC):
         id, label, words, signature, look_alikes, separated_by: as :class:`sysid_ros.effects.effect.Effect` has them.
         scales: True where its parameters are factors on the efforts, which the efforts tell.
         absorbs: id of the effect whose factors belong to this fault's where both were found.
-        stands_out: by how much it must lower the sum of the logarithms of the joints' squared errors to be undone.
     """
 
     id: ClassVar[str]
@@ -40,7 +39,6 @@ class ChannelEffect(ABC):
     separated_by: ClassVar[str]
     scales: ClassVar[bool] = False
     absorbs: ClassVar[str] = ""
-    stands_out: ClassVar[float] = 1.0
 
     def publish(self, tau: FloatArray) -> FloatArray:
         """True torques as this fault publishes them, shape (N, n)."""

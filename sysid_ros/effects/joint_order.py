@@ -21,7 +21,6 @@ class JointOrder(ChannelEffect):
     signature = "what one joint should show, another one does"
     look_alikes = ("joint_coupling", "joint_sign")
     separated_by = "joints that carry different loads"
-    stands_out = 2.0
 
     def __init__(self, source: Sequence[int], efforts_only: bool) -> None:
         self.source = list(source)

@@ -242,17 +242,17 @@ class RobotModel:
         return by_q, by_v, upper + np.swapaxes(np.triu(by_a, 1), 1, 2)
 
     def frame_jacobian_along(self, q: FloatArray, frame: int) -> FloatArray:
-        """Linear part of the Jacobian of a frame's origin, in the axes of the base, along a motion, shape (N, 3, n)."""
+        """Linear part of the Jacobian of a frame's origin, in the base's axes, along a motion, shape (N, 3, n)."""
         out = np.empty((len(q), 3, self.n))
         for i in range(len(q)):
-            out[i] = pin.computeFrameJacobian(self.model, self._aside, q[i], frame, pin.LOCAL_WORLD_ALIGNED)[:3]
+            out[i] = pin.computeFrameJacobian(self.model, self._aside, q[i], frame, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)[:3]
         return out
 
     def base_acceleration_columns(self, q: FloatArray) -> FloatArray:
         """Torque that the links cost per acceleration of the base along its axes, shape (n, 3) [N m s^2/m]: mass times the
         transposed Jacobian of the centre of mass. The base's own mass is on none of the joints."""
         jacobian = pin.jacobianCenterOfMass(self.model, self._aside, q, False)
-        return np.array(float(self._aside.mass[0]) * jacobian.T)
+        return np.array(float(self._aside.mass[0]) * jacobian.reshape(3, self.n).T)
 
     def base_acceleration_columns_of(self, q: FloatArray, frame: int, theta: FloatArray) -> FloatArray:
         """As :meth:`base_acceleration_columns`, of a body of ten parameters fixed to a frame: ``J_frame' [m; S(mc)] R``."""

@@ -1,0 +1,246 @@
+"""Whose torques they are: this URDF's, with its channels as they should be or with a fault, another robot's alike, or no robot's.
+
+One family of hypotheses on the same rows, weighed by how likely they make torques of the half of the joint space that they have
+not seen. What wins, with its probability, is what is undone, or why the recordings are refused.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid_ros.diagnosis.channel_faults import Fault, fault_of_factors, faults_of_signs_and_order, faults_of_units
+from sysid_ros.diagnosis.coarse_rows import CoarseRows
+from sysid_ros.diagnosis.effort_factors import EffortFactors, effort_factors
+from sysid_ros.diagnosis.robot_kernels import RobotKernels
+from sysid_ros.diagnosis.robot_likelihood import LEAVES, LEAVES_ALL, JointTorques, RowLikelihoods, halves, row_likelihoods
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
+
+_FAULT = 0.003
+"""Probability of each kind of fault of the channels, before any data."""
+_GRAVITY = {0.0: 0.978, -1.0: 0.02, 1.0: 0.002}
+"""Probability that the efforts hold gravity as it is, not at all, or twice."""
+_OTHER = 0.005
+"""Probability that a URDF that somebody gives is that of another robot alike, or that the efforts are no torques of a robot."""
+_FAULTS = 3
+"""Most faults that are looked for beside one another."""
+_INEXACT = 0.03
+"""What even a right URDF leaves of a torque, in a first comparison."""
+_LEAST = 1e-3
+"""Least size of an effort that is compared, of the largest."""
+_COARSE, _TRIED = 3, 2
+"""Each of so many rows for a first comparison, and how many hypotheses are compared on all of them."""
+_SEGMENTS, _DRAWS = 20, 400
+"""Stretches of time that are drawn from anew, and how often, for the scatter of a likelihood ratio."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """What recordings say of a URDF.
+
+    Attributes:
+        robot: the URDF's. faults: of the channels, in the order in which they are to be undone.
+        urdf, free, no_robot: under each form of the URDF with its faults undone, with free bodies on the same joints and with no
+            robot at all, their prior odds in it.
+        factors: what was found of efforts with a factor of their own on each joint, where that is a fault.
+    """
+
+    robot: RobotModel
+    faults: tuple[Fault, ...]
+    urdf: RowLikelihoods
+    free: RowLikelihoods
+    no_robot: RowLikelihoods
+    factors: EffortFactors | None = None
+
+    @property
+    def probability(self) -> float:
+        """That the torques are those of the URDF's robot: by all rows, rather than of other bodies on the same joints, and by
+        those where the arm had not been before, the less."""
+        by_all = probabilities([*self.urdf.whole, self.free.whole[0]])[:-1]
+        unseen = probabilities([*self.urdf.then, self.free.then[0], self.no_robot.then[0]])[:-2]
+        return float(min(by_all.sum(), unseen.sum()))
+
+    @property
+    def refusal(self) -> str | None:
+        """Why nothing can be said with this URDF, and the cure; None where something can."""
+        if self.probability < 0.5:
+            return self._of_another_robot()
+        if self.factors is not None and not self.factors.seen.all():
+            return self._without_signal(self.factors)
+        return None
+
+    def _of_another_robot(self) -> str:
+        other = "functions of the joint angles that know no robot"
+        if self.free.then.sum() > self.no_robot.then.sum():
+            other = "the same joints with any other bodies on them"
+        return (
+            f"The URDF '{self.robot.name}' does not explain these torques (probability {self.probability:.2g}): {other} explain "
+            "them better, above all where the arm had not been before, whatever friction, offset and payload are added to the "
+            "URDF. It is another robot's URDF, or the efforts are no joint torques; give the URDF of the robot that was recorded "
+            "(--urdf)."
+        )
+
+    def _without_signal(self, found: EffortFactors) -> str:
+        names = self.robot.joint_names
+        told = ", ".join(f"{names[j]} {found.values[j]:.3g} +- {found.std[j]:.1g}" for j in np.flatnonzero(found.seen))
+        silent = ", ".join(names[j] for j in np.flatnonzero(~found.seen))
+        return (
+            "The efforts are in another unit than N m, with a factor of its own on each joint (torque_unit), as currents are"
+            f"{f': {told}' if told else ''}. On {silent} they hold nothing of the links' torque, so that no factor can be told "
+            "there: these channels are dead, or friction is all that they show. Publish joint torques in N m (current times "
+            "torque constant and gear ratio), or leave these joints out (joint_names)."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """Channels with some faults undone.
+
+    Attributes:
+        rows: as they are then. scale: log of what the faults publish of 1 N m, over all joints. silent: joints without a signal.
+    """
+
+    rows: CoarseRows
+    kernels: RobotKernels
+    scale: float
+    log_prior: float
+    silent: NDArray[np.bool_]
+    fault: Fault | None = None
+    factors: EffortFactors | None = None
+
+    def coarse(self) -> float:
+        """Roughly its log-likelihood: that of white noise beside the URDF's bodies and each joint's offset and friction."""
+        tau, k, best = self.rows.tau, self.kernels, -np.inf
+        for c in _GRAVITY:
+            total = self.log_prior - len(tau) * self.scale
+            for j in range(k.robot.n):
+                X = np.stack([np.ones(len(tau)), self.rows.v[:, j], self.rows.sign[:, j]], axis=1)
+                y = tau[:, j] - (0.0 if self.silent[j] else k.mean[:, j] + c * k.gravity[:, j])
+                left = float(np.mean((y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) ** 2))
+                total -= 0.5 * len(tau) * np.log(left + (_INEXACT * float(np.std(tau[:, j]))) ** 2 + 1e-24)
+            best = max(best, total)
+        return best
+
+    def likelihood(self, half: NDArray[np.bool_]) -> RowLikelihoods:
+        """Of the published rows, with gravity as it is, not at all and twice, their priors in it."""
+        tau, k = self.rows.tau, self.kernels
+        usual = _usual(tau, self.silent)
+        largest = float(usual[~self.silent].max()) if not self.silent.all() else 0.0
+        joints = []
+        for j in range(k.robot.n):
+            forms = np.stack([tau[:, j] - k.mean[:, j] - c * k.gravity[:, j] for c in _GRAVITY], axis=1)
+            prior = k.urdf(j, largest)
+            if self.silent[j]:
+                forms, prior = np.repeat(tau[:, [j]], len(_GRAVITY), axis=1), (0.0 * prior[0], 0.0 * prior[1])
+            joints.append(JointTorques(forms, prior, k.own(j), k.pattern, float(usual[j])))
+        priors = self.log_prior + np.log(list(_GRAVITY.values())) - len(tau) * self.scale
+        return row_likelihoods(joints, half).plus(priors)
+
+
+def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | None:
+    """What recordings say of a URDF and of their channels; None where nothing of them can be used."""
+    rows = CoarseRows.of(robot, recordings)
+    if rows is None:
+        return None
+    half = halves(rows.q)
+    trial = _Trial(rows, RobotKernels(robot, rows), 0.0, np.log(1.0 - 2.0 * _OTHER), np.zeros(robot.n, dtype=bool))
+    found, faults, factors = trial.likelihood(half), list[Fault](), None
+    while len(faults) < _FAULTS:
+        options = _first_choice(robot, trial)
+        weighed = [(found, trial), *((option.likelihood(half), option) for option in options)]
+        share = probabilities([x.likeliest for x, _ in weighed])
+        best = int(np.argmax(share))
+        # a fault that is real is no less likely than none where the arm had not been, whatever is usual
+        unseen = [x.plus(np.array([-option.log_prior])).then[x.best] for x, option in (weighed[0], weighed[best])]
+        probability = min(float(share[best]), float(probabilities(unseen)[1]))
+        if best == 0 or probability < 0.5:
+            break
+        found, trial = weighed[best]
+        assert trial.fault is not None
+        faults.append(replace(trial.fault, probability=probability))
+        factors = trial.factors or factors
+    given = found.plus(np.array([np.log(1.0 - 2.0 * _OTHER) - trial.log_prior]))  # other robots have the same faults here
+    return Judgement(robot, tuple(faults), given, *_others(trial, half), factors)
+
+
+def rank(judgements: Sequence[Judgement]) -> FloatArray:
+    """Probability of each of several URDFs, one of which is the robot's, by the likelihood of all rows."""
+    return probabilities([x.urdf.likeliest for x in judgements])
+
+
+def _usual(tau: FloatArray, silent: NDArray[np.bool_]) -> FloatArray:
+    """Usual effort of each joint, shape (n,), not so small that bodies shared with the largest would be lost in rounding."""
+    size = np.sqrt(np.mean(tau**2, axis=0))
+    return np.asarray(np.maximum(size, np.where(silent, 0.0, _LEAST * float(size.max())) + 1e-12))
+
+
+def _others(trial: _Trial, half: NDArray[np.bool_]) -> tuple[RowLikelihoods, RowLikelihoods]:
+    """Of the published rows with free bodies on the same joints, and with no robot."""
+    k, rows = trial.kernels, trial.rows
+    usual = _usual(rows.tau, trial.silent)
+    odds = np.array([np.log(_OTHER) - len(rows.t) * trial.scale])
+    nothing = 0.0 * k.free(0, 0.0)[0]
+    out = []
+    for free in (True, False):
+        joints = []
+        for j, u in enumerate(usual):
+            prior = k.free(j, float(usual.max()))
+            if not free or trial.silent[j]:
+                prior = nothing, 0.0 * k.pattern
+            leaves = LEAVES if free else LEAVES_ALL
+            joints.append(JointTorques(rows.tau[:, [j]], prior, k.own(j), k.pattern, float(u), leaves))
+        out.append(row_likelihoods(joints, half).plus(odds))
+    return out[0], out[1]
+
+
+def _first_choice(robot: RobotModel, trial: _Trial) -> list[_Trial]:
+    """The likeliest faults on a few rows, roughly compared."""
+    few = replace(trial, rows=trial.rows.every(_COARSE), kernels=RobotKernels(robot, trial.rows.every(_COARSE)))
+    listed = [*faults_of_signs_and_order(robot.joint_names), *faults_of_units(robot.n)]
+    kinds = Counter(kind for kind, _ in listed)
+    made = [(replace(fault, candidates=len(listed) + 1), float(np.log(_FAULT / kinds[kind]))) for kind, fault in listed]
+    tried: list[tuple[float, Callable[[_Trial], _Trial]]] = []
+    for fault, prior in made:
+        undone = partial(_with, robot, fault=fault, log_prior=prior)
+        tried.append((undone(few).coarse(), undone))
+    if trial.factors is None:
+        undone = partial(_with_factors, candidates=len(listed) + 1)
+        tried.append((undone(few).coarse(), undone))
+    return [undone(trial) for _, undone in sorted(tried, key=lambda x: -x[0])[:_TRIED]]
+
+
+def _with_factors(trial: _Trial, candidates: int) -> _Trial:
+    """The same with a factor of its own on each effort undone."""
+    factors = effort_factors(trial.kernels, trial.rows.tau)
+    fault = replace(fault_of_factors(factors), candidates=candidates)
+    option = _with(trial.kernels.robot, trial, fault, float(np.log(_FAULT)) + factors.log_prior)
+    return replace(option, factors=factors, silent=~factors.seen)
+
+
+def _with(robot: RobotModel, trial: _Trial, fault: Fault, log_prior: float) -> _Trial:
+    """The same with one fault more undone."""
+    rows = trial.rows.without(fault.effect)
+    kernels = trial.kernels if np.array_equal(rows.q, trial.rows.q) else RobotKernels(robot, rows)
+    factor = np.abs(fault.effect.publish(np.ones((1, robot.n))))
+    scale = trial.scale + float(np.log(factor).sum())
+    return replace(trial, rows=rows, kernels=kernels, scale=scale, log_prior=trial.log_prior + log_prior, fault=fault)
+
+
+def probabilities(rows: Sequence[FloatArray]) -> FloatArray:
+    """Of hypotheses with log-likelihoods of the same rows, shape (N,) each: mean over what the rows could have been, drawn from
+    them by stretches of time, of the share of each (pseudo-BMA with the Bayesian bootstrap; Yao, Vehtari, Simpson, Gelman 2018).
+
+    A likelihood ratio that a few moments decide is so no certainty.
+    """
+    parts = np.stack([[s.sum() for s in np.array_split(x, _SEGMENTS)] for x in rows])
+    weights = np.random.default_rng(0).dirichlet(np.ones(_SEGMENTS), _DRAWS) * _SEGMENTS
+    total = parts @ weights.T
+    share = np.exp(total - total.max(axis=0))
+    return np.asarray(np.mean(share / share.sum(axis=0), axis=1))

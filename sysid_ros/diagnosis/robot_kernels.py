@@ -1,0 +1,143 @@
+"""RobotKernels: what a URDF, free bodies and no robot at all expect of torques, as Gaussian priors over the same coarse rows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid_ros.diagnosis.coarse_rows import CoarseRows
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+
+_MASS, _PLACE, _INERTIA = 0.15, 0.03, 0.3
+"""Standard deviation of a URDF's masses (part), centres of mass [m] and inertias (part): what identified arms differ by."""
+_GYRATION, _LEAST = 0.08, 0.02
+"""Least radius of gyration [m] and least mass (of the heaviest link's) of a link where a URDF gives less."""
+_BODY = np.array([1.0] + [0.3] * 3 + [0.1] * 6)
+"""A body of any size, times the mass of all links: within 0.3 m of its frame."""
+_CARRIED = np.array([1.0] + [0.15] * 3 + [0.03] * 6)
+"""A payload, times its mass: within 0.15 m of the flange."""
+_PAYLOAD, _WHOLE = 0.2, 0.5
+"""What is carried: a part of the arm's mass, or what makes such a part of the usual torque, if that is more."""
+_REACH = 0.3
+"""Height to which a force on the tool is that of a payload [g]."""
+_TILT = 0.05
+"""Tilt of a base [rad]."""
+GAIN, _RUBS = 0.05, 0.1
+"""Gain of an effort, as a part of it, and friction of a gear, as a part of its load."""
+_OFFSET, _VISCOUS, _QUADRATIC, _ROTOR, _DRY = 0.3, 0.5, 0.2, 0.3, 0.5
+"""What a joint has of its own, as a part of its usual torque, at its usual speed and acceleration."""
+_SPRING, _RIPPLE = (0.3, 0.7), (0.05, 0.1)
+"""Torques by the own position: size (part of the usual torque) and length over which they change [rad]."""
+_DRIFTS, _SLOW = 0.2, 10.0
+"""Part of the variance of all that which drifts, and the time over which it does [s]."""
+_REST, _MEMORY = 0.5, 1.0
+"""Times over which the friction of a joint at rest, and what any model leaves, stay alike [s]."""
+_GRAVITY = 9.81
+
+Prior = tuple[FloatArray, FloatArray]
+"""Of one joint: columns times the standard deviations of their parameters, shape (N, p), and a covariance beside them, (N, N)."""
+
+
+class RobotKernels:
+    """Priors of the torques of each joint.
+
+    All hypotheses have the same of each joint's own: what one joint's torque says of its own friction, spring or ripple decides
+    nothing between robots. They also have the same discrepancy, what any model leaves: a smooth function of the posture, of the
+    state, and of time, of a size that the data tell.
+
+    Attributes:
+        mean, gravity: torque of the URDF's links and of their weight, shape (N, n). pattern: covariance of the discrepancy, of
+            unit variance, shape (N, N).
+    """
+
+    def __init__(self, robot: RobotModel, rows: CoarseRows) -> None:
+        self.robot, self.rows = robot, rows
+        q, v, a = rows.q, rows.v, rows.a
+        self._links = robot.regressor_along(q, v, a)
+        self.mean: FloatArray = self._links @ robot.pi
+        self.gravity = robot.rnea_along(q, np.zeros_like(q), np.zeros_like(q))
+        frame = robot.frame_id(robot.default_frame)
+        self._payload = np.stack([robot.payload_regressor(*state, frame) for state in zip(q, v, a, strict=True)])
+        self._force = robot.frame_jacobian_along(q, frame).swapaxes(1, 2)
+        self._tilt = np.stack([robot.base_acceleration_columns(x)[:, :2] for x in q])
+        self._total = float(robot.pi[::10].sum())
+        self._inexact = _inexactness(robot)
+        apart = np.where(rows.stretch[:, None] == rows.stretch, np.abs(rows.t[:, None] - rows.t), np.inf)
+        self._slow = 1.0 - _DRIFTS + _DRIFTS * np.exp(-0.5 * (apart / _SLOW) ** 2)
+        self._rest = np.exp(-0.5 * (apart / _REST) ** 2)
+        self.pattern = (_waves(q, v, a) + _matern(_distance(q, v)) + _matern(np.minimum(apart, 1e3) / _MEMORY)) / 3.0
+
+    def own(self, joint: int) -> FloatArray:
+        """Covariance of what a joint has of its own, over the square of its usual torque, shape (N, N)."""
+        r = self.rows
+        q, v, a = r.q[:, joint], r.v[:, joint], r.a[:, joint]
+        v, a = v / max(float(v.std()), 1e-9), a / max(float(a.std()), 1e-9)
+        dry = [_DRY * r.sign[:, joint], _DRY * r.slow_sign[:, joint]]
+        X = np.stack([np.full_like(v, _OFFSET), _VISCOUS * v, _QUADRATIC * v * np.abs(v), _ROTOR * a, *dry], axis=1)
+        out = X @ X.T * self._slow
+        for size, length in (_SPRING, _RIPPLE):
+            out += size**2 * np.exp(-0.5 * ((q[:, None] - q) / length) ** 2)
+        stands = _DRY * r.stands[:, joint]
+        out += stands[:, None] * stands * self._rest
+        return np.asarray(out)
+
+    def urdf(self, joint: int, usual: float, gain: float = GAIN) -> Prior:
+        """The URDF's bodies, as exact as a URDF is, what the whole arm may have beside them, a gain and friction by the load.
+
+        Args:
+            usual: largest usual torque of any joint [N m].
+        """
+        columns = [self._links[:, joint] * self._inexact, self.whole_arm(joint, usual)]
+        return np.concatenate(columns, axis=1), self.by_load(joint, gain)
+
+    def free(self, joint: int, usual: float) -> Prior:
+        """The same kinematics with bodies of any size, and the same beside them."""
+        columns = [self._links[:, joint] * np.tile(self._total * _BODY, self.robot.n), self.whole_arm(joint, usual)]
+        return np.concatenate(columns, axis=1), self.by_load(joint, GAIN)
+
+    def by_load(self, joint: int, gain: float) -> FloatArray:
+        """Covariance of a gain on the URDF's torque, and of friction in proportion to it, shape (N, N)."""
+        load = self.mean[:, joint]
+        rubs = _RUBS * np.abs(load) * self.rows.sign[:, joint]
+        return np.asarray(gain**2 * np.outer(load, load) + np.outer(rubs, rubs))
+
+    def whole_arm(self, joint: int, usual: float) -> FloatArray:
+        """Columns of a payload, a force on the tool and a tilt of the base, shape (N, 15)."""
+        weight = float(np.sqrt(np.max(np.mean(np.sum((self._payload * _CARRIED) ** 2, axis=2), axis=0))))
+        carried = max(_PAYLOAD * self._total, _WHOLE * usual / max(weight, 1e-9))
+        force, tilt = _GRAVITY * _REACH * carried, _GRAVITY * _TILT
+        parts = [self._payload[:, joint] * carried * _CARRIED, self._force[:, joint] * force, self._tilt[:, joint] * tilt]
+        return np.concatenate(parts, axis=1)
+
+
+def _inexactness(robot: RobotModel) -> FloatArray:
+    """Standard deviation of what a URDF says of its links, shape (10 n,)."""
+    out = np.zeros((robot.n, 10))
+    least = max(_LEAST * float(robot.pi[::10].max()), 1e-6)
+    for row, body in zip(out, robot.pi.reshape(-1, 10), strict=True):
+        mass = max(float(body[0]), least)
+        first = float(np.linalg.norm(body[1:4])) / mass
+        moment = max(float(body[[4, 6, 9]].max()), mass * _GYRATION**2)
+        row[:] = [_MASS * mass] + [mass * float(np.hypot(_PLACE, _MASS * first))] * 3 + [_INERTIA * moment] * 6
+    return out.ravel()
+
+
+def _waves(q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+    """Covariance of unit size of sines and cosines of the joints, their products, accelerations and products of speeds."""
+    circle = np.concatenate([np.sin(q), np.cos(q)], axis=1)
+    (i, k), (s, t) = np.triu_indices(circle.shape[1], 1), np.triu_indices(q.shape[1])
+    X = np.concatenate([np.ones((len(q), 1)), circle, circle[:, i] * circle[:, k], a, v[:, s] * v[:, t]], axis=1)
+    X /= np.maximum(np.sqrt(np.mean(X**2, axis=0)), 1e-9)
+    return np.asarray(X @ X.T / X.shape[1])
+
+
+def _distance(q: FloatArray, v: FloatArray) -> FloatArray:
+    """Between states, over their usual spread, shape (N, N)."""
+    X = np.concatenate([x / np.maximum(x.std(axis=0), 1e-9) for x in (q, v)], axis=1)
+    size = np.sum(X**2, axis=1)
+    return np.asarray(np.sqrt(np.maximum(size[:, None] + size - 2.0 * X @ X.T, 0.0) / X.shape[1]))
+
+
+def _matern(d: FloatArray) -> FloatArray:
+    """Matern's covariance of functions with one derivative (Rasmussen, Williams 2006, section 4.2)."""
+    return np.asarray((1.0 + np.sqrt(3.0) * d) * np.exp(-np.sqrt(3.0) * d))

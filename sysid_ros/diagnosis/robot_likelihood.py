@@ -1,0 +1,236 @@
+"""How likely a hypothesis about a robot makes torques of a half of the joint space when it has seen the other half.
+
+The torques of joint j, of a hypothesis with columns X_j of parameters that all joints share::
+
+    y_j = m_j + X_j theta + d_j,    theta ~ N(0, I),    d_j ~ N(0, A_j + u_j^2 (O_j + kappa_j^2 D + s_j^2 I))
+
+with the usual torque u_j, what the joint has of its own O_j, the discrepancy D that any model leaves and white noise. The
+sizes kappa_j and s_j are those that make the joint's rows likeliest, given what the other joints say of theta. What is judged
+is what the bodies say of one joint from the torques of the others, where the arm has not been.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, optimize
+
+from sysid_ros.diagnosis.robot_kernels import Prior
+from sysid_ros.sample import FloatArray
+
+LEAVES, LEAVES_ALL, _SPREAD = np.log(0.05), 0.0, np.log(3.0)
+"""Logarithm of what a model of the robot, and one of no robot, leaves of a torque before any data: mean, standard deviation."""
+_LOW, _HIGH = np.log([1e-3, 1e-3]), np.log([2.0, 2.0])
+"""Ranges of noise and discrepancy over the usual torque; the filters alone are off by a thousandth of it."""
+_STARTS = [np.log([s, k]) for s in (0.002, 0.01, 0.05, 0.3) for k in (0.02, 0.1, 0.5)]
+USUAL = np.log([0.02, 0.05])
+"""Noise and discrepancy that a search begins with."""
+_STEPS, _ROUNDED = 20, 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class JointTorques:
+    """One joint's rows under a hypothesis.
+
+    Attributes:
+        residual: y - m of each of g forms of the hypothesis, shape (N, g). prior: X and A. own: O. pattern: D. usual: u.
+        leaves: expected logarithm of kappa.
+    """
+
+    residual: FloatArray
+    prior: Prior
+    own: FloatArray
+    pattern: FloatArray
+    usual: float
+    leaves: float = LEAVES
+
+    def doubt(self, sizes: FloatArray) -> float:
+        """Negative log-density of kappa before any data, less that of its most usual value."""
+        return 0.5 * float((sizes[1] - self.leaves) / _SPREAD) ** 2
+
+    def fixed(self) -> FloatArray:
+        """A + u^2 O, shape (N, N)."""
+        return np.asarray(self.prior[1] + self.usual**2 * self.own)
+
+    def covariance(self, sizes: FloatArray) -> FloatArray:
+        """Covariance of d for logarithms of s and kappa, shape (N, N)."""
+        s, kappa = np.exp(sizes) * self.usual
+        out: FloatArray = self.fixed() + kappa**2 * self.pattern
+        out[np.diag_indices_from(out)] += s**2
+        return out
+
+    def information(self, precision: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What the joint says of the shared parameters: X'PX, shape (p, p), and X'P r of the first form, shape (p,)."""
+        weighted = precision @ self.prior[0]
+        return self.prior[0].T @ weighted, weighted.T @ self.residual[:, 0]
+
+    def sizes(
+        self, mean: FloatArray, fixed: FloatArray, start: FloatArray | None = None, step: int = 1
+    ) -> tuple[FloatArray, float]:
+        """Logarithms of s and kappa that make rows likeliest, shape (2,), and their log-likelihood.
+
+        Args:
+            mean: y less what is expected, shape (N,). fixed: covariance beside discrepancy and noise, shape (N, N). step: each of
+                so many rows is taken.
+        """
+        pattern = self.usual**2 * self.pattern[::step, ::step]
+        loss = _Loss(mean[::step], fixed[::step, ::step], pattern, self.usual**2, self.leaves)
+        starts = _STARTS if start is None else [start, *_STARTS]
+        start = min(starts, key=loss.value)
+        bounds, options = list(zip(_LOW, _HIGH, strict=True)), {"maxiter": _STEPS, "ftol": 1e-6}
+        found = optimize.minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+        return np.asarray(found.x), -float(found.fun)
+
+
+class _Loss:
+    """Negative log-likelihood of rows by the logarithms of s and kappa, with its slope."""
+
+    def __init__(self, mean: FloatArray, fixed: FloatArray, pattern: FloatArray, unit: float, leaves: float) -> None:
+        self.mean, self.fixed, self.pattern, self.unit, self.leaves = mean, fixed, pattern, unit, leaves
+
+    def value(self, x: FloatArray) -> float:
+        """Without the slope."""
+        return self._solved(x)[0]
+
+    def _solved(self, x: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """The value, the Cholesky factor of the covariance, and its inverse times the rows."""
+        K = self.fixed + float(np.exp(2.0 * x[1])) * self.pattern
+        K[np.diag_indices_from(K)] += self.unit * float(np.exp(2.0 * x[0]))
+        root, failed = linalg.lapack.dpotrf(K.T, lower=1, overwrite_a=1)
+        if failed:
+            return np.inf, root, np.zeros(len(K))
+        alpha = linalg.lapack.dpotrs(root, self.mean, lower=1)[0]
+        prior = 0.5 * ((x[1] - self.leaves) / _SPREAD) ** 2
+        return 0.5 * float(self.mean @ alpha) + float(np.log(np.diag(root)).sum()) + prior, root, alpha
+
+    def __call__(self, x: FloatArray) -> tuple[float, FloatArray]:
+        value, root, alpha = self._solved(x)
+        if not np.isfinite(value):
+            return value, np.zeros(2)
+        noise, kappa = self.unit * float(np.exp(2.0 * x[0])), float(np.exp(2.0 * x[1]))
+        inverse = linalg.lapack.dpotri(root, lower=1, overwrite_c=1)[0]  # its lower half, below zeros
+        diagonal = np.diag(inverse)
+        trace = 2.0 * float(np.vdot(inverse, self.pattern)) - float(diagonal @ np.diag(self.pattern))
+        slope = [
+            noise * (diagonal.sum() - alpha @ alpha),
+            kappa * (trace - alpha @ self.pattern @ alpha) + (x[1] - self.leaves) / _SPREAD**2,
+        ]
+        return value, np.array(slope)
+
+
+def halves(q: FloatArray) -> NDArray[np.bool_]:
+    """True in one half of the joint space, shape (N,): cut across the direction in which a motion reaches furthest. On a path
+    that repeats, a model that remembers it would have seen any stretch of time that is left out."""
+    x = (q - q.mean(axis=0)) / np.maximum(q.std(axis=0), 1e-9)
+    along = x @ np.linalg.svd(x, full_matrices=False)[2][0]
+    return np.asarray(along > np.median(along))
+
+
+@dataclass(frozen=True, eq=False)
+class RowLikelihoods:
+    """Log-likelihood of each row under each form of a hypothesis, over all joints, shape (g, N) each.
+
+    Attributes:
+        first: given nothing but the rows before it in its own half. then: given the other half too. With the halves in either
+            order the mean of both is the likelihood of all rows.
+    """
+
+    first: FloatArray
+    then: FloatArray
+
+    @property
+    def whole(self) -> FloatArray:
+        """Of all rows, shape (g, N)."""
+        return 0.5 * (self.first + self.then)
+
+    @property
+    def likeliest(self) -> FloatArray:
+        """Of all rows under the likeliest form, shape (N,)."""
+        return np.asarray(self.whole[self.best])
+
+    @property
+    def best(self) -> int:
+        """The form that makes all rows likeliest."""
+        return int(np.argmax(self.whole.sum(axis=1)))
+
+    def plus(self, value: FloatArray) -> RowLikelihoods:
+        """With log-prior odds of each form, shape (g,), in equal parts on all rows."""
+        part = np.reshape(value, (-1, 1)) / self.then.shape[1]
+        return RowLikelihoods(self.first + part, self.then + part)
+
+
+def row_likelihoods(joints: Sequence[JointTorques], half: NDArray[np.bool_]) -> RowLikelihoods:
+    """How likely a hypothesis makes the rows of each half of the joint space.
+
+    Noise and discrepancy of each joint are those that make the first form's rows likeliest; how unusual they are counts too.
+    """
+    found, alone = [], []
+    for x in joints:
+        broad = x.fixed() + x.prior[0] @ x.prior[0].T
+        found.append(x.sizes(x.residual[:, 0], broad, step=2)[0])
+        alone.append(x.information(inverse(x.covariance(found[-1]))))
+    unit = np.eye(joints[0].prior[0].shape[1])
+    covariances, doubt = [], 0.0
+    for j, x in enumerate(joints):
+        X, rest = x.prior[0], [y for i, y in enumerate(alone) if i != j]
+        others = _factored(unit + sum(H for H, _ in rest))
+        theta = linalg.cho_solve(others, sum((h for _, h in rest), np.zeros(len(unit))))
+        sizes, _ = x.sizes(x.residual[:, 0] - X @ theta, x.fixed() + _spread(X, others), found[j])
+        covariances.append(x.covariance(sizes))
+        doubt += x.doubt(sizes)
+    return _of_halves(joints, covariances, half).plus(np.array([-doubt]))
+
+
+def inverse(covariance: FloatArray) -> FloatArray:
+    """Of a positive definite matrix."""
+    root, _ = linalg.lapack.dpotrf(covariance, lower=1)
+    lower = np.tril(linalg.lapack.dpotri(root, lower=1)[0])
+    return np.asarray(lower + np.tril(lower, -1).T)
+
+
+def _of_halves(joints: Sequence[JointTorques], covariances: Sequence[FloatArray], half: NDArray[np.bool_]) -> RowLikelihoods:
+    columns, precisions = [x.prior[0] for x in joints], [inverse(K) for K in covariances]
+    z = [P @ x.residual for P, x in zip(precisions, joints, strict=True)]
+    Z = [P @ X for P, X in zip(precisions, columns, strict=True)]
+    H = np.eye(columns[0].shape[1]) + sum(X.T @ W for X, W in zip(columns, Z, strict=True))
+    h = sum(X.T @ w for X, w in zip(columns, z, strict=True))
+    first, then = (np.zeros((joints[0].residual.shape[1], len(half))) for _ in range(2))
+    for rows in (np.flatnonzero(half), np.flatnonzero(~half)):
+        block = np.ix_(rows, rows)
+        # the inverse of a block of a precision is the covariance of its rows given all others
+        spread = [inverse(P[block]) for P in precisions]
+        seen = _factored(H - sum(W[rows].T @ S @ W[rows] for S, W in zip(spread, Z, strict=True)))
+        theta = linalg.cho_solve(seen, h - sum(W[rows].T @ S @ w[rows] for S, W, w in zip(spread, Z, z, strict=True)))
+        G, g = np.eye(len(H)), np.zeros_like(h)  # what the joints so far say of the shared parameters
+        for x, K, S, W, w in zip(joints, covariances, spread, Z, z, strict=True):
+            X, y = x.prior[0][rows], x.residual[rows]
+            told = _factored(G)
+            first[:, rows] += _densities(y - X @ linalg.cho_solve(told, g), K[block] + _spread(X, told))
+            weighted = inverse(K[block]) @ X
+            G, g = G + X.T @ weighted, g + weighted.T @ y
+            moved = S @ W[rows]
+            then[:, rows] += _densities(S @ w[rows] - moved @ theta, S + _spread(moved, seen))
+    return RowLikelihoods(first, then)
+
+
+def _spread(columns: FloatArray, factored: tuple[FloatArray, bool]) -> FloatArray:
+    """Covariance of columns times parameters of whose precision the Cholesky factor is given; it stays one under rounding."""
+    root, lower = factored
+    half = linalg.solve_triangular(root, columns.T, lower=lower, trans=0 if lower else 1, check_finite=False)
+    return np.asarray(half.T @ half)
+
+
+def _factored(precision: FloatArray) -> tuple[FloatArray, bool]:
+    """The Cholesky factor of a precision, rounded up by what double precision loses of its largest entry."""
+    root, lower = linalg.cho_factor(precision + _ROUNDED * np.diag(precision).max() * np.eye(len(precision)), check_finite=False)
+    return root, bool(lower)
+
+
+def _densities(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Log-density of each row given those before it, of errors of shape (N, g), shape (g, N)."""
+    root = linalg.cholesky(covariance, lower=True, check_finite=False)
+    white = linalg.solve_triangular(root, error, lower=True, check_finite=False)
+    return np.asarray(-(0.5 * white**2 + np.log(np.diag(root))[:, None] + 0.5 * np.log(2.0 * np.pi)).T)
