@@ -18,6 +18,8 @@ _CARRIED = np.array([1.0] + [0.15] * 3 + [0.03] * 6)
 """A payload, times its mass: within 0.15 m of the flange."""
 _PAYLOAD, _WHOLE = 0.2, 0.5
 """What is carried: a part of the arm's mass, or what makes such a part of the usual torque, if that is more."""
+_CUTS, _CHANGING = (0.0, 0.25, 0.5, 0.75), 3
+"""Parts of a stretch after which what is carried may be something else, and how many stretches it may be in."""
 _REACH = 0.3
 """Height to which a force on the tool is that of a payload [g]."""
 _TILT = 0.05
@@ -61,6 +63,7 @@ class RobotKernels:
         self._force = robot.frame_jacobian_along(q, frame).swapaxes(1, 2)
         self._tilt = np.stack([robot.base_acceleration_columns(x)[:, :2] for x in q])
         self._total = float(robot.pi[::10].sum())
+        self._later = _changes(rows)
         self._inexact = _inexactness(robot)
         apart = np.where(rows.stretch[:, None] == rows.stretch, np.abs(rows.t[:, None] - rows.t), np.inf)
         self._slow = 1.0 - _DRIFTS + _DRIFTS * np.exp(-0.5 * (apart / _SLOW) ** 2)
@@ -102,12 +105,25 @@ class RobotKernels:
         return np.asarray(gain**2 * np.outer(load, load) + np.outer(rubs, rubs))
 
     def whole_arm(self, joint: int, usual: float) -> FloatArray:
-        """Columns of a payload, a force on the tool and a tilt of the base, shape (N, 15)."""
+        """Columns of a payload, which may change in and between recordings, of a force on the tool and a tilt of the base, shape
+        (N, 15 + 10 c)."""
         weight = float(np.sqrt(np.max(np.mean(np.sum((self._payload * _CARRIED) ** 2, axis=2), axis=0))))
         carried = max(_PAYLOAD * self._total, _WHOLE * usual / max(weight, 1e-9))
         force, tilt = _GRAVITY * _REACH * carried, _GRAVITY * _TILT
-        parts = [self._payload[:, joint] * carried * _CARRIED, self._force[:, joint] * force, self._tilt[:, joint] * tilt]
-        return np.concatenate(parts, axis=1)
+        payload = self._payload[:, joint] * carried * _CARRIED
+        parts = [payload, self._force[:, joint] * force, self._tilt[:, joint] * tilt]
+        return np.concatenate([*parts, *(payload * later[:, None] for later in self._later)], axis=1)
+
+
+def _changes(rows: CoarseRows) -> list[FloatArray]:
+    """1 from a time on in one of the longest stretches: what is carried may be picked up or set down, shape (N,) each."""
+    stretches, count = np.unique(rows.stretch, return_counts=True)
+    out = []
+    for s in stretches[np.argsort(-count)][:_CHANGING]:
+        t = rows.t[rows.stretch == s]
+        cuts = [c for c in _CUTS if len(stretches) > 1 or c > 0.0]
+        out += [((rows.stretch == s) & (rows.t >= t[0] + c * (t[-1] - t[0]))).astype(float) for c in cuts]
+    return out
 
 
 def _inexactness(robot: RobotModel) -> FloatArray:
