@@ -28,11 +28,21 @@ def spin(make_node: Callable[[], Node], args: list[str] | None) -> int:
         pass
     finally:
         # Ctrl-C reaches a launched node twice; the second one must not break the clean-up
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        while not _ignores_interrupts():
+            pass
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def _ignores_interrupts() -> bool:
+    """Ignore further interrupts; False where one came before that."""
+    try:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    except KeyboardInterrupt:
+        return False
+    return True
 
 
 def _executor(node: Node) -> Any:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from scipy import stats
+from scipy import special
 
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
@@ -50,7 +50,7 @@ def matching(robot: RobotModel, joint: int, first: FloatArray, std: FloatArray) 
         joint: that moves the link. first, std: mass [kg] and first moment in the joint's frame [kg m], shape (4,).
     """
     far = {b: float(np.sum(((b.theta[:4] - first) / np.maximum(std, 1e-9)) ** 2)) for b in fixed_bodies(robot, joint)}
-    near: list[FixedBody] = sorted((b for b in far if far[b] < stats.chi2.isf(0.05, 4)), key=far.__getitem__)
+    near: list[FixedBody] = sorted((b for b in far if far[b] < special.chdtri(4, 0.05)), key=far.__getitem__)
     return near
 
 
