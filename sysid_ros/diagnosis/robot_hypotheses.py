@@ -29,6 +29,8 @@ _GRAVITY = {0.0: 0.978, -1.0: 0.02, 1.0: 0.002}
 """Probability that the efforts hold gravity as it is, not at all, or twice."""
 _OTHER = 0.005
 """Probability that a URDF that somebody gives is that of another robot alike, or that the efforts are no torques of a robot."""
+_CHANGES = 0.1
+"""Probability that the payload changes in recordings, before any data."""
 _FAULTS = 3
 """Most faults that are looked for beside one another."""
 _INEXACT = 0.03
@@ -66,6 +68,13 @@ class Judgement:
         by_all = probabilities([*self.urdf.whole, self.free.whole[0]])[:-1]
         unseen = probabilities([*self.urdf.then, self.free.then[0], self.no_robot.then[0]])[:-2]
         return float(min(by_all.sum(), unseen.sum()))
+
+    def or_else(self, other: Judgement, part: float) -> Judgement:
+        """The mixture with another one, which has a part of the prior probability."""
+        own, its = np.array([np.log(1.0 - part)]), np.array([np.log(part)])
+        urdf = self.urdf.plus(own).beside(other.urdf.plus(its))
+        free = self.free.plus(own).beside(other.free.plus(its))
+        return replace(self, urdf=urdf, free=free.only(free.best))
 
     @property
     def refusal(self) -> str | None:
@@ -166,8 +175,19 @@ def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | Non
         assert trial.fault is not None
         faults.append(replace(trial.fault, probability=probability))
         factors = trial.factors or factors
+    first = _judgement(trial, found, faults, factors, half)
+    if first.probability >= 0.5:
+        return first
+    # what was carried may have been picked up or set down: seldom, and both alike explain more then
+    changing = replace(trial, kernels=RobotKernels(robot, trial.rows, changes=True))
+    return first.or_else(_judgement(changing, changing.likelihood(half), faults, factors, half), _CHANGES)
+
+
+def _judgement(
+    trial: _Trial, found: RowLikelihoods, faults: Sequence[Fault], factors: EffortFactors | None, half: NDArray[np.bool_]
+) -> Judgement:
     given = found.plus(np.array([np.log(1.0 - 2.0 * _OTHER) - trial.log_prior]))  # other robots have the same faults here
-    return Judgement(robot, tuple(faults), given, *_others(trial, half), factors)
+    return Judgement(trial.kernels.robot, tuple(faults), given, *_others(trial, half), factors)
 
 
 def rank(judgements: Sequence[Judgement]) -> FloatArray:

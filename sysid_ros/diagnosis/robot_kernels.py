@@ -47,12 +47,15 @@ class RobotKernels:
     nothing between robots. They also have the same discrepancy, what any model leaves: a smooth function of the posture, of the
     state, and of time, of a size that the data tell.
 
+    Args:
+        changes: whether what is carried may change in and between recordings.
+
     Attributes:
         mean, gravity: torque of the URDF's links and of their weight, shape (N, n). pattern: covariance of the discrepancy, of
             unit variance, shape (N, N).
     """
 
-    def __init__(self, robot: RobotModel, rows: CoarseRows) -> None:
+    def __init__(self, robot: RobotModel, rows: CoarseRows, changes: bool = False) -> None:
         self.robot, self.rows = robot, rows
         q, v, a = rows.q, rows.v, rows.a
         self._links = robot.regressor_along(q, v, a)
@@ -63,7 +66,7 @@ class RobotKernels:
         self._force = robot.frame_jacobian_along(q, frame).swapaxes(1, 2)
         self._tilt = np.stack([robot.base_acceleration_columns(x)[:, :2] for x in q])
         self._total = float(robot.pi[::10].sum())
-        self._later = _changes(rows)
+        self._later = _changes(rows) if changes else []
         self._inexact = _inexactness(robot)
         apart = np.where(rows.stretch[:, None] == rows.stretch, np.abs(rows.t[:, None] - rows.t), np.inf)
         self._slow = 1.0 - _DRIFTS + _DRIFTS * np.exp(-0.5 * (apart / _SLOW) ** 2)
@@ -105,8 +108,7 @@ class RobotKernels:
         return np.asarray(gain**2 * np.outer(load, load) + np.outer(rubs, rubs))
 
     def whole_arm(self, joint: int, usual: float) -> FloatArray:
-        """Columns of a payload, which may change in and between recordings, of a force on the tool and a tilt of the base, shape
-        (N, 15 + 10 c)."""
+        """Columns of a payload with its changes, of a force on the tool and a tilt of the base, shape (N, 15 + 10 c)."""
         weight = float(np.sqrt(np.max(np.mean(np.sum((self._payload * _CARRIED) ** 2, axis=2), axis=0))))
         carried = max(_PAYLOAD * self._total, _WHOLE * usual / max(weight, 1e-9))
         force, tilt = _GRAVITY * _REACH * carried, _GRAVITY * _TILT

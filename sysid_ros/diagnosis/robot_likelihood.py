@@ -156,6 +156,14 @@ class RowLikelihoods:
         """The form that makes all rows likeliest."""
         return int(np.argmax(self.whole.sum(axis=1)))
 
+    def beside(self, other: RowLikelihoods) -> RowLikelihoods:
+        """The forms of both."""
+        return RowLikelihoods(np.concatenate([self.first, other.first]), np.concatenate([self.then, other.then]))
+
+    def only(self, form: int) -> RowLikelihoods:
+        """One form alone."""
+        return RowLikelihoods(self.first[[form]], self.then[[form]])
+
     def plus(self, value: FloatArray) -> RowLikelihoods:
         """With log-prior odds of each form, shape (g,), in equal parts on all rows."""
         part = np.reshape(value, (-1, 1)) / self.then.shape[1]
