@@ -31,6 +31,8 @@ _OTHER = 0.005
 """Probability that a URDF that somebody gives is that of another robot alike, or that the efforts are no torques of a robot."""
 _CHANGES = 0.1
 """Probability that the payload changes in recordings, before any data."""
+_SURE = 0.95
+"""Probability from which a fault is undone: what is undone wrongly spoils all that comes after it, and what is left shows."""
 _FAULTS = 3
 """Most faults that are looked for beside one another."""
 _INEXACT = 0.03
@@ -169,7 +171,7 @@ def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | Non
         # a fault that is real is no less likely than none where the arm had not been, whatever is usual
         unseen = [x.plus(np.array([-option.log_prior])).then[x.best] for x, option in (weighed[0], weighed[best])]
         probability = min(float(share[best]), float(probabilities(unseen)[1]))
-        if best == 0 or probability < 0.5:
+        if best == 0 or probability < _SURE:
             break
         found, trial = weighed[best]
         assert trial.fault is not None
