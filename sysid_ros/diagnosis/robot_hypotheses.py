@@ -103,7 +103,8 @@ class Judgement:
         told = ", ".join(f"{names[j]} {found.values[j]:.3g} +- {found.std[j]:.1g}" for j in np.flatnonzero(found.seen))
         silent = ", ".join(names[j] for j in np.flatnonzero(~found.seen))
         return (
-            "The efforts are in another unit than N m, with a factor of its own on each joint (torque_unit), as currents are"
+            f"The URDF '{self.robot.name}' does not explain these torques as they are: it is another robot's, or the efforts are "
+            "in another unit than N m, with a factor of its own on each joint (torque_unit), as currents are"
             f"{f': {told}' if told else ''}. On {silent} they hold nothing of the links' torque, so that no factor can be told "
             "there: these channels are dead, or friction is all that they show. Publish joint torques in N m (current times "
             "torque constant and gear ratio), or leave these joints out (joint_names)."
