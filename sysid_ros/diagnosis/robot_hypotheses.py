@@ -157,10 +157,19 @@ class _Trial:
 
 
 def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | None:
-    """What recordings say of a URDF and of their channels; None where nothing of them can be used."""
+    """What recordings say of a URDF and of their channels; None where nothing of them can be used.
+
+    A fault that is likely, and not sure, is undone only where nothing could be said of the recordings else.
+    """
     rows = CoarseRows.of(robot, recordings)
     if rows is None:
         return None
+    found = _judged(robot, rows, _SURE)
+    return found if found.refusal is None else _judged(robot, rows, 0.5)
+
+
+def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
+    """With the faults undone that have a probability."""
     half = halves(rows.q)
     trial = _Trial(rows, RobotKernels(robot, rows), 0.0, np.log(1.0 - 2.0 * _OTHER), np.zeros(robot.n, dtype=bool))
     found, faults, factors = trial.likelihood(half), list[Fault](), None
@@ -172,7 +181,7 @@ def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | Non
         # a fault that is real is no less likely than none where the arm had not been, whatever is usual
         unseen = [x.plus(np.array([-option.log_prior])).then[x.best] for x, option in (weighed[0], weighed[best])]
         probability = min(float(share[best]), float(probabilities(unseen)[1]))
-        if best == 0 or probability < _SURE:
+        if best == 0 or probability < sure:
             break
         found, trial = weighed[best]
         assert trial.fault is not None
