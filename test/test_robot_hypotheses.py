@@ -45,6 +45,7 @@ def test_a_wrong_sign_is_told_from_a_joint_that_counts_backwards() -> None:
         (fault,) = found.faults
         assert fault.effect.id == kind.id
         assert fault.joints == (2,)
+        assert fault.probability is not None
         assert fault.probability > 0.9
 
 

@@ -14,6 +14,7 @@ from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.torque_noise import Noise
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.conditioning import motions
 from sysid_ros.signals.recording import Recording
@@ -63,7 +64,7 @@ def _likelihood(
     y = band.rows([m.tau - m.link_torque for m in parts])
     out = 0.0
     for j in np.flatnonzero(band.active):
-        X = band.joint_curves(int(j), [np.stack([np.tanh(m.v[:, j] / 0.02), m.v[:, j], np.ones(len(m.t))]) for m in parts])
+        X = band.joint_curves(int(j), [np.stack([smoothed_sign(m.v[:, j]), m.v[:, j], np.ones(len(m.t))]) for m in parts])
         residual = y[:, j]
         for _ in range(_ROUNDS):
             variance = Noise.of(band.f, residual[:, None] ** 2).variance(band.f)[:, 0]

@@ -32,7 +32,7 @@ class Fault:
         effect: how it is undone. joints: indices.
         values: (name, joint or None, value, unit, std) of each parameter; std is None where none was measured.
         parameters: free numbers among them. candidates: other faults that were tried, and itself.
-        probability: that the channels have it, rather than another fault or none.
+        probability: that the channels have it, rather than another fault or none; None before it was weighed.
     """
 
     effect: ChannelEffect
@@ -40,7 +40,7 @@ class Fault:
     values: tuple[tuple[str, int | None, float | str, str, float | None], ...]
     parameters: int = 0
     candidates: int = 1
-    probability: float = 1.0
+    probability: float | None = None
 
 
 def undo(recording: Recording, effect: ChannelEffect) -> Recording:

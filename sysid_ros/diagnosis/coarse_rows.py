@@ -87,7 +87,7 @@ class CoarseRows:
 
 
 def _rows(m: Motion, step: float) -> tuple[FloatArray, ...]:
-    signs = (smoothed_sign(m.v), np.tanh(m.v / _SLOW))
+    signs = (smoothed_sign(m.v), smoothed_sign(m.v, _SLOW))
     n, every = m.q.shape[1], max(1, round(step / m.period))
     channels = low_passed(np.hstack([m.q, m.v, m.a, m.tau, *signs]), min(_CUTOFF, 0.2 / m.period), m.period)[every // 2 :: every]
     q, v, a, tau, sign, slow = (channels[:, n * i : n * (i + 1)] for i in range(6))

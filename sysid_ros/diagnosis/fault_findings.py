@@ -43,7 +43,7 @@ def finding_of(fault: Fault, joints: Sequence[str], evidence: Evidence, deviatio
         else:
             found.append(_factor(name, where, value, unit, *measured))
     named = tuple(joints[j] for j in fault.joints)
-    return _finding(effect, named, len(joints), tuple(found), evidence, _UNDONE)
+    return replace(_finding(effect, named, len(joints), tuple(found), evidence, _UNDONE), probability=fault.probability)
 
 
 def _factor(name: str, joint: str | None, value: float, unit: str, part: float, part_std: float) -> Parameter:

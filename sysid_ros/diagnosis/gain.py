@@ -24,7 +24,7 @@ _LONGEST = 30.0
 _STIFF = 50.0
 """Bandwidth of the controller that holds the motion: far above the band that is judged [Hz]."""
 _SOFT = 8.0
-"""That of the controller whose tracking error is told: as wide as the band [Hz]."""
+"""That of the controller whose tracking error is reported: as wide as the band [Hz]."""
 _LOST = (
     "A controller can't hold the recorded motion in the simulation, which therefore has no figures: some link has next to no "
     "inertia, or the model is far from the robot."
@@ -126,7 +126,9 @@ def simulation_gain(
             return None
         errors.append(prepared.band.rows([x - m.tau for x, m in zip(given, prepared.motions, strict=True)]))
         strayed += runs
-    return _told(stretches, errors, noise, strayed, simulator), _shown(prepared.motions[0].robot.joint_names, stretches, strayed)
+    return _figures(stretches, errors, noise, strayed, simulator), _shown(
+        prepared.motions[0].robot.joint_names, stretches, strayed
+    )
 
 
 def _held(
@@ -169,7 +171,7 @@ def _stretches(prepared: Prepared) -> list[_Stretch]:
     return out
 
 
-def _told(
+def _figures(
     stretches: Sequence[_Stretch],
     errors: Sequence[FloatArray],
     noise: FloatArray,

@@ -31,8 +31,9 @@ _OTHER = 0.005
 """Probability that a URDF that somebody gives is that of another robot alike, or that the efforts are no torques of a robot."""
 _CHANGES = 0.1
 """Probability that the payload changes in recordings, before any data."""
-_SURE = 0.95
-"""Probability from which a fault is undone: what is undone wrongly spoils all that comes after it, and what is left shows."""
+_LIKELY, _SURE = 0.5, 0.95
+"""Probabilities from which a fault is likelier than not, and from which it is undone: what is undone wrongly spoils all that
+comes after it, and what is left shows."""
 _FAULTS = 3
 """Most faults that are looked for beside one another."""
 _INEXACT = 0.03
@@ -54,6 +55,7 @@ class Judgement:
         urdf, free, no_robot: under each form of the URDF with its faults undone, with free bodies on the same joints and with no
             robot at all, their prior odds in it.
         factors: what was found of efforts with a factor of their own on each joint, where that is a fault.
+        doubtful: whether another fault is likelier than not, and not sure enough to be undone.
     """
 
     robot: RobotModel
@@ -62,6 +64,7 @@ class Judgement:
     free: RowLikelihoods
     no_robot: RowLikelihoods
     factors: EffortFactors | None = None
+    doubtful: bool = False
 
     @property
     def probability(self) -> float:
@@ -81,7 +84,7 @@ class Judgement:
     @property
     def refusal(self) -> str | None:
         """Why nothing can be said with this URDF, and the cure; None where something can."""
-        if self.probability < 0.5:
+        if self.probability < _LIKELY:
             return self._of_another_robot()
         if self.factors is not None and not self.factors.seen.all():
             return self._without_signal(self.factors)
@@ -165,7 +168,7 @@ def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | Non
     if rows is None:
         return None
     found = _judged(robot, rows, _SURE)
-    return found if found.refusal is None else _judged(robot, rows, 0.5)
+    return _judged(robot, rows, _LIKELY) if found.doubtful and found.refusal else found
 
 
 def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
@@ -173,6 +176,7 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
     half = halves(rows.q)
     trial = _Trial(rows, RobotKernels(robot, rows), 0.0, np.log(1.0 - 2.0 * _OTHER), np.zeros(robot.n, dtype=bool))
     found, faults, factors = trial.likelihood(half), list[Fault](), None
+    doubtful = False
     while len(faults) < _FAULTS:
         options = _first_choice(robot, trial)
         weighed = [(found, trial), *((option.likelihood(half), option) for option in options)]
@@ -182,13 +186,14 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
         unseen = [x.plus(np.array([-option.log_prior])).then[x.best] for x, option in (weighed[0], weighed[best])]
         probability = min(float(share[best]), float(probabilities(unseen)[1]))
         if best == 0 or probability < sure:
+            doubtful = bool(best > 0 and probability >= _LIKELY)
             break
         found, trial = weighed[best]
         assert trial.fault is not None
         faults.append(replace(trial.fault, probability=probability))
         factors = trial.factors or factors
-    first = _judgement(trial, found, faults, factors, half)
-    if first.probability >= 0.5:
+    first = replace(_judgement(trial, found, faults, factors, half), doubtful=doubtful)
+    if first.probability >= _LIKELY:
         return first
     # what was carried may have been picked up or set down: seldom, and both alike explain more then
     changing = replace(trial, kernels=RobotKernels(robot, trial.rows, changes=True))
