@@ -15,6 +15,7 @@ from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Finding
 from sysid_ros.diagnosis.rivals import rivals
 from sysid_ros.diagnosis.selection import Selection
+from sysid_ros.diagnosis.set_search import Posterior
 from sysid_ros.diagnosis.shares import Part, fewest, removed_power, shapley
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.diagnosis.time_or_temperature import SIGNATURE, drift_cause
@@ -23,14 +24,6 @@ from sysid_ros.effects.parameter import by_delta_method
 from sysid_ros.effects.wording import of_joints
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-
-_MOST_RIVALS = 8
-_STRONG = 10.0
-"""Difference of the BIC from which evidence is very strong (Kass, Raftery 1995)."""
-_SURE = 0.05
-"""Probability, times the number of candidates tried, up to which what every arm has is claimed however little it gains."""
-_GAINS = 0.02
-"""Part of the residual's power on data that was not fitted, from which an effect is claimed however much it scatters."""
 
 Values = dict[Term, Estimates]
 
@@ -63,6 +56,7 @@ class Judged:
     train: Prepared
     selection: Selection
     fit: Fit
+    posterior: Posterior
     held: HeldOut
     values: Values
     before: FloatArray
@@ -72,14 +66,17 @@ class Judged:
     weight: FloatArray
 
     @classmethod
-    def of(cls, robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, held: HeldOut, values: Values) -> Judged:
+    def of(
+        cls, robot: RobotModel, train: Prepared, selection: Selection, posterior: Posterior, held: HeldOut, values: Values
+    ) -> Judged:
         """The rows of all three models on the held-out data."""
+        fit = selection.fit
         noise = fit.noise.variance(held.prepared.band.f)
         floor, active = held.rms(np.sqrt(noise)), train.problem.active
         weight = np.zeros(robot.n)
         weight[active] = 1.0 / np.maximum(floor[active], 1e-9) ** 2
         before, after = held.prepared.problem.y, held.residual(fit)
-        return cls(robot, train, selection, fit, held, values, before, after, noise, floor, weight)
+        return cls(robot, train, selection, fit, posterior, held, values, before, after, noise, floor, weight)
 
     def power(self, rows: FloatArray) -> FloatArray:
         """Of rows, over that of the joint's noise, shape (n,)."""
@@ -95,18 +92,13 @@ def claims(judged: Judged) -> Claims:
     parts = _parts(judged, groups, rich)
     count = len(groups) + fit.inexact
     removes = removed_power(judged.train.problem, judged.held, fit, parts, judged.weight)
-    shares, every = shapley(removes, count), frozenset(range(count))
+    shares = shapley(removes, count)
     for i, terms in enumerate(groups):
         if not any(t.effect.notable(fit.theta_of(t)) for t in terms):
             continue  # in the model, but no fault
         others = [p.term for p in parts if i not in p.of and (p.unless is None or p.unless == i)]
         evidence = replace(_evidence(judged, terms, others), gain=float(shares[i]))
-        weak = evidence.p_value > _SURE if terms[0].expected else evidence.delta_bic < _STRONG
-        if weak and removes(every) - removes(every - {i}) < _GAINS:
-            continue  # in the model, but not claimed: its scatter over time leaves too little of its evidence
-        if evidence.p_value > _SURE:
-            out.scattering.append(terms[0].effect.label)
-        out.findings.append(_finding(judged, terms, [t for t in rich if t.simplest is terms[0].kind], evidence, len(groups), out))
+        out.findings.append(_finding(judged, terms, [t for t in rich if t.simplest is terms[0].kind], evidence, out))
     out.findings = with_headline(_companions_last(out.findings))
     return out
 
@@ -143,7 +135,7 @@ def _evidence(judged: Judged, terms: Sequence[Term], others: Sequence[Term]) -> 
 
 
 def _finding(
-    judged: Judged, terms: Sequence[Term], richer: Sequence[Term], evidence: Evidence, groups: int, out: Claims
+    judged: Judged, terms: Sequence[Term], richer: Sequence[Term], evidence: Evidence, out: Claims
 ) -> Finding:
     robot, fit, effect = judged.robot, judged.fit, terms[0].effect
     named = sorted([*terms, *richer], key=lambda t: t.joints)
@@ -160,10 +152,11 @@ def _finding(
         label=effect.label,
         joints=joints,
         parameters=parameters,
+        probability=max(judged.posterior.probability[t] for t in [*terms, *richer]),
         heldout_gain=evidence.gain,
         delta_bic=evidence.delta_bic,
         p_value=evidence.p_value,
-        cannot_be_told_from=rivals(judged.selection, list(terms), groups <= _MOST_RIVALS),
+        cannot_be_told_from=rivals(judged.selection, judged.posterior, list(terms)),
         words=effect.in_words(parameters, of_joints(joints, robot.n)),
         signature=SIGNATURE if drift is not None and drift.over == "temperature" else effect.signature,
         separated_by=effect.separated_by,

@@ -19,6 +19,9 @@ which an elastic joint takes away from all rows as a filter does, so it is the o
 _AS_MADE_FOR = 0.2, 3.0
 """The fitted compliance over that of the columns."""
 
+_ALIKE = 0.02
+"""Part by which loads may differ (rms) for columns that are only screened."""
+
 Settings = tuple[type[Effect], Mapping[str, Any]]
 
 
@@ -66,7 +69,7 @@ class ComplianceScreen:
         loads = [m.link_torque[:, joint] for m in self._library.motions]
         if joint in self._rows:
             before, settings, columns = self._rows[joint]
-            if all(np.array_equal(x, y) for x, y in zip(before, loads, strict=True)):
+            if all(_alike(x, y) for x, y in zip(before, loads, strict=True)):
                 return settings, columns
         motions, robot = self._library.motions, self._library.robot
         searched = [kind for kind in EFFECTS.values() if kind.deflection]
@@ -83,3 +86,7 @@ def _orthonormal(columns: FloatArray) -> FloatArray:
     scale = np.sqrt(np.maximum(np.sum(columns**2, axis=0), 1e-300))
     U, s, _ = np.linalg.svd(columns / scale, full_matrices=False)
     return np.asarray(U[:, s > 1e-6 * s.max(initial=0.0)])
+
+
+def _alike(x: FloatArray, y: FloatArray) -> bool:
+    return x.shape == y.shape and float(np.sum((x - y) ** 2)) <= _ALIKE**2 * float(np.sum(x**2))

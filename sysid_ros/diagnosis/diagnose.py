@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.diagnosis.backward import prune
 from sysid_ros.diagnosis.channel_evidence import deviation_of, fault_evidence
 from sysid_ros.diagnosis.channel_faults import undo
 from sysid_ros.diagnosis.contact_findings import contact_findings, contacts_held_out, contacts_in, in_words
@@ -27,10 +26,8 @@ from sysid_ros.diagnosis.fault_findings import (
 from sysid_ros.diagnosis.faults import refusal_of
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.gain import with_gain
-from sysid_ros.diagnosis.held_out_gate import validated
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.link_masses import with_masses
 from sysid_ros.diagnosis.message_faults import in_order
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.reporting import report
@@ -39,7 +36,6 @@ from sysid_ros.diagnosis.robot_hypotheses import judge
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.strong_contacts import strong_contacts
 from sysid_ros.diagnosis.temperature import known_everywhere
-from sysid_ros.diagnosis.time_or_temperature import better_drift
 from sysid_ros.diagnosis.urdf_part import urdf_part
 from sysid_ros.exceptions import DataError
 from sysid_ros.robot.robot_model import RobotModel
@@ -121,11 +117,10 @@ def diagnose(
         judged = [without(r, later) for r in judged]
         held = HeldOut.of(robot, prepare(robot, judged, effects, train.turns), fit)
         notes += tuple(f"{c.recording}: {in_words(c)}, and is left out of what the models are judged on." for c in later)
-    fit = better_drift(train.problem, library, validated(train.problem, library, fit, held), held)
-    fit = prune(train.problem, fit, selection.price)
-    fit = selection.fit = with_masses(robot, train.problem, fit, held)
+    posterior = selection.judged_with(held)
+    fit = selection.fit
     values = with_knobs(train.problem, library, fit)
-    found = report(robot, train, selection, fit, held, values)
+    found = report(robot, train, selection, posterior, held, values)
     found = with_findings(found, as_unit(found.findings, robot.joint_names))
     signals += contact_findings(contacts, robot)
     if faults or signals:

@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid_ros.diagnosis.covariance import Estimates
 from sysid_ros.diagnosis.fit import Fit
-from sysid_ros.diagnosis.prepare import Prepared
+from sysid_ros.diagnosis.prepare import Prepared, inexact_links
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS, CoulombFriction, LinkInertia, ViscousFriction
 from sysid_ros.robot.robot_model import RobotModel
@@ -71,7 +71,8 @@ def _links(robot: RobotModel, fit: Fit, links: list[Term], covariance: dict[Term
     theta = effect.nominal.copy()
     spread = np.zeros((effect.p, effect.p))
     if fit.inexact:
-        theta += fit.theta[-robot.n :].repeat(10) * robot.pi
+        basis = inexact_links(robot)
+        theta += basis @ fit.theta[-basis.shape[1] :]
     for term in links:
         where = slice(10 * term.joints[0], 10 * term.joints[0] + 10)
         theta[where] += term.theta_of_effect(fit.theta_of(term))

@@ -66,12 +66,20 @@ class Problem:
     Args:
         band: the frequency domain. y: torque that the nominal model leaves, shape (K, n).
         nuisance: columns of what no model gets exactly right, shape (K, n, c). nuisance_std: their usual size, shape (c,).
+
+    Attributes:
+        scale: by how much more or less than usual the model is inexact.
     """
 
     def __init__(self, band: Band, y: FloatArray, nuisance: FloatArray, nuisance_std: FloatArray) -> None:
         self.band, self.y = band, y
         self.active = np.flatnonzero(band.active)
-        self.nuisance, self.prior = nuisance, 1.0 / nuisance_std**2
+        self.nuisance, self.usual_prior, self.scale = nuisance, 1.0 / nuisance_std**2, 1.0
+
+    @property
+    def prior(self) -> FloatArray:
+        """Inverse variance of the nuisance parameters before any data, shape (c,)."""
+        return self.usual_prior / self.scale**2
 
     def blocks(self, terms: Sequence[Term], inexact: bool) -> tuple[dict[int, Block], int]:
         """Columns of each active joint, and the number of parameters."""

@@ -10,7 +10,7 @@ import numpy as np
 from sysid_ros.diagnosis.events import OUTSIDE, dated_again
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.prepare import Prepared
+from sysid_ros.diagnosis.prepare import Prepared, inexact_links
 from sysid_ros.diagnosis.refine import remake
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.diagnosis.torques import torques
@@ -73,7 +73,8 @@ class HeldOut:
             for i, motion in enumerate(self.library.motions):
                 out[i] += self.terms[term].effect.torque_along(motion, theta)
         if fit.inexact:
-            change = fit.theta[-robot.n :].repeat(10) * robot.pi
+            basis = inexact_links(robot)
+            change = basis @ fit.theta[-basis.shape[1] :]
             for i, motion in enumerate(self.library.motions):
                 out[i] += LinkInertia(robot).torque_along(motion, change)
         return out

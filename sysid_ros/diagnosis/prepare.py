@@ -23,6 +23,8 @@ _TURNS = np.geomspace(0.004, 0.15, 18)
 differ."""
 INEXACT = 0.02
 """What no URDF's masses are better than, as a part."""
+ARM = 0.1
+"""Length of which that part is what no URDF's centres of mass are better than [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +67,20 @@ def assemble(robot: RobotModel, found: Sequence[Motion], nominal: Sequence[Float
     band = Band(found)
     y = band.rows([m.tau - t for m, t in zip(found, nominal, strict=True)])
     regressor = band.rows([m.regressor for m in found])
-    pi = robot.pi.reshape(-1, 10)
-    links = np.stack([regressor[:, :, 10 * j : 10 * j + 10] @ pi[j] for j in range(robot.n)], axis=-1)
-    return Prepared(tuple(found), tuple(nominal), band, Problem(band, y, links, np.full(robot.n, INEXACT)))
+    basis = inexact_links(robot)
+    return Prepared(tuple(found), tuple(nominal), band, Problem(band, y, regressor @ basis, np.full(basis.shape[1], INEXACT)))
+
+
+def inexact_links(robot: RobotModel) -> FloatArray:
+    """What the nuisance parameters change of the links' inertials, shape (10 n, 4 n): all ten of each link by a factor, then the
+    centre of mass of each by three lengths in units of :data:`ARM`."""
+    n = robot.n
+    basis = np.zeros((10 * n, 4 * n))
+    for j in range(n):
+        own = slice(10 * j, 10 * j + 10)
+        basis[own, j] = robot.pi[own]
+        basis[10 * j + 1 : 10 * j + 4, n + 3 * j : n + 3 * j + 3] = ARM * robot.pi[10 * j] * np.eye(3)
+    return basis
 
 
 def _nominal(model: TorqueModel, motion: Motion) -> FloatArray:

@@ -11,10 +11,10 @@ from sysid_ros.diagnosis.events import in_words
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.leftover import Leftover, leftovers
-from sysid_ros.diagnosis.link_masses import tolerated
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, Rest, TorqueRmse
 from sysid_ros.diagnosis.selection import Selection
+from sysid_ros.diagnosis.set_search import Posterior
 from sysid_ros.diagnosis.time_or_temperature import RECORD_NEXT, correlations
 from sysid_ros.effects.wording import listed
 from sysid_ros.robot.robot_model import RobotModel
@@ -26,17 +26,23 @@ _LEFT, _LEFT_SEEN = 0.1, 0.005
 _BEYOND = 4.0
 """Held-out error of a joint over its noise floor, in all and each frequency over its own, that is no noise. A floor learned on
 other motion may be off by much: what coarse encoders cost in acceleration depends on the speed."""
+_STATED = 0.01
+"""Part of a mass from which it is stated."""
 _WORSE = 1.2
 """Error on held-out data, over that of the nominal model and over the noise floor, from which a joint's model is called worse."""
 
 
-def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, held: HeldOut, values: Values) -> Diagnosis:
+def report(
+    robot: RobotModel, train: Prepared, selection: Selection, posterior: Posterior, held: HeldOut, values: Values
+) -> Diagnosis:
     """The findings of a fit, in order of gain, and what they gain on the held-out recordings.
 
     Args:
-        train: what was fitted. held: what it is judged on. values: of each term, with their covariance.
+        train: what was fitted. posterior: of the selection's terms. held: what it is judged on. values: of each term, with their
+            covariance.
     """
-    judged = Judged.of(robot, train, selection, fit, held, values)
+    fit = selection.fit
+    judged = Judged.of(robot, train, selection, posterior, held, values)
     claimed = claims(judged)
     before, after, floor = held.rms(judged.before), held.rms(judged.after), judged.floor
     power_before = max(float(np.sum(judged.power(judged.before))), 1e-12)
@@ -79,7 +85,7 @@ def report(robot: RobotModel, train: Prepared, selection: Selection, fit: Fit, h
             *in_words(held.library, {t: held.terms[t] for t in fit.terms}),
             *worse,
             *(_SCATTERS.format(label) for label in claimed.scattering),
-            *tolerated(robot, fit),
+            *_tolerated(robot, fit),
         ),
     )
 
@@ -146,3 +152,14 @@ def _predictions(robot: RobotModel, held: HeldOut, fit: Fit) -> Predictions:
         a=np.concatenate([m.a for m in motions]),
         temperature=np.concatenate(warm) if any(m.temperature is not None for m in motions) else None,
     )
+
+
+def _tolerated(robot: RobotModel, fit: Fit) -> tuple[str, ...]:
+    """What was taken for the inexactness that every URDF has, in a sentence."""
+    if not fit.inexact:
+        return ()
+    part = fit.theta[-4 * robot.n :][: robot.n]
+    stated = [f"{robot.body_names[k]} {100.0 * part[k]:+.1f} %" for k in np.argsort(-np.abs(part)) if abs(part[k]) > _STATED]
+    if not stated:
+        return ()
+    return (f"Taken for what a URDF is inexact by, and no cause: the masses of {', '.join(stated)}. model.yaml has them.",)

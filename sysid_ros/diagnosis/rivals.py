@@ -6,28 +6,30 @@ from collections.abc import Sequence
 
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.selection import Selection
+from sysid_ros.diagnosis.set_search import Posterior
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS
 
+_NAMED = 0.05
+"""Part of the probability from which a rival is named."""
 _DISTINCT = 5.0
 """Log-likelihood by which a rival must be worse to be distinct from a finding."""
 
 
-def rivals(selection: Selection, terms: Sequence[Term], search: bool = True) -> tuple[str, ...]:
+def rivals(selection: Selection, posterior: Posterior, terms: Sequence[Term]) -> tuple[str, ...]:
     """Ids of the effects that explain the rows as well as the terms of a finding do, the likeliest first.
 
     Args:
-        terms: of the finding, all of them in the selection's fit. search: False asks only what is the same while a joint moves.
+        terms: of the finding, all of them in the selection's fit.
     """
     names = _same_while_moving(selection, terms)
     if len(terms) == 1:
         names += terms[0].effect.same_torque(selection.fit.theta_of(terms[0]), selection.library.motions)
-    if search and not (terms[0].expected and len(terms) > 2):
-        names += [
-            p.terms[0].id
-            for p in selection.rivals(terms)
-            if p.terms and p.fit.loglik > selection.fit.loglik - _DISTINCT and p.terms[0].kind is not terms[0].kind
-        ]
+    shares: dict[str, float] = {}
+    for term in terms:
+        for name, share in posterior.instead.get(term, {}).items():
+            shares[name] = max(shares.get(name, 0.0), share)
+    names += [name for name in sorted(shares, key=lambda x: -shares[x]) if shares[name] > _NAMED]
     return tuple(dict.fromkeys(names))
 
 

@@ -1,4 +1,4 @@
-"""Selection: which effects explain the residual, by likelihood, one step after the other and back again."""
+"""Selection: which effects explain the residual. Effects are proposed by likelihood, and sets of them judged by what they predict."""
 
 from __future__ import annotations
 
@@ -8,15 +8,19 @@ from itertools import combinations
 
 import numpy as np
 
-from sysid_ros.diagnosis.backward import prune, visible, without_nuisance
 from sysid_ros.diagnosis.compliance_screen import ComplianceScreen
 from sysid_ros.diagnosis.fit import Fit, Problem
-from sysid_ros.diagnosis.friction_forms import simplify
+from sysid_ros.diagnosis.friction_forms import forms
+from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.left_out import Rows
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.refine import refine, remake
 from sysid_ros.diagnosis.scoring import Score, Scorer
+from sysid_ros.diagnosis.set_prior import SetPrior
+from sysid_ros.diagnosis.set_search import INEXACT, Posterior, SetSearch, State
 from sysid_ros.diagnosis.term import Term, best_of_each, joined
 from sysid_ros.diagnosis.torques import links_changed, torques
+from sysid_ros.diagnosis.visibility import possible_and_seen
 from sysid_ros.effects import EFFECTS, Depends, Effect
 from sysid_ros.sample import FloatArray
 
@@ -28,13 +32,8 @@ _SCREENED = 0.5
 term gains more once the noise is found anew."""
 _REFINED = 4
 _MOST_STEPS = 24
-_SURELY = 2.0
-"""Likelihood beyond both: rows are not quite as independent as they are taken for."""
-_SWAPS = 3
-_SWAPPED = 3
-"""Effects on more joints than this are not swapped for others."""
-_CLEARLY = 5.0
-"""Likelihood by which another effect must be better to take the place of one that was chosen."""
+_USUAL = 0.5
+"""Effects that so many joints have are there on all of them when the search begins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +52,9 @@ class Proposal:
 
 
 class Selection:
-    """Forward steps with backward checks.
+    """Steps forward by likelihood, each with the noise that fits it best; after each the most probable set of all that was proposed.
 
-    A step takes the effect that gains the most likelihood, each with the noise that fits it best, less the price of its
-    parameters and of having been chosen among many. The simplest form of dry friction comes first.
+    The search begins with what is usual on every joint, and with links as inexact as those of any URDF.
 
     Args:
         problem: the rows. library: the candidates. nominal: torque of the nominal model on the library's motions.
@@ -75,41 +73,98 @@ class Selection:
         self._joints = [int(j) for j in problem.active]
         self._whole = library.whole_options()
         self._screen = ComplianceScreen(library)
+        self.prior = SetPrior(library, self._joints)
         self.tried = len(self._whole) + sum(
             len(library.local_options(name, j)) for name in library.of_joints for j in self._joints
         )
-        self.fit = problem.fit([], inexact=True)
+        usual = [library.local(name, j) for name in library.of_joints for j in self._joints if self._is_usual(name)]
+        self.pool: list[Term] = list(usual)
+        self.fit = problem.fit(usual, inexact=True)
+
+    @staticmethod
+    def _is_usual(name: str) -> bool:
+        return EFFECTS[name].usual >= _USUAL
 
     def price(self, term: Term) -> float:
-        """Likelihood that a term must gain for its parameters (BIC) and its having been picked among many."""
-        rows = len(self.problem.band.f) * (1 if term.row is not None else len(self._joints))
-        return 0.5 * term.cost * float(np.log(rows)) + float(np.log(self.tried)) + _SURELY
+        """Likelihood that a term must gain: what its parameters cost a prediction (one each), and how unusual it is here."""
+        present = list(self.fit.terms)
+        return max(term.cost - self.prior.log([*present, term]) + self.prior.log(present), 1.0)
 
     def run(self) -> Fit:
-        """The terms that earn their place."""
-        swaps = _SWAPS
+        """The most probable set."""
         proposed: dict[tuple[Key, ...], set[Key]] = {}
         for _ in range(_MOST_STEPS):
-            state = _state(self.fit)
-            before = proposed.setdefault(state, set())
+            before = proposed.setdefault(_state(self.fit), set())
             step = self.propose(before)
             if step is not None:
                 before.update(t.key for t in step.terms)
                 self._progress(step.words)
-                self.fit = prune(self.problem, step.fit, self.price)
+                self.fit = step.fit
+                self.climb()
                 self.refresh()
                 continue
             self.date()
-            self.fit = simplify(self.problem, self.library, self.fit, self._joints, self.price)
-            self.fit = prune(self.problem, self.fit, self.price)
+            self._add_forms()
+            self.climb()
             self.refresh()
-            if _state(self.fit) in proposed and not (swaps and self.swap()):
+            if _state(self.fit) in proposed:
                 break
-            swaps -= 1
-        self.fit = without_nuisance(self.problem, self.fit)
-        self.fit = simplify(self.problem, self.library, self.fit, self._joints, self.price)
-        self.fit = prune(self.problem, self.fit, self.price)
         return self.fit
+
+    def _add_forms(self) -> None:
+        for term in list(self.fit.terms):
+            if term.row is not None and term.effect.family:
+                self.pool += [form.term for form in forms(self.problem, self.library, self.fit, term)]
+
+    def climb(self) -> None:
+        """The most probable set that is reached from the present one."""
+        self.fit = self._climbed([(self.problem, lambda term: term)], self._asked())[1]
+
+    def judged_with(self, held: HeldOut) -> Posterior:
+        """The most probable set, and how probable its terms are, by what is predicted of the fitted and of held-out recordings."""
+        asked = [t for t in self._asked() if t.instant is None or t in self.fit.terms]
+        held.add(asked)
+        rows: list[Rows] = [(self.problem, lambda term: term), (held.prepared.problem, lambda term: held.terms[term])]
+        while True:
+            search, self.fit, state = self._judged(rows, asked)
+            posterior = search.posterior(state)
+            asked = [t for t in asked if posterior.probability.get(t, 1.0) > 0.5]
+            if all(p > 0.5 for p in posterior.probability.values()):
+                return posterior
+            self.fit = self.problem.fit([t for t in self.fit.terms if t in asked], self.fit.noise, 0, self.fit.inexact)
+
+    def _judged(self, rows: Sequence[Rows], asked: Sequence[Term]) -> tuple[SetSearch, Fit, State]:
+        state, fit, search = self._climbed(rows, asked)
+        return search, fit, state
+
+    def _climbed(self, rows: Sequence[Rows], asked: Sequence[Term]) -> tuple[State, Fit, SetSearch]:
+        terms = list(self.fit.terms)
+        pool = [*terms, *(t for t in asked if t not in terms)]
+        members = range(len(terms))
+        scale = int(np.argmin(np.abs(np.array(INEXACT) - self.problem.scale))) if self.fit.inexact else 0
+        noise = self.fit.noise
+        for _ in range(2):
+            search = SetSearch(self.problem, rows, pool, self.prior, noise, self._allowed)
+            state = search.state(members, scale)
+            noise = search.left_out.noise(state.predicted.left)
+        search = SetSearch(self.problem, rows, pool, self.prior, noise, self._allowed)
+        state = search.climb(search.state(members, scale))
+        return state, search.fit(state, search.left_out.noise(state.predicted.left)), search
+
+    def _allowed(self, fit: Fit, term: Term) -> bool:
+        return possible_and_seen(self.problem, fit, term)
+
+    def _asked(self) -> list[Term]:
+        """Everything that was proposed, and the best form of every effect of one joint."""
+        out: dict[tuple[Key, str], Term] = {}
+        scorer = Scorer(self.problem, self.fit)
+        for name in self.library.of_joints:
+            for j in self._joints:
+                if (best := self._best_option(scorer, name, j)) is not None:
+                    out[_exactly(best.term)] = best.term
+        for term in [*self.pool, *self.fit.terms]:
+            out[_exactly(term)] = term
+        return list(out.values())
 
     def date(self) -> None:
         """Find the times of events anew, with all that was found after them."""
@@ -132,6 +187,7 @@ class Selection:
         link, drive = torques(self.library, self.fit, self._links, self._nominal)
         self.library.update(link, drive)
         self._whole = [remake(self.library, t, t.effect.settings) if t.on_torques else t for t in self._whole]
+        self.pool = [remake(self.library, t, t.effect.settings) if t.on_torques else t for t in self.pool]
         carried = links_changed(self.library.robot, self.fit)
         again = {t: dict(t.effect.settings) for t in self.fit.terms if t.on_torques}
         for t in self.fit.terms:
@@ -143,37 +199,14 @@ class Selection:
             self.fit = refine(self.problem, self.library, self.fit, list(made.values()))
 
     def propose(self, before: Collection[Key] = ()) -> Proposal | None:
-        """The best step forward, or None where nothing gains its price.
+        """The best step forward, or None where nothing gains its price; all that were proposed stay in the pool.
 
         Args:
             before: names and joints of terms that were tried from here before, and did not stay.
         """
-        return max(self.proposals(before=before), key=lambda p: p.score, default=None)
-
-    def rivals(self, terms: Sequence[Term]) -> list[Proposal]:
-        """Other effects in the place of ``terms``, which are in the fit; the score is relative to the fit without them."""
-        whole = self.fit
-        self.fit = self.problem.fit([t for t in whole.terms if t not in terms], whole.noise, inexact=whole.inexact)
-        try:
-            return self.proposals(terms[0].kind)
-        finally:
-            self.fit = whole
-
-    def swap(self) -> bool:
-        """Put another effect in the place of one that explains less than it would; True where there was one."""
-        for kind in dict.fromkeys(t.kind for t in self.fit.terms):
-            terms = [t for t in self.fit.terms if t.kind is kind]
-            if terms[0].expected or len(terms) > _SWAPPED:
-                continue
-            best = max(self.rivals(terms), key=lambda p: p.score, default=None)
-            if best is None:
-                continue
-            paid = sum(map(self.price, self.fit.terms)) - sum(map(self.price, best.fit.terms))
-            if best.fit.loglik + paid > self.fit.loglik + _CLEARLY:
-                self._progress(f"{best.words}, in place of {terms[0].effect.label}")
-                self.fit = best.fit
-                return True
-        return False
+        found = self.proposals(before=before)
+        self.pool += [t for p in found for t in p.terms]
+        return max(found, key=lambda p: p.score, default=None)
 
     def proposals(self, without: type[Effect] | None = None, before: Collection[Key] = ()) -> list[Proposal]:
         """Every step forward that gains its price, but for one effect and some terms; the likeliest are refined."""
@@ -219,7 +252,7 @@ class Selection:
         while new:
             kept = [t for t in self.fit.terms if not any(t.excludes(n) for n in new)]
             fit = self.problem.fit([*kept, *new], self.fit.noise, inexact=self.fit.inexact)
-            wrong = [t for t in new if not t.possible(fit.theta_of(t), fit.std_of(t)) or not visible(self.problem, fit, t)]
+            wrong = [t for t in new if not self._allowed(fit, t)]
             if not wrong:
                 paid = sum(map(self.price, new)) - sum(self.price(t) for t in self.fit.terms if t not in kept)
                 score = fit.loglik - self.fit.loglik - paid
@@ -239,3 +272,7 @@ def _same(term: Term, other: Term) -> bool:
 
 def _state(fit: Fit) -> tuple[Key, ...]:
     return tuple(sorted(t.key for t in fit.terms))
+
+
+def _exactly(term: Term) -> tuple[Key, str]:
+    return term.key, f"{term.form} {sorted(term.effect.settings.items())!r}"

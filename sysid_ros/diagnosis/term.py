@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -41,7 +42,7 @@ class Term:
         """The effect's name."""
         return self.effect.id
 
-    @property
+    @cached_property
     def key(self) -> tuple[str, tuple[int, ...]]:
         """Name and joints; an event's recording is part of its name."""
         return f"{self.effect.id} {self.recording}".rstrip(), self.joints

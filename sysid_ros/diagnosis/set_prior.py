@@ -1,0 +1,82 @@
+"""How usual a set of causes is before any data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import special
+
+from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.term import Term
+from sysid_ros.effects import EFFECTS, Scope
+from sysid_ros.sample import FloatArray
+
+_WORLDS = (1.0, 0.1)
+"""How much of what real arms have an arm has: a real one, or a simulation made for one purpose. Each as likely as the other."""
+_ALIKE = 1.0
+"""Number of joints that a guess of how many have an effect is worth: joints of one arm are built alike."""
+
+
+class SetPrior:
+    """Log-probability of sets of terms.
+
+    Each effect is on each joint with a probability that is its own on this arm, from a beta distribution around how usual it is:
+    an arm on which most joints have it has it on all. In a simulation all of them are rarer. A form is one of those that were
+    tried, all alike.
+
+    Args:
+        library: its candidates say how many forms were tried of each effect at each place.
+    """
+
+    def __init__(self, library: Library, joints: Sequence[int]) -> None:
+        self._joints, self._places = len(joints), {}
+        motions, n = library.motions, library.robot.n
+        self._forms: dict[tuple[str, int | None], float] = {}
+        for kind in EFFECTS.values():
+            if kind.scope is Scope.JOINT:
+                self._places[kind.id] = self._joints
+                for j in joints:
+                    self._forms[kind.id, int(j)] = float(np.log(max(len(library.local_options(kind.id, int(j))), 1)))
+            else:
+                self._places[kind.id] = n if kind.scope is Scope.LINK else 1
+                for place in range(n) if kind.scope is Scope.LINK else (None,):
+                    self._forms[kind.id, place] = float(np.log(max(len(kind.candidates(motions, place)), 1)))
+
+        self._none = np.array([sum(self._without(id_, factor) for id_ in self._places) for factor in _WORLDS])
+        self._of = {id_: np.stack([self._table(id_, factor) for factor in _WORLDS]) for id_ in self._places}
+
+    def log(self, terms: Sequence[Term]) -> float:
+        """Of a set, up to a constant."""
+        worlds = np.zeros(len(_WORLDS))
+        counts: dict[str, int] = {}
+        for t in terms:
+            counts[t.id] = counts.get(t.id, 0) + 1
+        for id_, count in counts.items():
+            worlds += self._of[id_][:, min(count, self._places[id_])]
+        worlds += self._none
+        most = worlds.max()
+        return float(most + np.log(np.sum(np.exp(worlds - most)))) - sum(self._tried(t) for t in terms)
+
+    def _tried(self, term: Term) -> float:
+        place = term.joints[0] if EFFECTS[term.id].scope is not Scope.ARM else None
+        return self._forms.get((term.id, place), 0.0)
+
+    def _table(self, id_: str, factor: float) -> FloatArray:
+        """Log-probability of each number of places that have an effect less that of none, shape (places + 1,)."""
+        kind, places = EFFECTS[id_], self._places[id_]
+        usual, count = factor * kind.usual, np.arange(places + 1)
+        if kind.scope is not Scope.JOINT:
+            # of a whole arm, or of one link among all: so usual on the arm, wherever it is
+            usual /= places
+            return np.asarray(count * np.log(usual / (1.0 - usual)))
+        a, b = _ALIKE * usual, _ALIKE * (1.0 - usual)
+        return np.asarray(special.betaln(a + count, b + places - count) - special.betaln(a, b + places))
+
+    def _without(self, id_: str, factor: float) -> float:
+        kind, places = EFFECTS[id_], self._places[id_]
+        usual = factor * kind.usual
+        if kind.scope is not Scope.JOINT:
+            return places * float(np.log1p(-usual / places))
+        a, b = _ALIKE * usual, _ALIKE * (1.0 - usual)
+        return float(special.betaln(a, b + places) - special.betaln(a, b))
