@@ -125,7 +125,9 @@ class LeftOut:
         """What is predicted without some of a set's columns. Args: where: their places in ``state.at``."""
         rest = np.delete(np.arange(len(state.at)), where)
         K, cross = state.covariance, state.covariance[:, rest[:, None], where]
-        given = np.linalg.solve(K[:, where[:, None], where], cross.swapaxes(1, 2))
+        own = K[:, where[:, None], where]
+        own = own + np.maximum(1e-9 * np.diagonal(own, axis1=1, axis2=2), 1e-30)[:, :, None] * np.eye(len(where))
+        given = np.linalg.solve(own, cross.swapaxes(1, 2))
         theta = state.theta[:, rest] - np.einsum("sca,sc->sa", given, state.theta[:, where])
         left = self._y - self._torque(state.at[rest], theta)
         return Predicted(state.at[rest], K[:, rest[:, None], rest] - cross @ given, theta, left, self.likelihood(left))
@@ -137,7 +139,7 @@ class LeftOut:
         taken = state.covariance @ cross
         rest = own - cross.swapaxes(1, 2) @ taken
         score = self._score[at] - self._b[:, at] - np.einsum("sac,sa->sc", cross, state.theta)
-        least = 1e-9 * np.diagonal(own, axis1=1, axis2=2)[:, :, None] * np.eye(len(at))
+        least = np.maximum(1e-9 * np.diagonal(own, axis1=1, axis2=2), 1e-30)[:, :, None] * np.eye(len(at))
         step = np.linalg.solve(rest + least, score[:, :, None])[:, :, 0]
         change = -np.einsum("sac,sc->sa", taken, step)
         left = state.left - self._torque(state.at, change) - self._torque(at, step)

@@ -78,8 +78,9 @@ class Selection:
             len(library.local_options(name, j)) for name in library.of_joints for j in self._joints
         )
         usual = [library.local(name, j) for name in library.of_joints for j in self._joints if self._is_usual(name)]
-        self.pool: list[Term] = list(usual)
-        self.fit = problem.fit(usual, inexact=True)
+        fit = problem.fit(usual, inexact=True)
+        self.fit = refine(problem, library, fit, [t for t in usual if t.effect.knobs])
+        self.pool: list[Term] = list(self.fit.terms)
 
     @staticmethod
     def _is_usual(name: str) -> bool:

@@ -12,7 +12,7 @@ from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.left_out import Indices, LeftOut, Predicted, Rows
 from sysid_ros.diagnosis.set_prior import SetPrior
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects import EFFECTS
+from sysid_ros.effects import EFFECTS, forms_of
 from sysid_ros.sample import FloatArray
 
 INEXACT = (0.0, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0)
@@ -176,6 +176,12 @@ class SetSearch:
             present = {i for i in members if self.pool[i].kind is kind and self.pool[i].row is not None}
             if len(present) > 1:
                 moved(present, set())
+            for other in forms_of(kind.family):
+                rows = {self.pool[i].row for i in present}
+                others = {i for i in self._best_of_each_joint(state, other.id) if self.pool[i].row in rows}
+                if other is not kind and len(others) > 1:
+                    replaced = {i for i in present if self.pool[i].row in {self.pool[k].row for k in others}}
+                    moved(replaced, {i for i in others if not self._against[i] & (members - replaced)})
         few = [k for k in state.members if not self.pool[k].expected]
         gains = {i: float(np.sum(self.left_out.plus(state.predicted, self._at[i], self._prior[i]))) for i in self._free(state)}
         for i in sorted(gains, key=lambda i: -gains[i])[: 2 * _TRIED]:
@@ -192,9 +198,10 @@ class SetSearch:
         return [i for i in range(len(self.pool)) if i not in members and not self._against[i] & members]
 
     def _best_of_each_joint(self, state: State, id_: str) -> list[int]:
+        """Of the terms of an effect on each joint the one that is in the set, else the last that was proposed."""
         out: dict[int, int] = {}
         for i, t in enumerate(self.pool):
-            if t.id == id_ and t.row is not None and (t.row not in out or i in state.members):
+            if t.id == id_ and t.row is not None and (t.row not in out or out[t.row] not in state.members):
                 out[t.row] = i
         return list(out.values())
 
