@@ -17,6 +17,7 @@ from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.rivals import rivals
 from sysid_ros.diagnosis.selection import Selection
+from sysid_ros.diagnosis.set_search import Posterior
 from sysid_ros.effects import Motion, TorqueSaturation
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
@@ -143,7 +144,7 @@ def test_a_wrong_zero_by_half_a_gap_is_not_told_from_a_play_under_a_load_of_one_
         selection.library.update(torque, torque)
         fit = train.problem.fit([term])
         selection.fit = replace(fit, theta=np.array([sign * 0.02]))
-        assert ("backlash" in rivals(selection, [term], search=False)) == same
+        assert ("backlash" in rivals(selection, Posterior(), [term])) == same
     selection.library.update([sign * x for x in load], load)
     selection.fit = replace(selection.fit, theta=np.array([sign * 0.2]))
-    assert "backlash" not in rivals(selection, [term], search=False)
+    assert "backlash" not in rivals(selection, Posterior(), [term])

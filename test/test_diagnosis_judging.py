@@ -14,12 +14,12 @@ from robots import robot, urdf
 from test_diagnosis import ARM, NOISE, RATE, record
 
 from sysid_ros.diagnosis import Recording, diagnose
-from sysid_ros.diagnosis.held_out_gate import validated, whitened_cost
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.leftover import leftovers
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.robot_hypotheses import judge
+from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.signal_faults import velocity_lag
 from sysid_ros.robot.robot_model import RobotModel
 
@@ -88,11 +88,11 @@ def test_terms_that_make_up_for_one_another_go_together() -> None:
     train, held = prepared(1, 16.0, (0, 0.95), besides=2.0), prepared(2, 12.0)
     library = Library(model, train.band)
     fit = train.problem.fit([library.local("spring", 0, shape="line"), library.local("torque_offset_drift", 0)])
-    out = HeldOut.of(model, held, fit)
-    cost = whitened_cost(fit, out, fit)
-    assert all(whitened_cost(train.problem.fit([term], fit.noise), out, fit) > cost for term in fit.terms)
-    assert whitened_cost(train.problem.fit([], fit.noise), out, fit) < cost
-    assert not validated(train.problem, library, fit, out).terms
+    selection = Selection(train.problem, library, train.nominal)
+    selection.fit = fit
+    posterior = selection.judged_with(HeldOut.of(model, held, fit))
+    assert not selection.fit.terms
+    assert not posterior.probability
 
 
 def test_an_error_beyond_the_noise_is_not_nothing() -> None:

@@ -16,12 +16,19 @@ from scipy import fft
 from sysid_ros.diagnosis.fit import Problem
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.diagnosis.torque_noise import Noise
+from sysid_ros.robot.smoothed_sign import smoothed_sign, smoothed_sign_slope
 from sysid_ros.sample import FloatArray
 
 _STRETCH = 1.5
 """Length of a stretch [s]: longer than what whitening leaves of a correlation."""
 _MOST = 60
 """More stretches tell no more, and cost time."""
+_BUMPS = {0.015: 0.5, 0.05: 0.05}
+"""Part by which dry friction may be more or less below a speed [rad/s], whatever its form."""
+_EARLY = 0.002
+"""Time by which the sign of a measured velocity turns early or late [s]."""
+_WIDTH = 0.005
+"""Speed at which that sign has turned [rad/s]."""
 
 Indices = NDArray[np.intp]
 Rows = tuple[Problem, Callable[[Term], Term]]
@@ -33,12 +40,14 @@ class Predicted:
     """What a set of columns predicts.
 
     Attributes:
-        at: indices of the columns, shape (a,). covariance: of their parameters without each stretch, shape (S, a, a).
+        at: indices of the columns, shape (a,). prior: inverse variances of their parameters before any data, shape (a,).
+        covariance: of the parameters without each stretch, shape (S, a, a).
         theta: shape (S, a). left: whitened rows that are left of each joint, shape (R, n).
-        likelihood: of each stretch, shape (S,).
+        likelihood: of each stretch, with its part of the log-prior of the parameters, shape (S,).
     """
 
     at: Indices
+    prior: FloatArray
     covariance: FloatArray
     theta: FloatArray
     left: FloatArray
@@ -49,19 +58,25 @@ class LeftOut:
     """Normal equations of all columns that are asked, stretch by stretch.
 
     Args:
-        rows: those that are predicted, of the fitted recordings and of held-out ones. terms: all that are asked.
-        noise: what the rows are weighted by.
+        rows: those that are predicted: of the fitted recordings, each stretch from the others, then of held-out ones, from all that
+            are fitted. terms: all that are asked.
+        noise: what the rows are weighted by. dry: level of the dry friction on each joint, shape (n,) [N m]: how it turns at a
+            reversal is never known exactly.
 
     Attributes:
-        slices: columns of each term; those of the inexact links come after all. stretches: how many there are, S.
+        slices: columns of each term; those of the inexact links and of the reversals come after all.
+        reversals_prior: inverse variances of the parameters of the latter. stretches: how many there are, S.
     """
 
-    def __init__(self, rows: Sequence[Rows], terms: Sequence[Term], noise: Noise) -> None:
+    def __init__(self, rows: Sequence[Rows], terms: Sequence[Term], noise: Noise, dry: FloatArray) -> None:
         self._problems = [problem for problem, _ in rows]
         starts = np.cumsum([0, *(t.p for t in terms)])
         self.slices = [slice(int(a), int(a) + t.p) for a, t in zip(starts, terms, strict=False)]
         self.inexact = np.arange(starts[-1], starts[-1] + self._problems[0].nuisance.shape[2])
-        self.count = int(starts[-1]) + len(self.inexact)
+        rubs = np.flatnonzero(dry > 0.0)
+        self.reversals = int(starts[-1]) + len(self.inexact) + np.arange((len(_BUMPS) + 1) * len(rubs))
+        self.reversals_prior = np.tile(np.array([*_BUMPS.values(), _EARLY]) ** -2.0, len(rubs))
+        self.count = int(starts[-1]) + len(self.inexact) + len(self.reversals)
         self._root = [1.0 / np.sqrt(noise.variance(p.band.f)) for p in self._problems]
         n = self._problems[0].band.n
         columns: dict[int, list[FloatArray]] = {j: [] for j in range(n)}
@@ -70,11 +85,15 @@ class LeftOut:
         for (problem, as_there), root in zip(rows, self._root, strict=True):
             blocks, _ = problem.blocks([as_there(t) for t in terms], True)
             target = np.zeros_like(problem.y)
+            turns = _reversals(problem, dry)
             for j in range(n):
                 index, X = blocks.get(j, (None, None))
                 if index is None or X is None:
                     columns[j].append(np.zeros((len(problem.y), 0)))
                     continue
+                if dry[j] > 0.0:
+                    own = len(turns) * int(np.searchsorted(rubs, j))
+                    index, X = np.concatenate([index, self.reversals[own : own + len(turns)]]), np.column_stack([X, turns[:, :, j].T])
                 self._index[j] = index
                 columns[j].append(_in_time(problem, X * root[:, j, None]))
                 target[:, j] = problem.y[:, j] * root[:, j]
@@ -107,6 +126,8 @@ class LeftOut:
                 rows = slice(self._edges[s], self._edges[s + 1])
                 self._G[s][np.ix_(index, index)] += x[rows].T @ x[rows]
                 self._b[s, index] += x[rows].T @ self._y[rows, j]
+        fitted = self._edges[:-1] < len(self._root[0])
+        self._G[~fitted], self._b[~fitted] = 0.0, 0.0
         self._whole, self._score = self._G.sum(axis=0), self._b.sum(axis=0)
         self._place = {j: np.full(self.count, -1) for j in self._x}
         for j, index in self._index.items():
@@ -119,7 +140,7 @@ class LeftOut:
         covariance = _inverse(M)
         theta = np.einsum("sab,sb->sa", covariance, self._score[at] - self._b[:, at])
         left = self._y - self._torque(at, theta)
-        return Predicted(at, covariance, theta, left, self.likelihood(left))
+        return Predicted(at, prior, covariance, theta, left, self._likelihood(left, theta, prior))
 
     def without(self, state: Predicted, where: Indices) -> Predicted:
         """What is predicted without some of a set's columns. Args: where: their places in ``state.at``."""
@@ -130,7 +151,9 @@ class LeftOut:
         given = np.linalg.solve(own, cross.swapaxes(1, 2))
         theta = state.theta[:, rest] - np.einsum("sca,sc->sa", given, state.theta[:, where])
         left = self._y - self._torque(state.at[rest], theta)
-        return Predicted(state.at[rest], K[:, rest[:, None], rest] - cross @ given, theta, left, self.likelihood(left))
+        prior = state.prior[rest]
+        covariance = K[:, rest[:, None], rest] - cross @ given
+        return Predicted(state.at[rest], prior, covariance, theta, left, self._likelihood(left, theta, prior))
 
     def plus(self, state: Predicted, at: Indices, prior: FloatArray) -> FloatArray:
         """Likelihood of each stretch with more columns, shape (S,)."""
@@ -143,26 +166,24 @@ class LeftOut:
         step = np.linalg.solve(rest + least, score[:, :, None])[:, :, 0]
         change = -np.einsum("sac,sc->sa", taken, step)
         left = state.left - self._torque(state.at, change) - self._torque(at, step)
-        return self.likelihood(left)
+        theta = np.concatenate([state.theta + change, step], axis=1)
+        return self._likelihood(left, theta, np.concatenate([state.prior, prior]))
 
-    def likelihood(self, left: FloatArray) -> FloatArray:
-        """Of each stretch, shape (S,), up to a constant.
+    def _likelihood(self, left: FloatArray, theta: FloatArray, prior: FloatArray) -> FloatArray:
+        """Of each stretch, shape (S,), up to a constant. What is known of the parameters before any data counts once in all.
 
         The level of a joint's noise in one stretch is known as well as that many rows tell it (a scaled inverse chi-squared
         prior), so that the rows have Student's distribution: noise that comes and goes is not proof.
         """
         power = np.add.reduceat(left**2, self._edges[:-1], axis=0)
-        out: FloatArray = -np.sum(self._size[:, None] * np.log1p(power / self._size[:, None]), axis=1)
-        return out
+        rows = -np.sum(self._size[:, None] * np.log1p(power / self._size[:, None]), axis=1)
+        return np.asarray(rows - 0.5 * (theta**2 @ prior) / self.stretches)
 
     def noise(self, left: FloatArray) -> Noise:
-        """The noise that makes what is left, whitened rows of shape (R, n), the most likely."""
-        parts, begin = [], 0
-        for problem, root in zip(self._problems, self._root, strict=True):
-            rows = _in_frequency(problem, left[begin : begin + len(root)]) / root
-            begin += len(root)
-            parts.append(rows**2)
-        return Noise.of(np.concatenate([p.band.f for p in self._problems]), np.concatenate(parts))
+        """The noise that makes what is left of the fitted recordings, of whitened rows of shape (R, n), the most likely."""
+        problem, root = self._problems[0], self._root[0]
+        rows = _in_frequency(problem, left[: len(root)]) / root
+        return Noise.of(problem.band.f, rows**2)
 
     def _without(self, rows: Indices, columns: Indices) -> FloatArray:
         return self._whole[rows[:, None], columns] - self._G[:, rows[:, None], columns]
@@ -176,6 +197,16 @@ class LeftOut:
             if used.any():
                 out[:, j] = np.einsum("ra,ra->r", x[:, place[used]], theta[self._stretch][:, used])
         return out
+
+
+def _reversals(problem: Problem, dry: FloatArray) -> FloatArray:
+    """What is not known of dry friction at reversals: more of it at low speed, and a sign that turns early, shape (c, K, n)."""
+    curves = []
+    for motion in problem.band.motions:
+        s = smoothed_sign(motion.v, _WIDTH)
+        slope = smoothed_sign_slope(motion.v, _WIDTH)
+        curves.append(np.stack([*(s * np.exp(-((motion.v / speed) ** 2)) for speed in _BUMPS), slope * motion.a]) * dry)
+    return problem.band.curves(curves)
 
 
 def _running(parts: Sequence[NDArray[np.int_]]) -> list[NDArray[np.int_]]:

@@ -143,14 +143,21 @@ class Selection:
         pool = [*terms, *(t for t in asked if t not in terms)]
         members = range(len(terms))
         scale = int(np.argmin(np.abs(np.array(INEXACT) - self.problem.scale))) if self.fit.inexact else 0
-        noise = self.fit.noise
+        noise, dry = self.fit.noise, self._dry_friction()
         for _ in range(2):
-            search = SetSearch(self.problem, rows, pool, self.prior, noise, self._allowed)
+            search = SetSearch(self.problem, rows, pool, self.prior, noise, dry, self._allowed)
             state = search.state(members, scale)
             noise = search.left_out.noise(state.predicted.left)
-        search = SetSearch(self.problem, rows, pool, self.prior, noise, self._allowed)
+        search = SetSearch(self.problem, rows, pool, self.prior, noise, dry, self._allowed)
         state = search.climb(search.state(members, scale))
         return state, search.fit(state, search.left_out.noise(state.predicted.left)), search
+
+    def _dry_friction(self) -> FloatArray:
+        """Its level on each joint, the nominal model's and what the fit adds, shape (n,) [N m]."""
+        level = self.library.robot.friction.copy()
+        for term in self.fit.terms:
+            level += term.effect.as_dry_friction(term.theta_of_effect(self.fit.theta_of(term)))
+        return np.maximum(level, 0.0)
 
     def _allowed(self, fit: Fit, term: Term) -> bool:
         return possible_and_seen(self.problem, fit, term)

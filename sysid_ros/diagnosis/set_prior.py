@@ -23,7 +23,8 @@ class SetPrior:
 
     Each effect is on each joint with a probability that is its own on this arm, from a beta distribution around how usual it is:
     an arm on which most joints have it has it on all. In a simulation all of them are rarer. A form is one of those that were
-    tried, all alike.
+    tried, all alike. A parameter is as uncertain before any data as one row would leave it (the unit information prior of Kass
+    and Wasserman 1995): beyond what it costs a prediction, which is 1, it so costs ``log(rows) / 2 - 1``.
 
     Args:
         library: its candidates say how many forms were tried of each effect at each place.
@@ -32,6 +33,7 @@ class SetPrior:
     def __init__(self, library: Library, joints: Sequence[int]) -> None:
         self._joints, self._places = len(joints), {}
         motions, n = library.motions, library.robot.n
+        self._parameter = max(0.5 * float(np.log(len(library.band.f))) - 1.0, 0.0)
         self._forms: dict[tuple[str, int | None], float] = {}
         for kind in EFFECTS.values():
             if kind.scope is Scope.JOINT:
@@ -56,11 +58,12 @@ class SetPrior:
             worlds += self._of[id_][:, min(count, self._places[id_])]
         worlds += self._none
         most = worlds.max()
-        return float(most + np.log(np.sum(np.exp(worlds - most)))) - sum(self._tried(t) for t in terms)
+        return float(most + np.log(np.sum(np.exp(worlds - most)))) - sum(self._cost(t) for t in terms)
 
-    def _tried(self, term: Term) -> float:
+    def _cost(self, term: Term) -> float:
+        """What a term costs for its parameters and for being one of several forms."""
         place = term.joints[0] if EFFECTS[term.id].scope is not Scope.ARM else None
-        return self._forms.get((term.id, place), 0.0)
+        return self._forms.get((term.id, place), 0.0) + self._parameter * term.cost
 
     def _table(self, id_: str, factor: float) -> FloatArray:
         """Log-probability of each number of places that have an effect less that of none, shape (places + 1,)."""

@@ -12,7 +12,8 @@ from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.left_out import Indices, LeftOut, Predicted, Rows
 from sysid_ros.diagnosis.set_prior import SetPrior
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects import EFFECTS, forms_of
+from sysid_ros.diagnosis.torque_noise import Noise
+from sysid_ros.effects import EFFECTS, Effect, forms_of
 from sysid_ros.sample import FloatArray
 
 INEXACT = (0.0, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0)
@@ -29,11 +30,16 @@ Seen = Callable[[Fit, Term], bool]
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A set of terms (indices of the pool), the inexactness of the links, what they predict, and the log-probability."""
+    """A set of terms (indices of the pool), the inexactness of the links, what they predict, and the log-probability.
+
+    Attributes:
+        narrowed: what it costs that so inexact links could have had other torques, and the rows left them little of that.
+    """
 
     members: tuple[int, ...]
     scale: int
     predicted: Predicted
+    narrowed: float
     score: float
 
 
@@ -50,16 +56,24 @@ class SetSearch:
 
     Args:
         problem: the fitted rows. rows: the rows that are predicted, the fitted ones among them. pool: all terms.
+        noise, dry: as :class:`LeftOut` has them.
         allowed: False for a term of a fit that physics does not allow or that nobody can see.
     """
 
     def __init__(
-        self, problem: Problem, rows: Sequence[Rows], pool: Sequence[Term], prior: SetPrior, noise: object, allowed: Seen
+        self,
+        problem: Problem,
+        rows: Sequence[Rows],
+        pool: Sequence[Term],
+        prior: SetPrior,
+        noise: Noise,
+        dry: FloatArray,
+        allowed: Seen,
     ) -> None:
         self.problem, self.pool, self.prior, self._allowed = problem, list(pool), prior, allowed
         self.noise = noise
         self._rows = rows
-        self.left_out = LeftOut(rows, pool, noise)  # type: ignore[arg-type]
+        self.left_out = LeftOut(rows, pool, noise, dry)
         self._at = [np.arange(s.start, s.stop) for s in self.left_out.slices]
         self._prior = [t.prior for t in pool]
         self._against = [{k for k, other in enumerate(pool) if k != i and conflict(t, other)} for i, t in enumerate(pool)]
@@ -73,18 +87,27 @@ class SetSearch:
         if INEXACT[scale]:
             at.append(self.left_out.inexact)
             prior.append(self.problem.prior / INEXACT[scale] ** 2)
-        where = np.concatenate([np.zeros(0, dtype=np.intp), *at])
-        predicted = self.left_out.of(where, np.concatenate([np.zeros(0), *prior]))
-        return State(members, scale, predicted, self._score(predicted.likelihood, members))
+        at.append(self.left_out.reversals)
+        prior.append(self.left_out.reversals_prior)
+        where = np.concatenate(at)
+        predicted = self.left_out.of(where, np.concatenate(prior))
+        narrowed = self._narrowed(predicted) if INEXACT[scale] else 0.0
+        return State(members, scale, predicted, narrowed, self._score(predicted.likelihood, members) - narrowed)
+
+    def _narrowed(self, predicted: Predicted) -> float:
+        """Occam's factor of the inexact links, less what their parameters cost the predictions already."""
+        own = np.flatnonzero(np.isin(predicted.at, self.left_out.inexact))
+        part = np.mean(predicted.covariance[:, own[:, None], own], axis=0) * predicted.prior[own]
+        return -0.5 * float(np.linalg.slogdet(part)[1]) - (len(own) - float(np.trace(part)))
 
     def _score(self, likelihood: FloatArray, members: Sequence[int]) -> float:
         return float(np.sum(likelihood)) + self.prior.log([self.pool[i] for i in members])
 
-    def fit(self, state: State, noise: object = None) -> Fit:
+    def fit(self, state: State, noise: Noise | None = None) -> Fit:
         """The fitted rows with a set."""
         self.problem.scale = INEXACT[state.scale] or 1.0
         terms = [self.pool[i] for i in state.members]
-        return self.problem.fit(terms, noise or self.noise, 0, inexact=INEXACT[state.scale] > 0.0)  # type: ignore[arg-type]
+        return self.problem.fit(terms, noise or self.noise, 0, inexact=INEXACT[state.scale] > 0.0)
 
     def climb(self, state: State) -> State:
         """The best set that single moves reach, then moves of several terms, then single ones again."""
@@ -124,7 +147,7 @@ class SetSearch:
 
     def single(self, state: State) -> list[tuple[float, tuple[int, ...], int]]:
         """Score and members of each set that has one term more or less, or another inexactness."""
-        moves = [(self._score(x, m), m, state.scale) for m, x in self.neighbours(state)]
+        moves = [(self._score(x, m) - state.narrowed, m, state.scale) for m, x in self.neighbours(state)]
         for scale in (state.scale - 1, state.scale + 1):
             if 0 <= scale < len(INEXACT):
                 moves.append((self.state(state.members, scale).score, state.members, scale))
@@ -167,10 +190,10 @@ class SetSearch:
                 at = np.concatenate([self._at[i] for i in sorted(new)])
                 likelihood = self.left_out.plus(less, at, np.concatenate([self._prior[i] for i in sorted(new)]))
             found = tuple(sorted((members - gone) | new))
-            moves.append((self._score(likelihood, found), found, state.scale))
+            moves.append((self._score(likelihood, found) - state.narrowed, found, state.scale))
 
         for kind in dict.fromkeys(t.kind for t in self.pool if t.row is not None):
-            own = {i for i in self._best_of_each_joint(state, kind.id) if not self._against[i] & members}
+            own = {i for i in self._best_of_each_joint(state, kind) if not self._against[i] & members}
             if len(own - members) > 1:
                 moved(set(), own - members)
             present = {i for i in members if self.pool[i].kind is kind and self.pool[i].row is not None}
@@ -178,7 +201,7 @@ class SetSearch:
                 moved(present, set())
             for other in forms_of(kind.family):
                 rows = {self.pool[i].row for i in present}
-                others = {i for i in self._best_of_each_joint(state, other.id) if self.pool[i].row in rows}
+                others = {i for i in self._best_of_each_joint(state, other) if self.pool[i].row in rows}
                 if other is not kind and len(others) > 1:
                     replaced = {i for i in present if self.pool[i].row in {self.pool[k].row for k in others}}
                     moved(replaced, {i for i in others if not self._against[i] & (members - replaced)})
@@ -197,11 +220,11 @@ class SetSearch:
         members = set(state.members)
         return [i for i in range(len(self.pool)) if i not in members and not self._against[i] & members]
 
-    def _best_of_each_joint(self, state: State, id_: str) -> list[int]:
+    def _best_of_each_joint(self, state: State, kind: type[Effect]) -> list[int]:
         """Of the terms of an effect on each joint the one that is in the set, else the last that was proposed."""
         out: dict[int, int] = {}
         for i, t in enumerate(self.pool):
-            if t.id == id_ and t.row is not None and (t.row not in out or out[t.row] not in state.members):
+            if t.kind is kind and t.row is not None and (t.row not in out or out[t.row] not in state.members):
                 out[t.row] = i
         return list(out.values())
 
@@ -230,11 +253,11 @@ class SetSearch:
             term = self.pool[i]
             odds = np.exp(np.clip(np.stack([o for _, o in others]), -700.0, 700.0))
             share = np.mean(odds / (1.0 + np.sum(odds, axis=0)), axis=1)
-            same = sum(s for (name, _), s in zip(others, share, strict=True) if name == term.id)
+            same = sum(s for (name, _), s in zip(others, share, strict=True) if EFFECTS.get(name) is term.kind)
             probability[term] = float(min(1.0 - np.sum(share) + same, 1.0))
             instead[term] = {}
             for (name, _), s in zip(others, share, strict=True):
-                if name and name != term.id:
+                if name and EFFECTS[name] is not term.kind:
                     instead[term][name] = instead[term].get(name, 0.0) + float(s)
         return Posterior(probability, instead)
 
