@@ -24,6 +24,8 @@ from sysid_ros.effects.parameter import by_delta_method
 from sysid_ros.effects.wording import of_joints
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+_LIKELIER = 0.5
+"""Probability from which a cause is likelier than not."""
 
 Values = dict[Term, Estimates]
 
@@ -96,6 +98,8 @@ def claims(judged: Judged) -> Claims:
     for i, terms in enumerate(groups):
         if not any(t.effect.notable(fit.theta_of(t)) for t in terms):
             continue  # in the model, but no fault
+        if max(judged.posterior.probability[t] for t in terms) <= _LIKELIER:
+            continue  # in the model as in the plainest one, but not told
         others = [p.term for p in parts if i not in p.of and (p.unless is None or p.unless == i)]
         evidence = replace(_evidence(judged, terms, others), gain=float(shares[i]))
         out.findings.append(_finding(judged, terms, [t for t in rich if t.simplest is terms[0].kind], evidence, out))
@@ -152,7 +156,7 @@ def _finding(
         label=effect.label,
         joints=joints,
         parameters=parameters,
-        probability=max(judged.posterior.probability[t] for t in [*terms, *richer]),
+        probability=max(judged.posterior.probability[t] for t in terms),
         heldout_gain=evidence.gain,
         delta_bic=evidence.delta_bic,
         p_value=evidence.p_value,

@@ -16,7 +16,7 @@ from scipy import fft
 from sysid_ros.diagnosis.fit import Problem
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.diagnosis.torque_noise import Noise
-from sysid_ros.robot.smoothed_sign import smoothed_sign, smoothed_sign_slope
+from sysid_ros.robot.smoothed_sign import SLIDE, smoothed_sign, smoothed_sign_slope
 from sysid_ros.sample import FloatArray
 
 _STRETCH = 1.5
@@ -203,9 +203,10 @@ def _reversals(problem: Problem, dry: FloatArray) -> FloatArray:
     """What is not known of dry friction at reversals: more of it at low speed, and a sign that turns early, shape (c, K, n)."""
     curves = []
     for motion in problem.band.motions:
-        s = smoothed_sign(motion.v, _WIDTH)
-        slope = smoothed_sign_slope(motion.v, _WIDTH)
-        curves.append(np.stack([*(s * np.exp(-((motion.v / speed) ** 2)) for speed in _BUMPS), slope * motion.a]) * dry)
+        unit = np.where(motion.robot.is_prismatic, SLIDE, 1.0)
+        v, a = motion.v / unit, motion.a / unit
+        s, slope = smoothed_sign(v, _WIDTH), smoothed_sign_slope(v, _WIDTH)
+        curves.append(np.stack([*(s * np.exp(-((v / speed) ** 2)) for speed in _BUMPS), slope * a]) * dry)
     return problem.band.curves(curves)
 
 

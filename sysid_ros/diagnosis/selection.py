@@ -14,11 +14,13 @@ from sysid_ros.diagnosis.friction_forms import forms
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.left_out import Rows
 from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.plain_baseline import no_worse
 from sysid_ros.diagnosis.refine import refine, remake
 from sysid_ros.diagnosis.scoring import Score, Scorer
 from sysid_ros.diagnosis.set_prior import SetPrior
 from sysid_ros.diagnosis.set_search import INEXACT, Posterior, SetSearch, State
 from sysid_ros.diagnosis.term import Term, best_of_each, joined
+from sysid_ros.diagnosis.torque_noise import Noise
 from sysid_ros.diagnosis.torques import links_changed, torques
 from sysid_ros.diagnosis.visibility import possible_and_seen
 from sysid_ros.effects import EFFECTS, Depends, Effect
@@ -32,6 +34,8 @@ _SCREENED = 0.5
 term gains more once the noise is found anew."""
 _REFINED = 4
 _MOST_STEPS = 24
+_AGAIN = 2
+"""How often the knobs of what is usual are searched: each time near the last."""
 _USUAL = 0.5
 """Effects that so many joints have are there on all of them when the search begins."""
 
@@ -79,7 +83,9 @@ class Selection:
         )
         usual = [library.local(name, j) for name in library.of_joints for j in self._joints if self._is_usual(name)]
         fit = problem.fit(usual, inexact=True)
-        self.fit = refine(problem, library, fit, [t for t in usual if t.effect.knobs])
+        for _ in range(_AGAIN):
+            fit = refine(problem, library, fit, [t for t in fit.terms if t.effect.knobs])
+        self.fit = fit
         self.pool: list[Term] = list(self.fit.terms)
 
     @staticmethod
@@ -127,29 +133,34 @@ class Selection:
         held.add(asked)
         rows: list[Rows] = [(self.problem, lambda term: term), (held.prepared.problem, lambda term: held.terms[term])]
         while True:
-            search, self.fit, state = self._judged(rows, asked)
+            state, self.fit, search = self._climbed(rows, asked)
             posterior = search.posterior(state)
             asked = [t for t in asked if posterior.probability.get(t, 1.0) > 0.5]
             if all(p > 0.5 for p in posterior.probability.values()):
-                return posterior
+                break
             self.fit = self.problem.fit([t for t in self.fit.terms if t in asked], self.fit.noise, 0, self.fit.inexact)
+        simpler = no_worse(self.problem, self.library, self.fit, held)
+        if simpler is self.fit:
+            return posterior
+        self.fit = simpler
+        search, state = self._search(rows, asked, self.fit.noise)
+        return search.posterior(state)
 
-    def _judged(self, rows: Sequence[Rows], asked: Sequence[Term]) -> tuple[SetSearch, Fit, State]:
-        state, fit, search = self._climbed(rows, asked)
-        return search, fit, state
-
-    def _climbed(self, rows: Sequence[Rows], asked: Sequence[Term]) -> tuple[State, Fit, SetSearch]:
+    def _search(self, rows: Sequence[Rows], asked: Sequence[Term], noise: Noise) -> tuple[SetSearch, State]:
+        """A search among the fit's terms and others, and its state at the fit."""
         terms = list(self.fit.terms)
         pool = [*terms, *(t for t in asked if t not in terms)]
-        members = range(len(terms))
         scale = int(np.argmin(np.abs(np.array(INEXACT) - self.problem.scale))) if self.fit.inexact else 0
-        noise, dry = self.fit.noise, self._dry_friction()
+        search = SetSearch(self.problem, rows, pool, self.prior, noise, self._dry_friction(), self._allowed)
+        return search, search.state(range(len(terms)), scale)
+
+    def _climbed(self, rows: Sequence[Rows], asked: Sequence[Term]) -> tuple[State, Fit, SetSearch]:
+        noise = self.fit.noise
         for _ in range(2):
-            search = SetSearch(self.problem, rows, pool, self.prior, noise, dry, self._allowed)
-            state = search.state(members, scale)
+            search, state = self._search(rows, asked, noise)
             noise = search.left_out.noise(state.predicted.left)
-        search = SetSearch(self.problem, rows, pool, self.prior, noise, dry, self._allowed)
-        state = search.climb(search.state(members, scale))
+        search, state = self._search(rows, asked, noise)
+        state = search.climb(state)
         return state, search.fit(state, search.left_out.noise(state.predicted.left)), search
 
     def _dry_friction(self) -> FloatArray:
