@@ -24,6 +24,7 @@ from sysid_ros.effects.parameter import by_delta_method
 from sysid_ros.effects.wording import of_joints
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+
 _LIKELIER = 0.5
 """Probability from which a cause is likelier than not."""
 
@@ -138,9 +139,7 @@ def _evidence(judged: Judged, terms: Sequence[Term], others: Sequence[Term]) -> 
     return Evidence(rise, sum(t.cost for t in terms), rows, judged.selection.tried)
 
 
-def _finding(
-    judged: Judged, terms: Sequence[Term], richer: Sequence[Term], evidence: Evidence, out: Claims
-) -> Finding:
+def _finding(judged: Judged, terms: Sequence[Term], richer: Sequence[Term], evidence: Evidence, out: Claims) -> Finding:
     robot, fit, effect = judged.robot, judged.fit, terms[0].effect
     named = sorted([*terms, *richer], key=lambda t: t.joints)
     if richer:

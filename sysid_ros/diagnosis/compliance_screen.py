@@ -39,7 +39,9 @@ class ComplianceScreen:
     def terms(self, fit: Fit) -> list[Term]:
         """At most one term of each effect and joint."""
         out = []
-        for joint, (_, X) in fit.blocks.items():
+        causes = sum(t.p for t in fit.terms)
+        for joint, (index, columns_of_all) in fit.blocks.items():
+            X = columns_of_all[:, index < causes]  # inexact links are free within narrow bounds only
             settings, columns = self._options(joint)
             root = 1.0 / np.sqrt(fit.variance[:, joint, None])
             kinds = list(dict.fromkeys(kind for kind, _ in settings))

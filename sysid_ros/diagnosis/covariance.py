@@ -6,11 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sysid_ros.diagnosis import never_known
 from sysid_ros.diagnosis.block_scatter import BlockScatter
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.refine import remake
 from sysid_ros.diagnosis.term import Term
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 _PROBE = 0.003
@@ -34,7 +36,8 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estim
     """Values and covariance of each term: theta of its columns, then its knobs (Gauss-Newton about the fit).
 
     The value of a compliant joint is the one that its columns were made for. The weights are those of the coloured noise, so slow
-    errors count for the few independent values that they are; what scatters more than they say is given that scatter.
+    errors count for the few independent values that they are; what scatters more than they say is given that scatter. What is
+    never known of a joint, and could have taken a part of a cause, widens it.
     """
     extra, owners = [], []
     slopes = {t: _slope(library, t) for t in fit.terms if t.effect.deflection}
@@ -55,15 +58,20 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estim
             extra.append(column / np.sqrt(fit.variance))
             owners.append((term, knob.name, value))
     count = len(fit.theta)
-    information = np.zeros((count + len(extra), count + len(extra)))
-    own = np.arange(count, count + len(extra))
+    never = never_known.columns(problem, dry_friction(library.robot, fit))
+    first, each = count + len(extra), len(never)
+    information = np.zeros((first + each * len(fit.blocks),) * 2)
+    own = np.arange(count, first)
     blocks = BlockScatter(problem.band, len(information))
-    for j, (index, X) in fit.blocks.items():
+    for i, (j, (index, X)) in enumerate(fit.blocks.items()):
         X = X.copy()
         for term, column in slopes.items():
             X[:, index == fit.slices[fit.terms.index(term)].start] = column[:, j, None]
-        every = np.concatenate([index, own])
-        columns = np.concatenate([X / np.sqrt(fit.variance[:, j, None]), *(c[:, j, None] for c in extra)], axis=1)
+        unknown = first + each * i + np.arange(each)
+        information[unknown, unknown] += never_known.prior(problem.scale if fit.inexact else 0.0)
+        every = np.concatenate([index, own, unknown])
+        root = np.sqrt(fit.variance[:, j, None])
+        columns = np.concatenate([X / root, *(c[:, j, None] for c in extra), never[:, :, j].T / root], axis=1)
         information[np.ix_(every, every)] += columns.T @ columns
         blocks.add(columns, fit.residual[:, j] / np.sqrt(fit.variance[:, j]), every)
     for term, where in zip(fit.terms, fit.slices, strict=True):
@@ -89,6 +97,14 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estim
             spread[0, 0] += (how.form_error * float(theta[0])) ** 2
         out[term] = Estimates(values, spread, float(np.mean(ratios[both])))
     return out
+
+
+def dry_friction(robot: RobotModel, fit: Fit) -> FloatArray:
+    """Its level on each joint, the nominal model's and what a fit adds, shape (n,) [N m]."""
+    level = robot.friction.copy()
+    for term in fit.terms:
+        level += term.effect.as_dry_friction(term.theta_of_effect(fit.theta_of(term)))
+    return np.maximum(level, 0.0)
 
 
 def _slope(library: Library, term: Term) -> FloatArray:

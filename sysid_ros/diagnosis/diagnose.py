@@ -47,6 +47,8 @@ _HELD_OUT = 0.3
 """Part of the recordings that is held out where no others are given to judge on."""
 _MOST_CONTACTS = 8
 """Contacts after which no more are looked for."""
+_WHOLLY = ("explained", "nothing_wrong")
+"""Verdicts after which a URDF that was in doubt is the robot's: with everything that the library has it explains the torques."""
 
 Progress = Callable[[str], None]
 
@@ -86,7 +88,8 @@ def diagnose(
     effects = known.known_effects(robot) if known else []
     progress("weighing this URDF, faults of its channels and other robots")
     judged_robot = None if known else judge(robot, fitted)
-    if judged_robot is not None and (reason := judged_robot.refusal):
+    reason = judged_robot.refusal if judged_robot else None
+    if reason and judged_robot is not None and judged_robot.hopeless:
         return Diagnosis("refused", robot.joint_names, refusal=reason, notes=notes)
     faults = judged_robot.faults if judged_robot else ()
     published, published_fitted = judged, fitted
@@ -121,6 +124,8 @@ def diagnose(
     fit = selection.fit
     values = with_knobs(train.problem, library, fit)
     found = report(robot, train, selection, posterior, held, values)
+    if reason and found.verdict not in _WHOLLY:
+        return Diagnosis("refused", robot.joint_names, refusal=reason, notes=notes)
     found = with_findings(found, as_unit(found.findings, robot.joint_names))
     signals += contact_findings(contacts, robot)
     if faults or signals:

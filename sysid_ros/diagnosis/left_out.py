@@ -13,22 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from sysid_ros.diagnosis import never_known
 from sysid_ros.diagnosis.fit import Problem
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.diagnosis.torque_noise import Noise
-from sysid_ros.robot.smoothed_sign import SLIDE, smoothed_sign, smoothed_sign_slope
 from sysid_ros.sample import FloatArray
 
 _STRETCH = 1.5
 """Length of a stretch [s]: longer than what whitening leaves of a correlation."""
 _MOST = 60
 """More stretches tell no more, and cost time."""
-_BUMPS = {0.015: 0.5, 0.05: 0.05}
-"""Part by which dry friction may be more or less below a speed [rad/s], whatever its form."""
-_EARLY = 0.002
-"""Time by which the sign of a measured velocity turns early or late [s]."""
-_WIDTH = 0.005
-"""Speed at which that sign has turned [rad/s]."""
 
 Indices = NDArray[np.intp]
 Rows = tuple[Problem, Callable[[Term], Term]]
@@ -58,14 +52,13 @@ class LeftOut:
     """Normal equations of all columns that are asked, stretch by stretch.
 
     Args:
-        rows: those that are predicted: of the fitted recordings, each stretch from the others, then of held-out ones, from all that
-            are fitted. terms: all that are asked.
-        noise: what the rows are weighted by. dry: level of the dry friction on each joint, shape (n,) [N m]: how it turns at a
-            reversal is never known exactly.
+        rows: those that are predicted: of the fitted recordings, each stretch from the others, then of held-out ones, from all
+            that are fitted. terms: all that are asked.
+        noise: what the rows are weighted by. dry: level of the dry friction on each joint, shape (n,) [N m].
 
     Attributes:
-        slices: columns of each term; those of the inexact links and of the reversals come after all.
-        reversals_prior: inverse variances of the parameters of the latter. stretches: how many there are, S.
+        slices: columns of each term; those of the inexact links and of what is never known come after all.
+        joints: number of joints that have the latter. stretches: how many there are, S.
     """
 
     def __init__(self, rows: Sequence[Rows], terms: Sequence[Term], noise: Noise, dry: FloatArray) -> None:
@@ -73,27 +66,27 @@ class LeftOut:
         starts = np.cumsum([0, *(t.p for t in terms)])
         self.slices = [slice(int(a), int(a) + t.p) for a, t in zip(starts, terms, strict=False)]
         self.inexact = np.arange(starts[-1], starts[-1] + self._problems[0].nuisance.shape[2])
-        rubs = np.flatnonzero(dry > 0.0)
-        self.reversals = int(starts[-1]) + len(self.inexact) + np.arange((len(_BUMPS) + 1) * len(rubs))
-        self.reversals_prior = np.tile(np.array([*_BUMPS.values(), _EARLY]) ** -2.0, len(rubs))
-        self.count = int(starts[-1]) + len(self.inexact) + len(self.reversals)
+        unknown = [never_known.columns(p, dry) for p in self._problems]
+        moves, each = [int(j) for j in self._problems[0].active], len(unknown[0])
+        self.joints = len(moves)
+        self.unknown = int(starts[-1]) + len(self.inexact) + np.arange(each * self.joints)
+        self.count = int(starts[-1]) + len(self.inexact) + len(self.unknown)
         self._root = [1.0 / np.sqrt(noise.variance(p.band.f)) for p in self._problems]
         n = self._problems[0].band.n
         columns: dict[int, list[FloatArray]] = {j: [] for j in range(n)}
         self._index: dict[int, Indices] = {}
         targets = []
-        for (problem, as_there), root in zip(rows, self._root, strict=True):
+        for (problem, as_there), root, never in zip(rows, self._root, unknown, strict=True):
             blocks, _ = problem.blocks([as_there(t) for t in terms], True)
             target = np.zeros_like(problem.y)
-            turns = _reversals(problem, dry)
             for j in range(n):
                 index, X = blocks.get(j, (None, None))
-                if index is None or X is None:
+                if index is None or X is None or j not in moves:
                     columns[j].append(np.zeros((len(problem.y), 0)))
                     continue
-                if dry[j] > 0.0:
-                    own = len(turns) * int(np.searchsorted(rubs, j))
-                    index, X = np.concatenate([index, self.reversals[own : own + len(turns)]]), np.column_stack([X, turns[:, :, j].T])
+                own = each * moves.index(j)
+                index = np.concatenate([index, self.unknown[own : own + each]])
+                X = np.column_stack([X, never[:, :, j].T])
                 self._index[j] = index
                 columns[j].append(_in_time(problem, X * root[:, j, None]))
                 target[:, j] = problem.y[:, j] * root[:, j]
@@ -186,7 +179,8 @@ class LeftOut:
         return Noise.of(problem.band.f, rows**2)
 
     def _without(self, rows: Indices, columns: Indices) -> FloatArray:
-        return self._whole[rows[:, None], columns] - self._G[:, rows[:, None], columns]
+        rest: FloatArray = self._whole[rows[:, None], columns] - self._G[:, rows[:, None], columns]
+        return rest
 
     def _torque(self, at: Indices, theta: FloatArray) -> FloatArray:
         """Whitened rows of parameters that differ from stretch to stretch, shape (R, n)."""
@@ -197,17 +191,6 @@ class LeftOut:
             if used.any():
                 out[:, j] = np.einsum("ra,ra->r", x[:, place[used]], theta[self._stretch][:, used])
         return out
-
-
-def _reversals(problem: Problem, dry: FloatArray) -> FloatArray:
-    """What is not known of dry friction at reversals: more of it at low speed, and a sign that turns early, shape (c, K, n)."""
-    curves = []
-    for motion in problem.band.motions:
-        unit = np.where(motion.robot.is_prismatic, SLIDE, 1.0)
-        v, a = motion.v / unit, motion.a / unit
-        s, slope = smoothed_sign(v, _WIDTH), smoothed_sign_slope(v, _WIDTH)
-        curves.append(np.stack([*(s * np.exp(-((v / speed) ** 2)) for speed in _BUMPS), slope * a]) * dry)
-    return problem.band.curves(curves)
 
 
 def _running(parts: Sequence[NDArray[np.int_]]) -> list[NDArray[np.int_]]:

@@ -29,8 +29,8 @@ def plain_terms(library: Library, joint: int) -> list[Term]:
 def no_worse(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit:
     """The fit where it predicts no joint of the held-out recordings worse than the baseline does, else one that does not.
 
-    All of it gives way where it predicts worse in all. A joint that is worse gets the baseline's terms in place of its own, or none,
-    or links that are exact, whichever leaves the least of it and harms no other.
+    All of it gives way where it predicts worse in all. A joint that is worse gets the baseline's terms in place of its own, or
+    none, or links that are exact, whichever leaves the least of it and harms no other.
     """
     plain = {int(j): plain_terms(library, int(j)) for j in problem.active}
     held.add([t for terms in plain.values() for t in terms])

@@ -34,6 +34,8 @@ _CHANGES = 0.1
 _LIKELY, _SURE = 0.5, 0.95
 """Probabilities from which a fault is likelier than not, and from which it is undone: what is undone wrongly spoils all that
 comes after it, and what is left shows."""
+_HOPELESS = 0.001
+"""Probability below which nothing that is found later is waited for."""
 _FAULTS = 3
 """Most faults that are looked for beside one another."""
 _INEXACT = 0.03
@@ -80,6 +82,11 @@ class Judgement:
         urdf = self.urdf.plus(own).beside(other.urdf.plus(its))
         free = self.free.plus(own).beside(other.free.plus(its))
         return replace(self, urdf=urdf, free=free.only(free.best))
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether no cause that is found later could make it this URDF's robot, or these channels ones that hold a signal."""
+        return self.probability < _HOPELESS or self.probability >= _LIKELY
 
     @property
     def refusal(self) -> str | None:

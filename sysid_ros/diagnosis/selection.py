@@ -1,4 +1,4 @@
-"""Selection: which effects explain the residual. Effects are proposed by likelihood, and sets of them judged by what they predict."""
+"""Selection: which effects explain the residual. Likelihood proposes them; sets of them are judged by what they predict."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from sysid_ros.diagnosis.compliance_screen import ComplianceScreen
+from sysid_ros.diagnosis.covariance import dry_friction
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.friction_forms import forms
 from sysid_ros.diagnosis.heldout import HeldOut
@@ -56,7 +57,7 @@ class Proposal:
 
 
 class Selection:
-    """Steps forward by likelihood, each with the noise that fits it best; after each the most probable set of all that was proposed.
+    """Steps forward by likelihood, each with the noise that fits it best; after each the most probable set of what was proposed.
 
     The search begins with what is usual on every joint, and with links as inexact as those of any URDF.
 
@@ -81,16 +82,12 @@ class Selection:
         self.tried = len(self._whole) + sum(
             len(library.local_options(name, j)) for name in library.of_joints for j in self._joints
         )
-        usual = [library.local(name, j) for name in library.of_joints for j in self._joints if self._is_usual(name)]
+        usual = [library.local(name, j) for name in library.of_joints for j in self._joints if EFFECTS[name].usual >= _USUAL]
         fit = problem.fit(usual, inexact=True)
         for _ in range(_AGAIN):
             fit = refine(problem, library, fit, [t for t in fit.terms if t.effect.knobs])
         self.fit = fit
         self.pool: list[Term] = list(self.fit.terms)
-
-    @staticmethod
-    def _is_usual(name: str) -> bool:
-        return EFFECTS[name].usual >= _USUAL
 
     def price(self, term: Term) -> float:
         """Likelihood that a term must gain: what its parameters cost a prediction (one each), and how unusual it is here."""
@@ -107,11 +104,12 @@ class Selection:
                 before.update(t.key for t in step.terms)
                 self._progress(step.words)
                 self.fit = step.fit
-                self.climb()
+                self.climb(thorough=False)
                 self.refresh()
                 continue
             self.date()
             self._add_forms()
+            self._add_rivals()
             self.climb()
             self.refresh()
             if _state(self.fit) in proposed:
@@ -122,13 +120,24 @@ class Selection:
         for term in list(self.fit.terms):
             if term.row is not None and term.effect.family:
                 self.pool += [form.term for form in forms(self.problem, self.library, self.fit, term)]
+            elif term.row is not None and not term.effect.knobs:
+                self.pool += self.library.local_options(term.id, term.row)
 
-    def climb(self) -> None:
+    def _add_rivals(self) -> None:
+        """What would be proposed if one of the effects that not every joint has were not there."""
+        whole = self.fit
+        for kind in dict.fromkeys(t.kind for t in whole.terms if t.row is None):
+            rest = [t for t in whole.terms if t.kind is not kind]
+            self.fit = self.problem.fit(rest, whole.noise, inexact=whole.inexact)
+            self.pool += [t for p in self.proposals(without=kind) for t in p.terms]
+        self.fit = whole
+
+    def climb(self, thorough: bool = True) -> None:
         """The most probable set that is reached from the present one."""
-        self.fit = self._climbed([(self.problem, lambda term: term)], self._asked())[1]
+        self.fit = self._climbed([(self.problem, lambda term: term)], self._asked(), thorough)[1]
 
     def judged_with(self, held: HeldOut) -> Posterior:
-        """The most probable set, and how probable its terms are, by what is predicted of the fitted and of held-out recordings."""
+        """The most probable set, and how probable its terms are, by what is predicted of fitted and of held-out recordings."""
         asked = [t for t in self._asked() if t.instant is None or t in self.fit.terms]
         held.add(asked)
         rows: list[Rows] = [(self.problem, lambda term: term), (held.prepared.problem, lambda term: held.terms[term])]
@@ -151,24 +160,17 @@ class Selection:
         terms = list(self.fit.terms)
         pool = [*terms, *(t for t in asked if t not in terms)]
         scale = int(np.argmin(np.abs(np.array(INEXACT) - self.problem.scale))) if self.fit.inexact else 0
-        search = SetSearch(self.problem, rows, pool, self.prior, noise, self._dry_friction(), self._allowed)
+        search = SetSearch(self.problem, rows, pool, self.prior, noise, dry_friction(self.library.robot, self.fit), self._allowed)
         return search, search.state(range(len(terms)), scale)
 
-    def _climbed(self, rows: Sequence[Rows], asked: Sequence[Term]) -> tuple[State, Fit, SetSearch]:
+    def _climbed(self, rows: Sequence[Rows], asked: Sequence[Term], thorough: bool = True) -> tuple[State, Fit, SetSearch]:
         noise = self.fit.noise
-        for _ in range(2):
+        for _ in range(1 + thorough):
             search, state = self._search(rows, asked, noise)
             noise = search.left_out.noise(state.predicted.left)
         search, state = self._search(rows, asked, noise)
-        state = search.climb(state)
+        state = search.climb(state, thorough)
         return state, search.fit(state, search.left_out.noise(state.predicted.left)), search
-
-    def _dry_friction(self) -> FloatArray:
-        """Its level on each joint, the nominal model's and what the fit adds, shape (n,) [N m]."""
-        level = self.library.robot.friction.copy()
-        for term in self.fit.terms:
-            level += term.effect.as_dry_friction(term.theta_of_effect(self.fit.theta_of(term)))
-        return np.maximum(level, 0.0)
 
     def _allowed(self, fit: Fit, term: Term) -> bool:
         return possible_and_seen(self.problem, fit, term)
@@ -186,7 +188,7 @@ class Selection:
         return list(out.values())
 
     def date(self) -> None:
-        """Find the times of events anew, with all that was found after them."""
+        """Find the times of events and the sizes of deflections anew, with all that was found after them."""
         dated = self._dated(self.fit)
         if dated.loglik > self.fit.loglik:
             self.fit = dated
@@ -199,7 +201,8 @@ class Selection:
             self.fit = max((self._dated(fit) for fit in fits), key=lambda fit: fit.loglik)
 
     def _dated(self, fit: Fit) -> Fit:
-        return refine(self.problem, self.library, fit, [t for t in fit.terms if t.instant is not None])
+        again = [t for t in fit.terms if t.instant is not None or t.effect.deflection]
+        return refine(self.problem, self.library, fit, again)
 
     def refresh(self) -> None:
         """Make anew the columns that depend on torques or on what the links weigh, with those of the present fit."""

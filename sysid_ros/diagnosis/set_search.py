@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
+from sysid_ros.diagnosis import never_known
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.left_out import Indices, LeftOut, Predicted, Rows
 from sysid_ros.diagnosis.set_prior import SetPrior
@@ -87,8 +88,8 @@ class SetSearch:
         if INEXACT[scale]:
             at.append(self.left_out.inexact)
             prior.append(self.problem.prior / INEXACT[scale] ** 2)
-        at.append(self.left_out.reversals)
-        prior.append(self.left_out.reversals_prior)
+        at.append(self.left_out.unknown)
+        prior.append(np.tile(never_known.prior(INEXACT[scale]), self.left_out.joints))
         where = np.concatenate(at)
         predicted = self.left_out.of(where, np.concatenate(prior))
         narrowed = self._narrowed(predicted) if INEXACT[scale] else 0.0
@@ -109,11 +110,13 @@ class SetSearch:
         terms = [self.pool[i] for i in state.members]
         return self.problem.fit(terms, noise or self.noise, 0, inexact=INEXACT[state.scale] > 0.0)
 
-    def climb(self, state: State) -> State:
-        """The best set that single moves reach, then moves of several terms, then single ones again."""
+    def climb(self, state: State, thorough: bool = True) -> State:
+        """The best set that single moves reach, then moves of several terms if it is to be thorough, then single ones again."""
         state = self._settled(state.members, state.scale) or self.state((), state.scale)
         for _ in range(_MOVES):
-            better = self._step(state, self.single(state)) or self._step(state, self._several(state))
+            better = self._step(state, self.single(state))
+            if better is None and thorough:
+                better = self._step(state, self._several(state))
             if better is None:
                 break
             state = better
@@ -179,7 +182,7 @@ class SetSearch:
         return np.concatenate(parts)
 
     def _several(self, state: State) -> list[tuple[float, tuple[int, ...], int]]:
-        """Sets with an effect on all joints or on none, with one term in place of another, and without two that overlap."""
+        """Sets with an effect on all joints or on none, with one term in place of another or of two, and without two."""
         moves = []
         members = set(state.members)
 
@@ -206,19 +209,17 @@ class SetSearch:
                     replaced = {i for i in present if self.pool[i].row in {self.pool[k].row for k in others}}
                     moved(replaced, {i for i in others if not self._against[i] & (members - replaced)})
         few = [k for k in state.members if not self.pool[k].expected]
-        gains = {i: float(np.sum(self.left_out.plus(state.predicted, self._at[i], self._prior[i]))) for i in self._free(state)}
-        for i in sorted(gains, key=lambda i: -gains[i])[: 2 * _TRIED]:
-            for k in few:
-                if self._overlap(i, k):
-                    moved({k}, {i})
+        for found, likelihood in self._replaced(state, few):
+            moves.append((self._score(likelihood, found) - state.narrowed, found, state.scale))
+        for k in few:
+            beside = [m for m in state.members if m != k and self.pool[m].row == self.pool[k].row is not None]
+            forms = [i for i, t in enumerate(self.pool) if i != k and t.key == self.pool[k].key]
+            for i, m in product(forms, beside):
+                moved({k, m}, {i})
         for a, b in combinations(few, 2):
             if len(few) <= 2 * _TRIED and self._overlap(a, b):
                 moved({a, b}, set())
         return moves
-
-    def _free(self, state: State) -> list[int]:
-        members = set(state.members)
-        return [i for i in range(len(self.pool)) if i not in members and not self._against[i] & members]
 
     def _best_of_each_joint(self, state: State, kind: type[Effect]) -> list[int]:
         """Of the terms of an effect on each joint the one that is in the set, else the last that was proposed."""
@@ -243,12 +244,13 @@ class SetSearch:
         own = state.predicted.likelihood
         here = self.prior.log([self.pool[i] for i in state.members])
         rivals: dict[int, list[tuple[str, FloatArray]]] = {i: [] for i in state.members}
-        for members, likelihood in [*self.neighbours(state), *self._replaced(state)]:
+        for members, likelihood in [*self.neighbours(state), *self._replaced(state, state.members)]:
             odds = weights @ (likelihood - own) + self.prior.log([self.pool[i] for i in members]) - here
             new = [i for i in members if i not in state.members]
             for i in set(state.members) - set(members):
                 rivals[i].append((self.pool[new[0]].id if new else "", odds))
-        probability, instead = {}, {}
+        probability: dict[Term, float] = {}
+        instead: dict[Term, dict[str, float]] = {}
         for i, others in rivals.items():
             term = self.pool[i]
             odds = np.exp(np.clip(np.stack([o for _, o in others]), -700.0, 700.0))
@@ -261,14 +263,14 @@ class SetSearch:
                     instead[term][name] = instead[term].get(name, 0.0) + float(s)
         return Posterior(probability, instead)
 
-    def _replaced(self, state: State) -> list[tuple[tuple[int, ...], FloatArray]]:
-        """Sets in which one term takes the place of another that loads the same joints."""
+    def _replaced(self, state: State, gone: Sequence[int]) -> list[tuple[tuple[int, ...], FloatArray]]:
+        """Sets in which a term takes the place of one of some that loads the same joints."""
         out = []
-        for k in state.members:
+        for k in gone:
             rest = tuple(i for i in state.members if i != k)
             without = self.left_out.without(state.predicted, self._where(state, {k}))
             for i in range(len(self.pool)):
-                if i in state.members or self._against[i] & set(state.members) or not self._overlap(i, k):
+                if i in state.members or self._against[i] & set(rest) or not self._overlap(i, k):
                     continue
                 out.append((tuple(sorted((*rest, i))), self.left_out.plus(without, self._at[i], self._prior[i])))
         return out

@@ -126,24 +126,6 @@ def drift_cause(
     )
 
 
-def better_drift(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit:
-    """The fit with each drift of friction over time or temperature, whichever predicts held-out data, where both fit closely.
-
-    Nothing is fitted to the held-out rows.
-    """
-    for joint in [t.joints[0] for t in fit.terms if _may_follow_temperature(t)]:
-        term = next(t for t in fit.terms if _may_follow_temperature(t) and t.joints[0] == joint)
-        trial, joints = _swapped(problem, library, fit, [term])
-        if not joints or trial.loglik < fit.loglik - _CLOSE:
-            continue
-        held.add(trial.terms)
-        new = next(t for t in trial.terms if t.kind is term.kind and t.joints[0] == joint)
-        gain = 2.0 * (trial.loglik - fit.loglik) - _worse_elsewhere(fit, trial, held, joints)
-        if gain > _STRONG and new.possible(trial.theta_of(new), trial.std_of(new)):
-            fit = trial
-    return fit
-
-
 def _may_follow_temperature(term: Term) -> bool:
     return Depends.TEMPERATURE in term.effect.depends_on
 

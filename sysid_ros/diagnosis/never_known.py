@@ -1,0 +1,49 @@
+"""What is never exactly known of a joint: how its friction turns at a reversal, and its torque constant.
+
+These are columns with a prior beside the causes of every set. No cause wins over another by what they can take, and what they
+could have taken is in the intervals of the others; the model itself has none of them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid_ros.diagnosis.fit import Problem
+from sysid_ros.robot.smoothed_sign import SLIDE, smoothed_sign, smoothed_sign_slope
+from sysid_ros.sample import FloatArray
+
+_BUMPS = {0.015: 0.5, 0.05: 0.05}
+"""Part by which dry friction may be more or less below a speed [rad/s], whatever its form."""
+_EARLY = 0.002
+"""Time by which the sign of a measured velocity turns early or late [s]."""
+_WIDTH = 0.005
+"""Speed at which that sign has turned [rad/s]."""
+_GAIN = 0.02
+"""Part by which the torque constant of a joint is off, where the links are not exact either."""
+
+
+def columns(problem: Problem, dry: FloatArray) -> FloatArray:
+    """Of each joint, shape (c, K, n).
+
+    Args:
+        dry: level of the dry friction on each joint, shape (n,) [N m].
+    """
+    curves = []
+    for motion in problem.band.motions:
+        unit = np.where(motion.robot.is_prismatic, SLIDE, 1.0)
+        v, a = motion.v / unit, motion.a / unit
+        s, slope = smoothed_sign(v, _WIDTH), smoothed_sign_slope(v, _WIDTH)
+        bumps = [s * np.exp(-((v / speed) ** 2)) for speed in _BUMPS]
+        curves.append(np.stack([*(x * dry for x in (*bumps, slope * a)), motion.drive_torque]))
+    rows: FloatArray = problem.band.curves(curves)
+    return rows
+
+
+def prior(scale: float) -> FloatArray:
+    """Inverse variances of their parameters before any data, shape (c,).
+
+    Args:
+        scale: how inexact the links are, in units of the usual inexactness; 0 for a simulation, in which all is exact.
+    """
+    gain = _GAIN if scale > 0.0 else 1e-6
+    return np.array([*_BUMPS.values(), _EARLY, gain]) ** -2.0
