@@ -97,8 +97,8 @@ def fit_deflection(problem: Problem, library: Library, fit: Fit, term: Term) -> 
     how, search = term.effect.deflection, _Search(problem, library, fit, term)
     assert how is not None
     first = not term.effect.settings["exact"]
+    search.follow()
     if first:
-        search.follow()
         search.scan("around", how.scanned)
         for side in how.sides:
             search.attempt(side=side)

@@ -22,6 +22,21 @@ class Score:
     std: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """Terms of one effect that would be added at once, and the likelihood less its price that they gain."""
+
+    terms: tuple[Term, ...]
+    score: float
+    fit: Fit
+
+    @property
+    def words(self) -> str:
+        """What is proposed."""
+        names = self.terms[0].effect.robot.joint_names
+        return f"{self.terms[0].effect.label} on {', '.join(names[t.joints[0]] for t in self.terms)}"
+
+
 class Scorer:
     """Scores terms against one fit.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -17,7 +16,7 @@ from sysid_ros.diagnosis.left_out import Rows
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.plain_baseline import no_worse
 from sysid_ros.diagnosis.refine import refine, remake
-from sysid_ros.diagnosis.scoring import Score, Scorer
+from sysid_ros.diagnosis.scoring import Proposal, Score, Scorer
 from sysid_ros.diagnosis.set_prior import SetPrior
 from sysid_ros.diagnosis.set_search import INEXACT, Posterior, SetSearch, State
 from sysid_ros.diagnosis.term import Term, best_of_each, joined
@@ -39,21 +38,6 @@ _AGAIN = 2
 """How often the knobs of what is usual are searched: each time near the last."""
 _USUAL = 0.5
 """Effects that so many joints have are there on all of them when the search begins."""
-
-
-@dataclass(frozen=True, eq=False)
-class Proposal:
-    """Terms of one effect that would be added at once, and the likelihood less its price that they gain."""
-
-    terms: tuple[Term, ...]
-    score: float
-    fit: Fit
-
-    @property
-    def words(self) -> str:
-        """What is proposed."""
-        names = self.terms[0].effect.robot.joint_names
-        return f"{self.terms[0].effect.label} on {', '.join(names[t.joints[0]] for t in self.terms)}"
 
 
 class Selection:
@@ -108,6 +92,7 @@ class Selection:
                 self.refresh()
                 continue
             self.date()
+            self._again(lambda t: t.effect.deflection is not None)
             self._add_forms()
             self._add_rivals()
             self.climb()
@@ -183,26 +168,29 @@ class Selection:
             for j in self._joints:
                 if (best := self._best_option(scorer, name, j)) is not None:
                     out[_exactly(best.term)] = best.term
-        for term in [*self.pool, *self.fit.terms]:
+        # the columns of a deflection are those of one size: no other size of it stands in for it
+        sized = {t.key for t in self.fit.terms if t.effect.deflection}
+        for term in [*(t for t in self.pool if t.key not in sized), *self.fit.terms]:
             out[_exactly(term)] = term
         return list(out.values())
 
     def date(self) -> None:
-        """Find the times of events and the sizes of deflections anew, with all that was found after them."""
-        dated = self._dated(self.fit)
-        if dated.loglik > self.fit.loglik:
-            self.fit = dated
+        """Find the times of events anew, with all that was found after them."""
+        before = self.fit
+        self._again(_is_event)
+        if self.fit.loglik < before.loglik:
+            self.fit = before
         # two that were apart may have met: they are one
         while pair := next(
             (p for p in combinations(self.fit.terms, 2) if p[0].instant is not None and p[0].excludes(p[1])), None
         ):
             alone = [[t for t in self.fit.terms if t is not x] for x in pair]
             fits = [self.problem.fit(terms, self.fit.noise, inexact=self.fit.inexact) for terms in alone]
-            self.fit = max((self._dated(fit) for fit in fits), key=lambda fit: fit.loglik)
+            dated = [refine(self.problem, self.library, fit, list(filter(_is_event, fit.terms))) for fit in fits]
+            self.fit = max(dated, key=lambda fit: fit.loglik)
 
-    def _dated(self, fit: Fit) -> Fit:
-        again = [t for t in fit.terms if t.instant is not None or t.effect.deflection]
-        return refine(self.problem, self.library, fit, again)
+    def _again(self, which: Callable[[Term], bool]) -> None:
+        self.fit = refine(self.problem, self.library, self.fit, list(filter(which, self.fit.terms)))
 
     def refresh(self) -> None:
         """Make anew the columns that depend on torques or on what the links weigh, with those of the present fit."""
@@ -290,6 +278,10 @@ class Selection:
 
 def _same(term: Term, other: Term) -> bool:
     return term.key == other.key and (term.instant is None or term.excludes(other))
+
+
+def _is_event(term: Term) -> bool:
+    return term.instant is not None
 
 
 def _state(fit: Fit) -> tuple[Key, ...]:

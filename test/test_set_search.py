@@ -1,0 +1,112 @@
+"""Sets of causes: what they predict of stretches that were left out, how usual they are, and the search over them."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import product
+
+import numpy as np
+import pytest
+from robots import robot
+from test_diagnosis import ARM, coulomb, record
+
+from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.left_out import LeftOut
+from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.plain_baseline import no_worse, plain_terms
+from sysid_ros.diagnosis.prepare import Prepared, prepare
+from sysid_ros.diagnosis.selection import Selection
+from sysid_ros.diagnosis.set_prior import _WORLDS, SetPrior
+from sysid_ros.diagnosis.set_search import conflict
+from sysid_ros.diagnosis.term import Term
+from sysid_ros.effects import EFFECTS, Scope
+
+
+@cache
+def rows() -> tuple[Prepared, Library]:
+    train = prepare(robot(ARM), [record(coulomb, 1, 12.0)], [])
+    return train, Library(robot(ARM), train.band)
+
+
+def asked() -> tuple[LeftOut, list[Term]]:
+    train, library = rows()
+    terms = [library.local("coulomb_friction", 1), library.local("viscous_friction", 1), library.whole("payload")]
+    terms.append(library.local("rotor_inertia", 2))
+    noise = train.problem.fit(terms).noise
+    return LeftOut([(train.problem, lambda term: term)], terms, noise, np.ones(robot(ARM).n)), terms
+
+
+def columns(left_out: LeftOut, *which: int) -> np.ndarray:
+    return np.concatenate([np.arange(left_out.slices[i].start, left_out.slices[i].stop) for i in which])
+
+
+def test_a_set_with_more_or_less_is_predicted_as_if_it_had_been_made_anew() -> None:
+    left_out, _ = asked()
+    few, more = columns(left_out, 0, 3), columns(left_out, 0, 3, 2)
+    prior = np.full(len(more), 1e-3)
+    whole, part = left_out.of(more, prior), left_out.of(few, prior[: len(few)])
+    np.testing.assert_allclose(left_out.plus(part, columns(left_out, 2), prior[len(few) :]), whole.likelihood, atol=1e-3)
+    less = left_out.without(whole, np.arange(len(few), len(more)))
+    np.testing.assert_allclose(less.likelihood, part.likelihood, atol=1e-3)
+    np.testing.assert_allclose(less.theta, part.theta, rtol=1e-3, atol=1e-6)
+
+
+def test_a_stretch_is_predicted_by_the_others_alone() -> None:
+    """What one stretch holds changes the parameters with which every other one is predicted, and not its own."""
+    train, library = rows()
+    term = library.local("coulomb_friction", 1)
+    noise = train.problem.fit([term]).noise
+    before = LeftOut([(train.problem, lambda t: t)], [term], noise, np.zeros(robot(ARM).n))
+    state = before.of(columns(before, 0), term.prior)
+    for s in range(before.stretches):
+        information = before._whole - before._G[s]
+        score = before._score - before._b[s]
+        at = state.at
+        np.testing.assert_allclose(state.theta[s], np.linalg.solve(information[np.ix_(at, at)], score[at]), rtol=1e-5)
+
+
+@pytest.mark.parametrize("id_", [e.id for e in EFFECTS.values() if e.scope is Scope.JOINT][:4])
+def test_the_probabilities_of_all_sets_of_one_effect_add_up_to_one(id_: str) -> None:
+    train, library = rows()
+    joints = [int(j) for j in train.problem.active]
+    prior = SetPrior(library, joints)
+    terms = {j: library.local_options(id_, j)[0] for j in joints}
+    free = {j: prior._cost(t) for j, t in terms.items()}  # a price of parameters and forms is no probability of a set
+    sets = [[terms[j] for j, there in zip(joints, x, strict=True) if there] for x in product((0, 1), repeat=len(joints))]
+    total = sum(np.exp(prior.log(s) + sum(free[t.joints[0]] for t in s)) for s in sets)
+    # in each world: of an arm that has nothing else
+    assert total == pytest.approx(sum(np.exp(prior._none[w] - prior._without(id_, f)) for w, f in enumerate(_WORLDS)), rel=1e-9)
+
+
+def test_forms_of_one_thing_exclude_each_other_on_a_joint_and_not_on_two() -> None:
+    _, library = rows()
+    coulomb_, stribeck = library.local("coulomb_friction", 1), library.local("stribeck_friction", 1)
+    assert conflict(coulomb_, stribeck)
+    assert not conflict(coulomb_, library.local("stribeck_friction", 2))
+    assert not conflict(coulomb_, library.local("viscous_friction", 1))
+
+
+def test_a_model_that_predicts_worse_gives_way_to_the_plain_baseline() -> None:
+    model = robot(ARM)
+    train, library = rows()
+    judged = prepare(model, [record(coulomb, 2, 8.0)], [])
+    wrong = train.problem.fit([library.local("torque_offset_drift", 1)])
+    held = HeldOut.of(model, judged, wrong)
+    fit = no_worse(train.problem, library, wrong, held)
+    assert "coulomb_friction" in {t.id for t in fit.terms}
+    assert np.linalg.norm(held.rms(held.residual(fit))) < np.linalg.norm(held.rms(held.residual(wrong)))
+    right = train.problem.fit([t for j in train.problem.active for t in plain_terms(library, int(j))])
+    held.add(right.terms)
+    assert no_worse(train.problem, library, right, held) is right
+
+
+def test_the_probability_of_a_cause_is_shared_with_what_stands_in_for_it() -> None:
+    train, library = rows()
+    selection = Selection(train.problem, library, train.nominal)
+    selection.run()
+    judged = prepare(robot(ARM), [record(coulomb, 2, 8.0)], [])
+    posterior = selection.judged_with(HeldOut.of(robot(ARM), judged, selection.fit))
+    assert {t.id for t in posterior.probability} == {"coulomb_friction"}
+    for term, probability in posterior.probability.items():
+        assert 0.5 < probability <= 1.0
+        assert probability + sum(posterior.instead[term].values()) <= 1.0 + 1e-9
