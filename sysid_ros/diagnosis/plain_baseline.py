@@ -47,7 +47,7 @@ def no_worse(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit
     simpler = min((baseline, nothing), key=lambda x: float(np.sum(error(x) ** 2)))
     if np.linalg.norm(error(fit)) > _WORSE * np.linalg.norm(error(simpler)):
         return simpler
-    limit = _WORSE * np.maximum(error(baseline), active)
+    limit = _WORSE * error(baseline)
     for j in np.argsort(-error(fit) / np.maximum(limit, 1e-9)):
         if error(fit)[j] <= limit[j] or int(j) not in plain:
             continue

@@ -129,8 +129,8 @@ class Selection:
         while True:
             state, self.fit, search = self._climbed(rows, asked)
             posterior = search.posterior(state)
-            asked = [t for t in asked if posterior.probability.get(t, 1.0) > 0.5]
-            if all(p > 0.5 for p in posterior.probability.values()):
+            asked = [t for t in asked if posterior.nothing.get(t, 0.0) < 0.5]
+            if all(p < 0.5 for p in posterior.nothing.values()):
                 break
             self.fit = self.problem.fit([t for t in self.fit.terms if t in asked], self.fit.noise, 0, self.fit.inexact)
         simpler = no_worse(self.problem, self.library, self.fit, held)

@@ -46,9 +46,11 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Of the terms of the most probable set: probability, and the effects that divide the rest of it among them."""
+    """Of the terms of the most probable set: probability, the part of the rest that nothing in their place has, and what the
+    effects have that stand in for them."""
 
     probability: dict[Term, float] = field(default_factory=dict)
+    nothing: dict[Term, float] = field(default_factory=dict)
     instead: dict[Term, dict[str, float]] = field(default_factory=dict)
 
 
@@ -250,6 +252,7 @@ class SetSearch:
             for i in set(state.members) - set(members):
                 rivals[i].append((self.pool[new[0]].id if new else "", odds))
         probability: dict[Term, float] = {}
+        nothing: dict[Term, float] = {}
         instead: dict[Term, dict[str, float]] = {}
         for i, others in rivals.items():
             term = self.pool[i]
@@ -257,11 +260,12 @@ class SetSearch:
             share = np.mean(odds / (1.0 + np.sum(odds, axis=0)), axis=1)
             same = sum(s for (name, _), s in zip(others, share, strict=True) if EFFECTS.get(name) is term.kind)
             probability[term] = float(min(1.0 - np.sum(share) + same, 1.0))
+            nothing[term] = float(sum(s for (name, _), s in zip(others, share, strict=True) if not name))
             instead[term] = {}
             for (name, _), s in zip(others, share, strict=True):
                 if name and EFFECTS[name] is not term.kind:
                     instead[term][name] = instead[term].get(name, 0.0) + float(s)
-        return Posterior(probability, instead)
+        return Posterior(probability, nothing, instead)
 
     def _replaced(self, state: State, gone: Sequence[int]) -> list[tuple[tuple[int, ...], FloatArray]]:
         """Sets in which a term takes the place of one of some that loads the same joints."""
