@@ -395,7 +395,7 @@ def test_efforts_without_steps_have_no_lattice() -> None:
 
 @pytest.mark.slow
 @pytest.mark.xfail(
-    reason="a large payload shares what it explains with a wrong link, and Stribeck's evidence falls where more data have more scatter",
+    reason="a large payload shares with a wrong link, and the evidence of Stribeck friction falls where more data scatter more",
     strict=True,
 )
 def test_every_cause_that_can_be_named_has_evidence_that_was_measured() -> None:
