@@ -153,7 +153,7 @@ def test_the_document_is_plain_json_with_the_fields_of_the_format() -> None:
     assert len(com["ci95"][0]) == 3
 
 
-@pytest.mark.parametrize("colour", [0.0, 1.0])
+@pytest.mark.parametrize("colour", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])
 def test_nothing_is_claimed_of_a_healthy_robot(colour: float) -> None:
     for seed in (11, 12, 13):
         result = diagnose(robot(ARM), [record(None, seed, colour=colour)], [record(None, seed + 50, 8.0, colour)])

@@ -14,10 +14,10 @@ from sysid_ros.diagnosis import diagnose
 from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.block_scatter import BlockScatter
 from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.posterior import Posterior
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.rivals import rivals
 from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.diagnosis.set_search import Posterior
 from sysid_ros.effects import Motion, TorqueSaturation
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
@@ -92,15 +92,9 @@ def test_a_motor_that_can_do_no_more_is_told_by_what_was_asked_of_it() -> None:
         TorqueSaturation(model, kind="brake")
 
 
-SILENT = pytest.mark.xfail(
-    strict=True,
-    reason="masses that are all off by the same are taken for a URDF that is that inexact; a sentence says so, no cause does",
-)
-
-
 @pytest.mark.parametrize(
     ("gains", "named"),
-    [((0.0, 0.0, 0.4, 0.0), 1), pytest.param((0.12,) * 4, 2, marks=(pytest.mark.slow, SILENT))],
+    [((0.0, 0.0, 0.4, 0.0), 1), pytest.param((0.12,) * 4, 2, marks=pytest.mark.slow)],
     ids=["one link", "all links"],
 )
 def test_masses_that_are_far_off_are_no_inexactness(gains: tuple[float, ...], named: int) -> None:

@@ -7,7 +7,8 @@ import pytest
 from motions import Motion as Motion_
 from robots import random_body, random_sample, robot
 
-from sysid_ros.effects import EFFECTS, CoulombFriction, Effect, Motion, Payload, Scope, forms_of
+from sysid_ros.effects import EFFECTS, CoulombFriction, Effect, LoadDependentFriction, Motion, Payload, Scope, forms_of
+from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot import inertial_parameters
 
 ARM = "small_arm"
@@ -58,6 +59,21 @@ def test_the_forms_of_dry_friction_stand_in_order_the_simplest_first() -> None:
     assert forms[0] is CoulombFriction
     assert all(f.jumps for f in forms)
     assert forms_of("") == ()
+
+
+def test_the_part_of_friction_that_grows_with_the_load_stands_beside_all_but_coulomb() -> None:
+    """Alone it is the second column of the whole; with Coulomb friction beside it it would be the whole."""
+    model, sample = robot(ARM), random_sample(robot(ARM), np.random.default_rng(3))
+    joint = model.joint_names[1:2]
+    whole, part = LoadDependentFriction(model, joint), LoadDependentFriction(model, joint, level=False)
+    np.testing.assert_array_equal(part.columns(sample), whole.columns(sample)[:, 1:])
+    assert (part.parameter_names, part.settings["level"]) == (whole.parameter_names[1:], False)
+    for other in forms_of("dry friction"):
+        beside = other.from_settings(model, joint, {})
+        assert part.excludes(beside) == (other in (CoulombFriction, LoadDependentFriction)), other.id
+        assert whole.excludes(beside), other.id
+    with pytest.raises(ModelFileError, match="true or false"):
+        LoadDependentFriction(model, level="no")  # type: ignore[arg-type]
 
 
 def test_curves_of_an_effect_that_writes_columns_only_are_those_columns() -> None:

@@ -1,4 +1,4 @@
-"""What a simulated robot hides is found: a dozen of the exam (``make exam`` has the rest), three of them in every run."""
+"""What a simulated robot hides is found: a dozen of the exam (``make exam`` has the rest), two of them in every run."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ HIDDEN = (
     "torque_offset", "torque_scale", "joint_offset", "base_tilt", "time_delay", "spring",
 )  # fmt: skip
 IN_MUJOCO = ("coulomb_friction", "base_tilt")
-QUICK = ("payload", "coulomb_friction", "time_delay")
-"""Of the links, of friction (in MuJoCo) and of time."""
+QUICK = ("payload", "time_delay")
+"""Of the links and of time."""
 SEED = 400
 
 each = pytest.mark.parametrize("id_", [pytest.param(x, marks=() if x in QUICK else pytest.mark.slow) for x in HIDDEN])

@@ -20,6 +20,8 @@ from sysid_ros.diagnosis.set_prior import _WORLDS, SetPrior
 from sysid_ros.diagnosis.set_search import conflict
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS, Scope
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
 
 
 @cache
@@ -45,7 +47,7 @@ def test_a_set_with_more_or_less_is_predicted_as_if_it_had_been_made_anew() -> N
     few, more = columns(left_out, 0, 3), columns(left_out, 0, 3, 2)
     prior = np.full(len(more), 1e-3)
     whole, part = left_out.of(more, prior), left_out.of(few, prior[: len(few)])
-    np.testing.assert_allclose(left_out.plus(part, columns(left_out, 2), prior[len(few) :]), whole.likelihood, atol=1e-3)
+    np.testing.assert_allclose(left_out.plus(part, [columns(left_out, 2)], [prior[len(few) :]])[0], whole.likelihood, atol=1e-3)
     less = left_out.without(whole, np.arange(len(few), len(more)))
     np.testing.assert_allclose(less.likelihood, part.likelihood, atol=1e-3)
     np.testing.assert_allclose(less.theta, part.theta, rtol=1e-3, atol=1e-6)
@@ -56,7 +58,7 @@ def test_a_stretch_is_predicted_by_the_others_alone() -> None:
     train, library = rows()
     term = library.local("coulomb_friction", 1)
     noise = train.problem.fit([term]).noise
-    before = LeftOut([(train.problem, lambda t: t)], [term], noise, np.zeros(robot(ARM).n))
+    before = LeftOut([(train.problem, lambda term: term)], [term], noise, np.zeros(robot(ARM).n))
     state = before.of(columns(before, 0), term.prior)
     for s in range(before.stretches):
         information = before._whole - before._G[s]
@@ -71,7 +73,7 @@ def test_the_probabilities_of_all_sets_of_one_effect_add_up_to_one(id_: str) -> 
     joints = [int(j) for j in train.problem.active]
     prior = SetPrior(library, joints)
     terms = {j: library.local_options(id_, j)[0] for j in joints}
-    free = {j: prior._cost(t) for j, t in terms.items()}  # a price of parameters and forms is no probability of a set
+    free = {j: prior.cost(t) for j, t in terms.items()}  # a price of parameters and forms is no probability of a set
     sets = [[terms[j] for j, there in zip(joints, x, strict=True) if there] for x in product((0, 1), repeat=len(joints))]
     total = sum(np.exp(prior.log(s) + sum(free[t.joints[0]] for t in s)) for s in sets)
     # in each world: of an arm that has nothing else
@@ -110,3 +112,27 @@ def test_the_probability_of_a_cause_is_shared_with_what_stands_in_for_it() -> No
     for term, probability in posterior.probability.items():
         assert 0.5 < probability <= 1.0
         assert probability + sum(posterior.instead[term].values()) <= 1.0 + 1e-9
+
+
+def gear(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
+    """Friction that is higher when a joint starts, grows with its load, and is measured with a gain."""
+    out = tau.copy()
+    level = 1.5 + 0.9 * np.exp(-((v[:, 1] / 0.12) ** 2)) + 0.12 * np.abs(tau[:, 1])
+    out[:, 1] = 1.2 * (tau[:, 1] + np.sign(v[:, 1]) * level + 1.1 * v[:, 1])
+    return out
+
+
+def test_what_grows_with_the_load_stands_beside_another_dry_friction_and_a_gain_is_one_of_both() -> None:
+    model = robot(ARM)
+    train = prepare(model, [record(gear, 1, 20.0)], [])
+    selection = Selection(train.problem, Library(model, train.band), train.nominal)
+    selection.run()
+    held = HeldOut.of(model, prepare(model, [record(gear, 2, 8.0)], []), selection.fit)
+    posterior = selection.judged_with(held)
+    found = {t.id: selection.fit.theta_of(t) for t in selection.fit.terms if t.row == 1}
+    assert set(found) == {"stribeck_friction", "load_dependent_friction", "viscous_friction", "torque_scale"}
+    assert posterior.probability.keys() >= set(selection.fit.terms)
+    np.testing.assert_allclose(found["torque_scale"], [0.2], atol=0.02)
+    np.testing.assert_allclose(found["load_dependent_friction"], [0.12], atol=0.02)
+    np.testing.assert_allclose(found["stribeck_friction"], [1.5, 2.4], rtol=0.08)
+    np.testing.assert_allclose(found["viscous_friction"], [1.1], rtol=0.08)

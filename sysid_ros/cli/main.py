@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 
@@ -106,6 +107,8 @@ def main() -> None:
     """Entry point of the console script ``sysid``."""
     # A stream of measurements makes many small objects and no cycles: looking for those less often saves a tenth of the time.
     gc.set_threshold(100_000, 50, 1000)
+    # The matrices are small: more threads of BLAS only wait for each other. It counts the first time that numpy is imported.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
     sys.exit(run())
 
 

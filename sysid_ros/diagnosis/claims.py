@@ -11,11 +11,11 @@ from sysid_ros.diagnosis.covariance import Estimates
 from sysid_ros.diagnosis.evidence import Evidence
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.posterior import Posterior
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Finding
 from sysid_ros.diagnosis.rivals import rivals
 from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.diagnosis.set_search import Posterior
 from sysid_ros.diagnosis.shares import Part, fewest, removed_power, shapley
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.diagnosis.time_or_temperature import SIGNATURE, drift_cause
@@ -36,12 +36,10 @@ class Claims:
     """What is claimed of a fit.
 
     Attributes:
-        findings: in order of their shares. scattering: labels of what differs so much from time to time that it may be something
-            else. undecided: whether a friction drifts with time or with temperature is open.
+        findings: in order of their shares. undecided: whether a friction drifts with time or with temperature is open.
     """
 
     findings: list[Finding] = field(default_factory=list)
-    scattering: list[str] = field(default_factory=list)
     undecided: bool = False
 
 

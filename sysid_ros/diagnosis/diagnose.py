@@ -48,7 +48,8 @@ _HELD_OUT = 0.3
 _MOST_CONTACTS = 8
 """Contacts after which no more are looked for."""
 _WHOLLY = ("explained", "nothing_wrong")
-"""Verdicts after which a URDF that was in doubt is the robot's: with everything that the library has it explains the torques."""
+"""Verdicts after which a URDF that was in doubt is the robot's: with everything that the library has its bodies, none of them
+replaced by another, explain the torques."""
 
 Progress = Callable[[str], None]
 
@@ -124,7 +125,7 @@ def diagnose(
     fit = selection.fit
     values = with_knobs(train.problem, library, fit)
     found = report(robot, train, selection, posterior, held, values)
-    if reason and found.verdict not in _WHOLLY:
+    if reason and (found.verdict not in _WHOLLY or any(t.effect.replaces_links for t in fit.terms)):
         return Diagnosis("refused", robot.joint_names, refusal=reason, notes=notes)
     found = with_findings(found, as_unit(found.findings, robot.joint_names))
     signals += contact_findings(contacts, robot)

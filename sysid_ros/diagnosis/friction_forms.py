@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.refine import refine
@@ -22,11 +20,10 @@ _TRIED = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """A form of friction on a joint, the fit with it, and the power that is then left on the joint."""
+    """A form of friction on a joint, and the fit with it."""
 
     term: Term
     fit: Fit
-    left: float
 
 
 def forms(problem: Problem, library: Library, fit: Fit, present: Term) -> list[Form]:
@@ -57,7 +54,7 @@ def forms(problem: Problem, library: Library, fit: Fit, present: Term) -> list[F
             trial = refine(problem, library, problem.fit([*kept, term], fit.noise, inexact=fit.inexact), [term])
             term = trial.terms[-1]
             if term.possible(trial.theta_of(term), trial.std_of(term)):
-                trials.append(Form(term, trial, float(np.sum(trial.residual[:, joint] ** 2))))
+                trials.append(Form(term, trial))
         if trials:
             found.append(max(trials, key=lambda f: f.fit.loglik + (_STANDS_IN if f.term.effect.follows_temperature else 0.0)))
     return found

@@ -35,14 +35,19 @@ class HeldOut:
     def of(cls, robot: RobotModel, prepared: Prepared, fit: Fit) -> HeldOut:
         """The terms of ``fit`` on held-out recordings; only the time of an event is searched again."""
         library = Library(robot, prepared.band, inside=-OUTSIDE)
-        links = [m.link_torque for m in prepared.motions]
+        held = cls(prepared, library, {})
+        held.update(fit)
+        held.terms.update(dated_again(library, prepared, fit, held.terms))
+        return held
+
+    def update(self, fit: Fit) -> None:
+        """Make the terms of a fit known, with the torques that it makes here."""
+        links = [m.link_torque for m in self.prepared.motions]
         for _ in range(2 if any(t.on_torques for t in fit.terms) else 0):
-            library.update(*torques(library, fit, links, prepared.nominal))
-        terms = {}
+            self.library.update(*torques(self.library, fit, links, self.prepared.nominal))
         for term in fit.terms:
-            terms[term] = remake(library, term, term.effect.settings)
-        terms |= dated_again(library, prepared, fit, terms)
-        return cls(prepared, library, terms)
+            if term not in self.terms or term.on_torques:
+                self.terms[term] = remake(self.library, term, term.effect.settings)
 
     def add(self, terms: Sequence[Term]) -> None:
         """Make terms known that are not in the fit."""

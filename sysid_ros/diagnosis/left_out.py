@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +37,9 @@ class Predicted:
     Attributes:
         at: indices of the columns, shape (a,). prior: inverse variances of their parameters before any data, shape (a,).
         covariance: of the parameters without each stretch, shape (S, a, a).
-        theta: shape (S, a). left: whitened rows that are left of each joint, shape (R, n).
+        theta: shape (S, a). left: whitened rows that are left of each joint, stretch by stretch, shape (S, L, n).
         likelihood: of each stretch, with its part of the log-prior of the parameters, shape (S,).
+        information, score: of all fitted rows, shape (a, a) with the prior and (a,).
     """
 
     at: Indices
@@ -46,6 +48,14 @@ class Predicted:
     theta: FloatArray
     left: FloatArray
     likelihood: FloatArray
+    information: FloatArray
+    score: FloatArray
+
+    @cached_property
+    def with_all_rows(self) -> tuple[FloatArray, FloatArray]:
+        """Covariance and parameters with no stretch left out."""
+        covariance = _inverse(self.information[None])[0]
+        return covariance, covariance @ self.score
 
 
 class LeftOut:
@@ -76,8 +86,8 @@ class LeftOut:
         columns: dict[int, list[FloatArray]] = {j: [] for j in range(n)}
         self._index: dict[int, Indices] = {}
         targets = []
-        for (problem, as_there), root, never in zip(rows, self._root, unknown, strict=True):
-            blocks, _ = problem.blocks([as_there(t) for t in terms], True)
+        for (problem, there), root, never in zip(rows, self._root, unknown, strict=True):
+            blocks, _ = problem.blocks([there(t) for t in terms], True)
             target = np.zeros_like(problem.y)
             for j in range(n):
                 index, X = blocks.get(j, (None, None))
@@ -91,9 +101,12 @@ class LeftOut:
                 columns[j].append(_in_time(problem, X * root[:, j, None]))
                 target[:, j] = problem.y[:, j] * root[:, j]
             targets.append(_in_time(problem, target))
-        self._y = np.concatenate(targets)
-        self._x = {j: _stacked(columns[j], len(index)) for j, index in self._index.items()}
         self._cut()
+        self._y = self._by_stretch(np.concatenate(targets))
+        self._x = {j: self._by_stretch(_stacked(columns[j], len(index))) for j, index in self._index.items()}
+        self._place = {j: np.full(self.count, -1) for j in self._x}
+        for j, index in self._index.items():
+            self._place[j][index] = np.arange(len(index))
         self._equations()
 
     def _cut(self) -> None:
@@ -105,26 +118,27 @@ class LeftOut:
                 parts = max(1, round((where.stop - where.start) * problem.band.motions[i].period / length))
                 edges += [begin + len(p) for p in _running(np.array_split(np.arange(count), parts))]
                 begin += count
-        self._edges = np.array(edges)
         self.stretches = len(edges) - 1
-        self._stretch = np.repeat(np.arange(self.stretches), np.diff(self._edges))
-        self._size = np.diff(self._edges).astype(float)
+        self._size = np.diff(edges).astype(float)
+        self._fitted = np.array(edges[:-1]) < len(self._root[0])
+        self._filled = np.arange(int(self._size.max())) < self._size[:, None]
+
+    def _by_stretch(self, rows: FloatArray) -> FloatArray:
+        """Rows of each stretch, shape (S, L, ...), zero beyond its end."""
+        out = np.zeros((*self._filled.shape, *rows.shape[1:]))
+        out[self._filled] = rows
+        return out
 
     def _equations(self) -> None:
         self._G = np.zeros((self.stretches, self.count, self.count))
         self._b = np.zeros((self.stretches, self.count))
         for j, x in self._x.items():
             index = self._index[j]
-            for s in range(self.stretches):
-                rows = slice(self._edges[s], self._edges[s + 1])
-                self._G[s][np.ix_(index, index)] += x[rows].T @ x[rows]
-                self._b[s, index] += x[rows].T @ self._y[rows, j]
-        fitted = self._edges[:-1] < len(self._root[0])
-        self._G[~fitted], self._b[~fitted] = 0.0, 0.0
+            self._G[:, index[:, None], index] += x.swapaxes(1, 2) @ x
+            self._b[:, index] += np.einsum("sla,sl->sa", x, self._y[:, :, j])
+        self._G[~self._fitted], self._b[~self._fitted] = 0.0, 0.0
+        self._all_over_fitted = float(np.sum(self._size)) / len(self._root[0])
         self._whole, self._score = self._G.sum(axis=0), self._b.sum(axis=0)
-        self._place = {j: np.full(self.count, -1) for j in self._x}
-        for j, index in self._index.items():
-            self._place[j][index] = np.arange(len(index))
 
     def of(self, at: Indices, prior: FloatArray) -> Predicted:
         """What columns predict, with the inverse variances of their parameters before any data, shape (a,)."""
@@ -132,8 +146,7 @@ class LeftOut:
         M[:, np.arange(len(at)), np.arange(len(at))] += prior
         covariance = _inverse(M)
         theta = np.einsum("sab,sb->sa", covariance, self._score[at] - self._b[:, at])
-        left = self._y - self._torque(at, theta)
-        return Predicted(at, prior, covariance, theta, left, self._likelihood(left, theta, prior))
+        return self._predicted(at, prior, covariance, theta)
 
     def without(self, state: Predicted, where: Indices) -> Predicted:
         """What is predicted without some of a set's columns. Args: where: their places in ``state.at``."""
@@ -143,54 +156,103 @@ class LeftOut:
         own = own + np.maximum(1e-9 * np.diagonal(own, axis1=1, axis2=2), 1e-30)[:, :, None] * np.eye(len(where))
         given = np.linalg.solve(own, cross.swapaxes(1, 2))
         theta = state.theta[:, rest] - np.einsum("sca,sc->sa", given, state.theta[:, where])
-        left = self._y - self._torque(state.at[rest], theta)
-        prior = state.prior[rest]
-        covariance = K[:, rest[:, None], rest] - cross @ given
-        return Predicted(state.at[rest], prior, covariance, theta, left, self._likelihood(left, theta, prior))
+        return self._predicted(state.at[rest], state.prior[rest], K[:, rest[:, None], rest] - cross @ given, theta)
 
-    def plus(self, state: Predicted, at: Indices, prior: FloatArray) -> FloatArray:
-        """Likelihood of each stretch with more columns, shape (S,)."""
-        cross, own = self._without(state.at, at), self._without(at, at)
-        own[:, np.arange(len(at)), np.arange(len(at))] += prior + 1e-9 * np.diagonal(self._whole)[at]
-        taken = state.covariance @ cross
-        rest = own - cross.swapaxes(1, 2) @ taken
-        score = self._score[at] - self._b[:, at] - np.einsum("sac,sa->sc", cross, state.theta)
-        least = np.maximum(1e-9 * np.diagonal(own, axis1=1, axis2=2), 1e-30)[:, :, None] * np.eye(len(at))
-        step = np.linalg.solve(rest + least, score[:, :, None])[:, :, 0]
-        change = -np.einsum("sac,sc->sa", taken, step)
-        left = state.left - self._torque(state.at, change) - self._torque(at, step)
-        theta = np.concatenate([state.theta + change, step], axis=1)
-        return self._likelihood(left, theta, np.concatenate([state.prior, prior]))
+    def _predicted(self, at: Indices, prior: FloatArray, covariance: FloatArray, theta: FloatArray) -> Predicted:
+        left = self._y.copy()
+        for j, x in self._x.items():
+            place = self._place[j][at]
+            left[:, :, j] -= (x[:, :, place[place >= 0]] @ theta[:, place >= 0, None])[:, :, 0]
+        power = np.einsum("slj,slj->sj", left, left)[:, None]
+        likelihood = self._likelihood(power, np.sum(theta**2 * prior, axis=1)[:, None])[:, 0]
+        information = self._whole[np.ix_(at, at)] + np.diag(prior)
+        return Predicted(at, prior, covariance, theta, left, likelihood, information, self._score[at])
 
-    def _likelihood(self, left: FloatArray, theta: FloatArray, prior: FloatArray) -> FloatArray:
-        """Of each stretch, shape (S,), up to a constant. What is known of the parameters before any data counts once in all.
+    def plus(self, state: Predicted, each: Sequence[Indices], priors: Sequence[FloatArray]) -> FloatArray:
+        """Likelihood of each stretch with more columns, one of several sets of them at a time, shape (m, S)."""
+        out = np.empty((len(each), self.stretches))
+        for width in {len(at) for at in each}:
+            which = [i for i, at in enumerate(each) if len(at) == width]
+            out[which] = self._plus(state, np.stack([each[i] for i in which]), np.stack([priors[i] for i in which]))
+        return out
+
+    def _plus(self, state: Predicted, at: Indices, prior: FloatArray) -> FloatArray:
+        """As :meth:`plus`, for sets of equally many columns, shape (m, c) both."""
+        m, c = at.shape
+        a, S = len(state.at), self.stretches
+        cross = self._without(state.at, at.reshape(-1))
+        own = self._whole[at[:, :, None], at[:, None, :]] - self._G[:, at[:, :, None], at[:, None, :]]
+        own[:, :, np.arange(c), np.arange(c)] += prior + 1e-9 * np.diagonal(self._whole)[at]
+        taken = (state.covariance @ cross).reshape(S, a, m, c).transpose(0, 2, 1, 3)
+        cross = cross.reshape(S, a, m, c).transpose(0, 2, 3, 1)
+        rest = own - cross @ taken
+        score = self._score[at] - self._b[:, at] - np.einsum("smca,sa->smc", cross, state.theta)
+        least = np.maximum(1e-9 * np.diagonal(own, axis1=2, axis2=3), 1e-30)[..., None] * np.eye(c)
+        step = np.linalg.solve(rest + least, score[..., None])[..., 0]
+        change = -np.einsum("smac,smc->sam", taken, step)
+        power = np.empty((S, m, self._y.shape[2]))
+        for j in range(self._y.shape[2]):
+            left = np.repeat(state.left[:, :, j, None], m, axis=2)
+            if j in self._x:
+                place = self._place[j][state.at]
+                left -= self._x[j][:, :, place[place >= 0]] @ change[:, place >= 0]
+                place = self._place[j][at]
+                here = np.flatnonzero((place >= 0).any(axis=1))
+                more = np.where(place[here] >= 0, step[:, here], 0.0)
+                left[:, :, here] -= np.einsum("slmc,smc->slm", self._x[j][:, :, place[here]], more)
+            power[:, :, j] = np.einsum("slm,slm->sm", left, left)
+        known = np.sum((state.theta[:, :, None] + change) ** 2 * state.prior[:, None], axis=1)
+        known += np.sum(step**2 * prior, axis=2)
+        return self._likelihood(power, known).T
+
+    def most(self, state: Predicted, gone: Indices, each: Sequence[Indices], priors: Sequence[FloatArray]) -> FloatArray:
+        """What all rows gain at most, about, with one of several sets of columns in place of some of a state's, shape (m,).
+
+        It follows from normal rows with no stretch left out: Student's gain no more than twice what those gain, and lose the
+        least where one stretch of one joint loses it all. It is no strict bound, for held-out rows are taken to gain as many
+        times more as there are more of them, and a stretch to be left out is not.
+
+        Args:
+            gone: places of the columns in ``state.at``. each: the other columns; a set may be empty.
+        """
+        covariance, theta = state.with_all_rows
+        loss, rest = 0.0, np.delete(np.arange(len(state.at)), gone)
+        if len(gone):
+            cross = covariance[np.ix_(rest, gone)]
+            given = np.linalg.lstsq(covariance[np.ix_(gone, gone)], np.column_stack([cross.T, theta[gone]]), rcond=1e-12)[0]
+            loss = 0.5 * float(theta[gone] @ given[:, -1])
+            covariance, theta = covariance[np.ix_(rest, rest)] - cross @ given[:, :-1], theta[rest] - cross @ given[:, -1]
+        net = np.full(len(each), -loss)
+        for i, (at, prior) in enumerate(zip(each, priors, strict=True)):
+            cross, own = self._whole[np.ix_(state.at[rest], at)], self._whole[np.ix_(at, at)]
+            score = self._score[at] - cross.T @ theta
+            left = own + np.diag(prior + 1e-9 * np.diagonal(own) + 1e-30) - cross.T @ covariance @ cross
+            net[i] += 0.5 * float(score @ np.linalg.lstsq(left, score, rcond=1e-12)[0])
+        least = float(self._size.min())
+        return np.where(net > 0.0, 2.0 * self._all_over_fitted * net, -least * np.log1p(np.maximum(-net, 0.0) / least))
+
+    def _likelihood(self, power: FloatArray, known: FloatArray) -> FloatArray:
+        """Of each stretch, shape (S, m), up to a constant. What is known of the parameters before any data counts once in all.
 
         The level of a joint's noise in one stretch is known as well as that many rows tell it (a scaled inverse chi-squared
         prior), so that the rows have Student's distribution: noise that comes and goes is not proof.
+
+        Args:
+            power: what is left of each stretch and joint, shape (S, m, n). known: twice the log-prior of the parameters with the
+                other sign, shape (S, m).
         """
-        power = np.add.reduceat(left**2, self._edges[:-1], axis=0)
-        rows = -np.sum(self._size[:, None] * np.log1p(power / self._size[:, None]), axis=1)
-        return np.asarray(rows - 0.5 * (theta**2 @ prior) / self.stretches)
+        size = self._size[:, None, None]
+        return np.asarray(-np.sum(size * np.log1p(power / size), axis=2) - 0.5 * known / self.stretches)
 
     def noise(self, left: FloatArray) -> Noise:
-        """The noise that makes what is left of the fitted recordings, of whitened rows of shape (R, n), the most likely."""
+        """The noise that makes what is left of the fitted recordings, of whitened rows of shape (S, L, n), the most likely."""
         problem, root = self._problems[0], self._root[0]
-        rows = _in_frequency(problem, left[: len(root)]) / root
+        rows = _in_frequency(problem, left[self._filled][: len(root)]) / root
         return Noise.of(problem.band.f, rows**2)
 
     def _without(self, rows: Indices, columns: Indices) -> FloatArray:
         rest: FloatArray = self._whole[rows[:, None], columns] - self._G[:, rows[:, None], columns]
         return rest
-
-    def _torque(self, at: Indices, theta: FloatArray) -> FloatArray:
-        """Whitened rows of parameters that differ from stretch to stretch, shape (R, n)."""
-        out = np.zeros_like(self._y)
-        for j, x in self._x.items():
-            place = self._place[j][at]
-            used = place >= 0
-            if used.any():
-                out[:, j] = np.einsum("ra,ra->r", x[:, place[used]], theta[self._stretch][:, used])
-        return out
 
 
 def _running(parts: Sequence[NDArray[np.int_]]) -> list[NDArray[np.int_]]:

@@ -23,15 +23,29 @@ class Library:
     Args:
         band: the frequency domain, with its motions.
         inside: a change lies inside of a recording by so much [s]; below 0 it may have been before it, or never.
+
+    Attributes:
+        free: what effects of single joints have in the drive torque, shape (N, n) a motion; empty for none.
+        apart: a gain of a joint's own torque is one of the rest alone. As long as sets of terms are compared, what rubs may leave
+            one, and then its torque is nothing that has a gain; what stays has taken the gain into its own size.
     """
 
     def __init__(self, robot: RobotModel, band: Band, inside: float = _INSIDE) -> None:
         self.robot, self.band, self.inside = robot, band, inside
+        self.free: tuple[FloatArray, ...] = ()
+        self.apart = True
         self._curves: dict[tuple[str, str], FloatArray] = {}
         self._options: dict[tuple[str, int], list[Term]] = {}
 
-    def update(self, link_torque: Sequence[FloatArray], drive_torque: Sequence[FloatArray]) -> None:
-        """Take in what is now known of the torques on both sides of the gears; terms that depend on them are made anew."""
+    def update(
+        self, link_torque: Sequence[FloatArray], drive_torque: Sequence[FloatArray], free: Sequence[FloatArray] = ()
+    ) -> None:
+        """Take in what is now known of the torques on both sides of the gears; terms that depend on them are made anew.
+
+        Args:
+            free: part of the drive torque that is of effects of single joints, shape (N, n) a motion; empty for none.
+        """
+        self.free = tuple(free)
         self.band.motions = tuple(
             m.with_torques(link, drive) for m, link, drive in zip(self.band.motions, link_torque, drive_torque, strict=True)
         )
@@ -56,8 +70,15 @@ class Library:
     def _curves_of(self, effect: Effect) -> FloatArray:
         key = effect.id, repr(effect.settings)
         if key not in self._curves:
-            self._curves[key] = self.band.curves([np.asarray(effect.curves_along(m)) for m in self.motions])
+            self._curves[key] = self.band.curves([np.asarray(effect.curves_along(m)) for m in self._seen_by(effect)])
         return self._curves[key]
+
+    def _seen_by(self, effect: Effect) -> Sequence[Motion]:
+        """The recordings, with the drive torque that has a gain in what an effect says of it."""
+        if not (effect.of_own_torque and self.apart and self.free):
+            return self.motions
+        each = zip(self.motions, self.free, strict=True)
+        return [m.with_torques(m.link_torque, m.drive_torque - free) for m, free in each]
 
     def local(self, effect_id: str, joint: int, **settings: Any) -> Term:
         """A term that loads one joint."""
@@ -68,9 +89,10 @@ class Library:
     def column(self, effect_id: str, joint: int, settings: dict[str, Any]) -> FloatArray:
         """Columns of a term that loads one joint, shape (K, p), computed for that joint alone where nothing else is needed."""
         effect = self._make(effect_id, (joint,), settings)
+        motions = self._seen_by(effect)
         if not effect.alone:
-            return self.band.joint_curves(joint, [np.asarray(effect.curves_along(m))[:, :, joint] for m in self.motions])
-        return self.band.joint_curves(joint, [np.asarray(effect.curves_along(m.of_joint(joint)))[:, :, 0] for m in self.motions])
+            return self.band.joint_curves(joint, [np.asarray(effect.curves_along(m))[:, :, joint] for m in motions])
+        return self.band.joint_curves(joint, [np.asarray(effect.curves_along(m.of_joint(joint)))[:, :, 0] for m in motions])
 
     def whole(
         self, effect_id: str, joints: Sequence[int] = (), basis: FloatArray | None = None, form: str = "", **settings: Any

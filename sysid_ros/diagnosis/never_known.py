@@ -34,7 +34,7 @@ def columns(problem: Problem, dry: FloatArray) -> FloatArray:
         v, a = motion.v / unit, motion.a / unit
         s, slope = smoothed_sign(v, _WIDTH), smoothed_sign_slope(v, _WIDTH)
         bumps = [s * np.exp(-((v / speed) ** 2)) for speed in _BUMPS]
-        curves.append(np.stack([*(x * dry for x in (*bumps, slope * a)), motion.drive_torque]))
+        curves.append(np.stack([*(x * dry for x in (*bumps, slope * a)), motion.link_torque]))
     rows: FloatArray = problem.band.curves(curves)
     return rows
 

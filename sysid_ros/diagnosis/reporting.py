@@ -11,16 +11,15 @@ from sysid_ros.diagnosis.events import in_words
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.leftover import Leftover, leftovers
+from sysid_ros.diagnosis.posterior import Posterior
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, Rest, TorqueRmse
 from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.diagnosis.set_search import Posterior
 from sysid_ros.diagnosis.time_or_temperature import RECORD_NEXT, correlations
 from sysid_ros.effects.wording import listed
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
-_SCATTERS = "What looks like {} differs so much from time to time that it may be something else."
 _LEFT, _LEFT_SEEN = 0.1, 0.005
 """Part of the nominal residual's power that may be left where it counts as explained, and where it is seen to be no noise."""
 _BEYOND = 4.0
@@ -61,7 +60,7 @@ def report(
         else "unexplained"
         if not claimed.findings
         else "explained"
-        if unexplained <= (_LEFT_SEEN if follows else _LEFT) and not worse and not claimed.scattering
+        if unexplained <= (_LEFT_SEEN if follows else _LEFT) and not worse
         else "partly_explained"
     )
     torque = held.rms(held.prepared.band.rows([m.tau for m in held.prepared.motions]))
@@ -84,7 +83,6 @@ def report(
         notes=(
             *in_words(held.library, {t: held.terms[t] for t in fit.terms}),
             *worse,
-            *(_SCATTERS.format(label) for label in claimed.scattering),
             *_tolerated(robot, fit),
         ),
     )

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sysid_ros.diagnosis.fit import Fit
+from sysid_ros.diagnosis.posterior import Posterior
 from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.diagnosis.set_search import Posterior
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS
 

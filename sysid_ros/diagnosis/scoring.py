@@ -24,7 +24,7 @@ class Score:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """Terms of one effect that would be added at once, and the likelihood less its price that they gain."""
+    """Terms that would be added at once, of one effect or one on each joint, and the likelihood less its price that they gain."""
 
     terms: tuple[Term, ...]
     score: float
@@ -34,7 +34,10 @@ class Proposal:
     def words(self) -> str:
         """What is proposed."""
         names = self.terms[0].effect.robot.joint_names
-        return f"{self.terms[0].effect.label} on {', '.join(names[t.joints[0]] for t in self.terms)}"
+        on: dict[str, list[str]] = {}
+        for t in self.terms:
+            on.setdefault(t.effect.label, []).append(names[t.joints[0]])
+        return "; ".join(f"{label} on {', '.join(joints)}" for label, joints in on.items())
 
 
 class Scorer:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid_ros.diagnosis.compliance_screen import ComplianceScreen
 from sysid_ros.diagnosis.covariance import dry_friction
@@ -15,10 +17,11 @@ from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.left_out import Rows
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.plain_baseline import no_worse
+from sysid_ros.diagnosis.posterior import Posterior, posterior_of
 from sysid_ros.diagnosis.refine import refine, remake
 from sysid_ros.diagnosis.scoring import Proposal, Score, Scorer
 from sysid_ros.diagnosis.set_prior import SetPrior
-from sysid_ros.diagnosis.set_search import INEXACT, Posterior, SetSearch, State
+from sysid_ros.diagnosis.set_search import INEXACT, SetSearch, State
 from sysid_ros.diagnosis.term import Term, best_of_each, joined
 from sysid_ros.diagnosis.torque_noise import Noise
 from sysid_ros.diagnosis.torques import links_changed, torques
@@ -58,46 +61,50 @@ class Selection:
     ) -> None:
         self.problem, self.library, self._nominal = problem, library, nominal
         self._links = [m.link_torque for m in library.motions]
-        self._progress = progress
+        self._progress, self._allowed = progress, partial(possible_and_seen, problem)
         self._joints = [int(j) for j in problem.active]
         self._whole = library.whole_options()
         self._screen = ComplianceScreen(library)
         self.prior = SetPrior(library, self._joints)
-        self.tried = len(self._whole) + sum(
-            len(library.local_options(name, j)) for name in library.of_joints for j in self._joints
-        )
-        usual = [library.local(name, j) for name in library.of_joints for j in self._joints if EFFECTS[name].usual >= _USUAL]
+        each = [(name, j) for name in library.of_joints for j in self._joints]
+        self.tried = len(self._whole) + sum(len(library.local_options(name, j)) for name, j in each)
+        usual = [library.local(name, j) for name, j in each if EFFECTS[name].usual >= _USUAL]
         fit = problem.fit(usual, inexact=True)
         for _ in range(_AGAIN):
             fit = refine(problem, library, fit, [t for t in fit.terms if t.effect.knobs])
         self.fit = fit
+        self._present: tuple[Fit | None, NDArray[np.intp], float] = (None, self.prior.counts([]), 0.0)
         self.pool: list[Term] = list(self.fit.terms)
+        self._dropped: list[tuple[Term, frozenset[Key]]] = []  # with what they could not stay beside; any climb may take them
 
     def price(self, term: Term) -> float:
         """Likelihood that a term must gain: what its parameters cost a prediction (one each), and how unusual it is here."""
-        present = list(self.fit.terms)
-        return max(term.cost - self.prior.log([*present, term]) + self.prior.log(present), 1.0)
+        if self._present[0] is not self.fit:
+            counts = self.prior.counts([self.prior.number(t) for t in self.fit.terms])
+            self._present = self.fit, counts, self.prior.of(counts, 0.0)
+        _, counts, usual = self._present
+        more = counts + self.prior.counts([self.prior.number(term)])
+        return max(term.cost + self.prior.cost(term) + usual - self.prior.of(more, 0.0), 1.0)
 
     def run(self) -> Fit:
         """The most probable set."""
-        proposed: dict[tuple[Key, ...], set[Key]] = {}
+        settled: set[frozenset[Key]] = set()
         for _ in range(_MOST_STEPS):
-            before = proposed.setdefault(_state(self.fit), set())
-            step = self.propose(before)
+            step = self.propose()
             if step is not None:
-                before.update(t.key for t in step.terms)
                 self._progress(step.words)
                 self.fit = step.fit
                 self.climb(thorough=False)
                 self.refresh()
                 continue
+            settled.add(self._keys())
             self.date()
             self._again(lambda t: t.effect.deflection is not None)
             self._add_forms()
             self._add_rivals()
             self.climb()
             self.refresh()
-            if _state(self.fit) in proposed:
+            if self._keys() in settled:
                 break
         return self.fit
 
@@ -105,7 +112,7 @@ class Selection:
         for term in list(self.fit.terms):
             if term.row is not None and term.effect.family:
                 self.pool += [form.term for form in forms(self.problem, self.library, self.fit, term)]
-            elif term.row is not None and not term.effect.knobs:
+            if term.row is not None and not any(knob.reported for knob in term.effect.knobs):
                 self.pool += self.library.local_options(term.id, term.row)
 
     def _add_rivals(self) -> None:
@@ -119,16 +126,28 @@ class Selection:
 
     def climb(self, thorough: bool = True) -> None:
         """The most probable set that is reached from the present one."""
+        before = self.fit.terms
         self.fit = self._climbed([(self.problem, lambda term: term)], self._asked(), thorough)[1]
+        self._dropped += [(t, self._keys(t)) for t in before if t not in self.fit.terms]
 
     def judged_with(self, held: HeldOut) -> Posterior:
         """The most probable set, and how probable its terms are, by what is predicted of fitted and of held-out recordings."""
+        posterior = self._judged(held)
+        if not any(t.effect.of_own_torque for t in self.fit.terms):
+            return posterior
+        before = self.fit.terms
+        self.library.apart = held.library.apart = False
+        self.refresh()
+        held.update(self.fit)
+        return posterior.of(dict(zip(before, self.fit.terms, strict=True)))
+
+    def _judged(self, held: HeldOut) -> Posterior:
         asked = [t for t in self._asked() if t.instant is None or t in self.fit.terms]
         held.add(asked)
         rows: list[Rows] = [(self.problem, lambda term: term), (held.prepared.problem, lambda term: held.terms[term])]
         while True:
             state, self.fit, search = self._climbed(rows, asked)
-            posterior = search.posterior(state)
+            posterior = posterior_of(search, state)
             asked = [t for t in asked if posterior.nothing.get(t, 0.0) < 0.5]
             if all(p < 0.5 for p in posterior.nothing.values()):
                 break
@@ -137,8 +156,7 @@ class Selection:
         if simpler is self.fit:
             return posterior
         self.fit = simpler
-        search, state = self._search(rows, asked, self.fit.noise)
-        return search.posterior(state)
+        return posterior_of(*self._search(rows, asked, simpler.noise))
 
     def _search(self, rows: Sequence[Rows], asked: Sequence[Term], noise: Noise) -> tuple[SetSearch, State]:
         """A search among the fit's terms and others, and its state at the fit."""
@@ -155,10 +173,7 @@ class Selection:
             noise = search.left_out.noise(state.predicted.left)
         search, state = self._search(rows, asked, noise)
         state = search.climb(state, thorough)
-        return state, search.fit(state, search.left_out.noise(state.predicted.left)), search
-
-    def _allowed(self, fit: Fit, term: Term) -> bool:
-        return possible_and_seen(self.problem, fit, term)
+        return state, search.fit(state.members, state.scale, search.left_out.noise(state.predicted.left)), search
 
     def _asked(self) -> list[Term]:
         """Everything that was proposed, and the best form of every effect of one joint."""
@@ -166,18 +181,17 @@ class Selection:
         scorer = Scorer(self.problem, self.fit)
         for name in self.library.of_joints:
             for j in self._joints:
-                if (best := self._best_option(scorer, name, j)) is not None:
-                    out[_exactly(best.term)] = best.term
+                out |= {best.term.exact_key: best.term for best in self._best_options(scorer, name, j)}
         # the columns of a deflection are those of one size: no other size of it stands in for it
         sized = {t.key for t in self.fit.terms if t.effect.deflection}
         for term in [*(t for t in self.pool if t.key not in sized), *self.fit.terms]:
-            out[_exactly(term)] = term
+            out[term.exact_key] = term
         return list(out.values())
 
     def date(self) -> None:
         """Find the times of events anew, with all that was found after them."""
         before = self.fit
-        self._again(_is_event)
+        self._again(lambda t: t.instant is not None)
         if self.fit.loglik < before.loglik:
             self.fit = before
         # two that were apart may have met: they are one
@@ -186,7 +200,7 @@ class Selection:
         ):
             alone = [[t for t in self.fit.terms if t is not x] for x in pair]
             fits = [self.problem.fit(terms, self.fit.noise, inexact=self.fit.inexact) for terms in alone]
-            dated = [refine(self.problem, self.library, fit, list(filter(_is_event, fit.terms))) for fit in fits]
+            dated = [refine(self.problem, self.library, fit, [t for t in fit.terms if t.instant is not None]) for fit in fits]
             self.fit = max(dated, key=lambda fit: fit.loglik)
 
     def _again(self, which: Callable[[Term], bool]) -> None:
@@ -194,8 +208,7 @@ class Selection:
 
     def refresh(self) -> None:
         """Make anew the columns that depend on torques or on what the links weigh, with those of the present fit."""
-        link, drive = torques(self.library, self.fit, self._links, self._nominal)
-        self.library.update(link, drive)
+        self.library.update(*torques(self.library, self.fit, self._links, self._nominal))
         self._whole = [remake(self.library, t, t.effect.settings) if t.on_torques else t for t in self._whole]
         self.pool = [remake(self.library, t, t.effect.settings) if t.on_torques else t for t in self.pool]
         carried = links_changed(self.library.robot, self.fit)
@@ -208,31 +221,34 @@ class Selection:
             self.fit = self.problem.fit([made.get(t, t) for t in self.fit.terms], self.fit.noise, inexact=self.fit.inexact)
             self.fit = refine(self.problem, self.library, self.fit, list(made.values()))
 
-    def propose(self, before: Collection[Key] = ()) -> Proposal | None:
-        """The best step forward, or None where nothing gains its price; all that were proposed stay in the pool.
-
-        Args:
-            before: names and joints of terms that were tried from here before, and did not stay.
-        """
-        found = self.proposals(before=before)
+    def propose(self) -> Proposal | None:
+        """The best step forward, or None where nothing gains its price; all that were proposed stay in the pool."""
+        found = self.proposals()
         self.pool += [t for p in found for t in p.terms]
         return max(found, key=lambda p: p.score, default=None)
 
-    def proposals(self, without: type[Effect] | None = None, before: Collection[Key] = ()) -> list[Proposal]:
+    def proposals(self, without: type[Effect] | None = None) -> list[Proposal]:
         """Every step forward that gains its price, but for one effect and some terms; the likeliest are refined."""
         scorer = Scorer(self.problem, self.fit)
         groups: list[tuple[float, list[Term]]] = []
+        each: dict[int, tuple[float, Term]] = {}
         for name in self.library.of_joints:
             if EFFECTS[name] is without or EFFECTS[name].includes:  # the latter are tried in the place of others only
                 continue
-            joints = [j for j in self._joints if (name, (j,)) not in before]
-            scores = [s for j in joints if (s := self._best_option(scorer, name, j)) is not None and s.term.key not in before]
+            scores = [s for j in self._joints for s in self._best_options(scorer, name, j) if not self._tried(s.term)]
             gains = [(s.gain - self.price(s.term), s.term) for s in scores]
-            if any(gain > 0.0 for gain, _ in gains):
-                groups.append((sum(max(gain, 0.0) for gain, _ in gains), [term for gain, term in gains if gain > 0.0]))
+            for replaces in (False, True):
+                better = [(gain, term) for gain, term in gains if gain > 0.0 and self._replaces(term) is replaces]
+                if better:
+                    groups.append((sum(gain for gain, _ in better), [term for _, term in better]))
             groups += [(gain, [term]) for gain, term in gains if gain <= 0.0]
+            for gain, term in gains:
+                if gain > each.get(term.joints[0], (0.0, term))[0]:
+                    each[term.joints[0]] = gain, term
+        if len({term.kind for _, term in each.values()}) > 1:
+            groups.append((sum(gain for gain, _ in each.values()), [term for _, term in each.values()]))
         for term in [*self._whole, *self._screen.terms(self.fit)]:
-            if term.kind is without or term.key in before or any(_same(term, t) for t in self.fit.terms):
+            if term.kind is without or self._tried(term) or any(term.same(t) for t in self.fit.terms):
                 continue
             group = self.library.with_companion(term, self.fit.terms)
             score, price = scorer.whole(joined(group)), sum(map(self.price, group))
@@ -243,19 +259,26 @@ class Selection:
         proposals.sort(key=lambda p: -p.score)
         return [self._refined(p) for p in proposals[:_REFINED]] + proposals[_REFINED:]
 
-    def _best_option(self, scorer: Scorer, name: str, joint: int) -> Score | None:
+    def _best_options(self, scorer: Scorer, name: str, joint: int) -> list[Score]:
+        """Of the forms of an effect on a joint the best that stands beside what is there, and the best in place of it."""
         options = [t for t in self.library.local_options(name, joint) if not any(t.key == other.key for other in self.fit.terms)]
-        if not options:
-            return None
-        scores = [
-            s
-            for s in scorer.local(options)
-            if s.gain > _SCREENED * self.price(s.term) and (self._replaces(s.term) or s.term.possible(s.theta, s.std))
-        ]
-        return max(scores, key=lambda s: s.gain, default=None)
+        best: dict[bool, Score] = {}
+        for s in scorer.local(options) if options else []:
+            replaces = self._replaces(s.term)
+            if s.gain > _SCREENED * self.price(s.term) and (replaces or s.term.possible(s.theta, s.std)):
+                best[replaces] = max(best.get(replaces, s), s, key=lambda s: s.gain)
+        return list(best.values())
 
     def _replaces(self, term: Term) -> bool:
         return any(term.excludes(other) for other in self.fit.terms)
+
+    def _tried(self, term: Term) -> bool:
+        return any(term.same(t) and beside == self._keys(term) for t, beside in self._dropped)
+
+    def _keys(self, term: Term | None = None) -> frozenset[Key]:
+        """Of all terms, or of those that load the same joints as one does."""
+        row = term.row if term else None
+        return frozenset(t.key for t in self.fit.terms if t.row is None or row is None or t.row == row)
 
     def _try(self, terms: list[Term]) -> Proposal | None:
         new = list(terms)
@@ -274,19 +297,3 @@ class Selection:
         fit = refine(self.problem, self.library, proposal.fit, proposal.terms)
         terms = fit.terms[len(fit.terms) - len(proposal.terms) :]
         return Proposal(terms, proposal.score + fit.loglik - proposal.fit.loglik, fit)
-
-
-def _same(term: Term, other: Term) -> bool:
-    return term.key == other.key and (term.instant is None or term.excludes(other))
-
-
-def _is_event(term: Term) -> bool:
-    return term.instant is not None
-
-
-def _state(fit: Fit) -> tuple[Key, ...]:
-    return tuple(sorted(t.key for t in fit.terms))
-
-
-def _exactly(term: Term) -> tuple[Key, str]:
-    return term.key, f"{term.form} {sorted(term.effect.settings.items())!r}"

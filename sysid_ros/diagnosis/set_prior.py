@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from sysid_ros.diagnosis.library import Library
@@ -31,13 +32,13 @@ class SetPrior:
     """
 
     def __init__(self, library: Library, joints: Sequence[int]) -> None:
-        self._joints, self._places = len(joints), {}
+        self._places: dict[str, int] = {}
         motions, n = library.motions, library.robot.n
         self._parameter = max(0.5 * float(np.log(len(library.band.f))) - 1.0, 0.0)
         self._forms: dict[tuple[str, int | None], float] = {}
         for kind in EFFECTS.values():
             if kind.scope is Scope.JOINT:
-                self._places[kind.id] = self._joints
+                self._places[kind.id] = len(joints)
                 for j in joints:
                     self._forms[kind.id, int(j)] = float(np.log(max(len(library.local_options(kind.id, int(j))), 1)))
             else:
@@ -46,21 +47,31 @@ class SetPrior:
                     self._forms[kind.id, place] = float(np.log(max(len(kind.candidates(motions, place)), 1)))
 
         self._none = np.array([sum(self._without(id_, factor) for id_ in self._places) for factor in _WORLDS])
-        self._of = {id_: np.stack([self._table(id_, factor) for factor in _WORLDS]) for id_ in self._places}
+        self._number = {id_: i for i, id_ in enumerate(self._places)}
+        self._most = np.array(list(self._places.values()))
+        self._of = np.zeros((len(self._places), int(self._most.max()) + 1, len(_WORLDS)))
+        for id_, i in self._number.items():
+            self._of[i, : self._places[id_] + 1] = np.stack([self._table(id_, factor) for factor in _WORLDS], axis=-1)
 
     def log(self, terms: Sequence[Term]) -> float:
         """Of a set, up to a constant."""
-        worlds = np.zeros(len(_WORLDS))
-        counts: dict[str, int] = {}
-        for t in terms:
-            counts[t.id] = counts.get(t.id, 0) + 1
-        for id_, count in counts.items():
-            worlds += self._of[id_][:, min(count, self._places[id_])]
-        worlds += self._none
-        most = worlds.max()
-        return float(most + np.log(np.sum(np.exp(worlds - most)))) - sum(self._cost(t) for t in terms)
+        return self.of(self.counts([self.number(t) for t in terms]), sum(self.cost(t) for t in terms))
 
-    def _cost(self, term: Term) -> float:
+    def number(self, term: Term) -> int:
+        """Which effect a term is, as :meth:`counts` wants it."""
+        return self._number[term.id]
+
+    def counts(self, numbers: Sequence[int] | NDArray[np.intp]) -> NDArray[np.intp]:
+        """How many terms a set has of each effect. Args: numbers: the effect of each term."""
+        return np.bincount(np.asarray(numbers, dtype=np.intp), minlength=len(self._most))
+
+    def of(self, counts: NDArray[np.intp], cost: float) -> float:
+        """Of sets with so many terms of each effect and with terms that cost so much in all, up to a constant."""
+        worlds = self._none + self._of[np.arange(len(counts)), np.minimum(counts, self._most)].sum(axis=0)
+        most = worlds.max()
+        return float(most + np.log(np.sum(np.exp(worlds - most)))) - cost
+
+    def cost(self, term: Term) -> float:
         """What a term costs for its parameters and for being one of several forms."""
         place = term.joints[0] if EFFECTS[term.id].scope is not Scope.ARM else None
         return self._forms.get((term.id, place), 0.0) + self._parameter * term.cost

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
@@ -24,8 +24,6 @@ _TRIED = 6
 """Moves of one kind that are tried in full, the best first."""
 _LEAST = 0.05
 """Log-probability by which a move must be better."""
-_DRAWS = 400
-
 Seen = Callable[[Fit, Term], bool]
 
 
@@ -42,16 +40,6 @@ class State:
     predicted: Predicted
     narrowed: float
     score: float
-
-
-@dataclass(frozen=True, eq=False)
-class Posterior:
-    """Of the terms of the most probable set: probability, the part of the rest that nothing in their place has, and what the
-    effects have that stand in for them."""
-
-    probability: dict[Term, float] = field(default_factory=dict)
-    nothing: dict[Term, float] = field(default_factory=dict)
-    instead: dict[Term, dict[str, float]] = field(default_factory=dict)
 
 
 class SetSearch:
@@ -75,10 +63,11 @@ class SetSearch:
     ) -> None:
         self.problem, self.pool, self.prior, self._allowed = problem, list(pool), prior, allowed
         self.noise = noise
-        self._rows = rows
         self.left_out = LeftOut(rows, pool, noise, dry)
         self._at = [np.arange(s.start, s.stop) for s in self.left_out.slices]
         self._prior = [t.prior for t in pool]
+        self._number = np.array([prior.number(t) for t in pool], dtype=np.intp)
+        self._cost = np.array([prior.cost(t) for t in pool])
         self._against = [{k for k, other in enumerate(pool) if k != i and conflict(t, other)} for i, t in enumerate(pool)]
         self._banned: set[tuple[tuple[int, ...], int]] = set()
 
@@ -89,7 +78,7 @@ class SetSearch:
         prior = [self._prior[i] for i in members]
         if INEXACT[scale]:
             at.append(self.left_out.inexact)
-            prior.append(self.problem.prior / INEXACT[scale] ** 2)
+            prior.append(self.problem.usual_prior / INEXACT[scale] ** 2)
         at.append(self.left_out.unknown)
         prior.append(np.tile(never_known.prior(INEXACT[scale]), self.left_out.joints))
         where = np.concatenate(at)
@@ -104,19 +93,22 @@ class SetSearch:
         return -0.5 * float(np.linalg.slogdet(part)[1]) - (len(own) - float(np.trace(part)))
 
     def _score(self, likelihood: FloatArray, members: Sequence[int]) -> float:
-        return float(np.sum(likelihood)) + self.prior.log([self.pool[i] for i in members])
+        return float(np.sum(likelihood)) + self.usual(members)
 
-    def fit(self, state: State, noise: Noise | None = None) -> Fit:
+    def usual(self, members: Sequence[int]) -> float:
+        own = list(members)
+        return self.prior.of(self.prior.counts(self._number[own]), float(np.sum(self._cost[own])))
+
+    def fit(self, members: Sequence[int], scale: int, noise: Noise | None = None) -> Fit:
         """The fitted rows with a set."""
-        self.problem.scale = INEXACT[state.scale] or 1.0
-        terms = [self.pool[i] for i in state.members]
-        return self.problem.fit(terms, noise or self.noise, 0, inexact=INEXACT[state.scale] > 0.0)
+        self.problem.scale = INEXACT[scale] or 1.0
+        return self.problem.fit([self.pool[i] for i in members], noise or self.noise, 0, inexact=INEXACT[scale] > 0.0)
 
     def climb(self, state: State, thorough: bool = True) -> State:
         """The best set that single moves reach, then moves of several terms if it is to be thorough, then single ones again."""
         state = self._settled(state.members, state.scale) or self.state((), state.scale)
         for _ in range(_MOVES):
-            better = self._step(state, self.single(state))
+            better = self._step(state, self.single(state)) or self._step(state, self._scaled(state))
             if better is None and thorough:
                 better = self._step(state, self._several(state))
             if better is None:
@@ -140,43 +132,67 @@ class SetSearch:
         while True:
             if (members, scale) in self._banned:
                 return None
-            state = self.state(members, scale)
-            fit = self.fit(state)
+            fit = self.fit(members, scale)
             wrong = [i for i in members if not self._allowed(fit, self.pool[i])]
             if not wrong:
-                return state
+                return self.state(members, scale)
             if any(i not in old for i in wrong):
                 self._banned.add((members, scale))
                 return None
             members = tuple(i for i in members if i not in wrong[:1])
 
     def single(self, state: State) -> list[tuple[float, tuple[int, ...], int]]:
-        """Score and members of each set that has one term more or less, or another inexactness."""
-        moves = [(self._score(x, m) - state.narrowed, m, state.scale) for m, x in self.neighbours(state)]
-        for scale in (state.scale - 1, state.scale + 1):
-            if 0 <= scale < len(INEXACT):
-                moves.append((self.state(state.members, scale).score, state.members, scale))
-        return moves
+        """Score and members of each set that has one term more or less."""
+        worth = self._worth_a_look(state)
+        return [(self._score(x, m) - state.narrowed, m, state.scale) for m, x in self.neighbours(state, worth)]
 
-    def neighbours(self, state: State) -> list[tuple[tuple[int, ...], FloatArray]]:
-        """Members and likelihood of each set that has one term more (in place of what excludes it) or less."""
+    def _scaled(self, state: State) -> list[tuple[float, tuple[int, ...], int]]:
+        """The set with links that are a step more or less inexact."""
+        scales = [s for s in (state.scale - 1, state.scale + 1) if 0 <= s < len(INEXACT)]
+        return [(self.state(state.members, scale).score, state.members, scale) for scale in scales]
+
+    def _worth_a_look(self, state: State) -> set[int]:
+        """Terms that the most probable set may have more or less: the bound of what the rows gain does not say no."""
+        own, here, out = set(state.members), self.usual(state.members), set()
+        groups: dict[tuple[int, ...], list[int]] = {(k,): [] for k in state.members}
+        for i in range(len(self.pool)):
+            if i not in own:
+                groups.setdefault(tuple(sorted(self._against[i] & own)), []).append(i)
+        for gone, new in groups.items():
+            at, prior, rest = [self._at[i] for i in new], [self._prior[i] for i in new], own - set(gone)
+            sets = [(i, rest | {i}) for i in new]
+            where = self._where(state, gone) if gone else np.zeros(0, dtype=np.intp)
+            if len(gone) == 1:  # it alone may leave, too
+                sets, at, prior = [*sets, (gone[0], rest)], [*at, where[:0]], [*prior, np.zeros(0)]
+            most = self.left_out.most(state.predicted, where, at, prior)
+            out |= {i for (i, found), gain in zip(sets, most, strict=True) if gain > here - self.usual(tuple(found))}
+        return out
+
+    def neighbours(self, state: State, among: Collection[int] | None = None) -> list[tuple[tuple[int, ...], FloatArray]]:
+        """Members and likelihood of each set that has one term more (in place of what excludes it) or less.
+
+        Args:
+            among: the terms that may come or go; None for all.
+        """
         out = []
         members = set(state.members)
-        lesser: dict[frozenset[int], Predicted] = {frozenset(): state.predicted}
-
-        def less(gone: frozenset[int]) -> Predicted:
-            if gone not in lesser:
-                lesser[gone] = self.left_out.without(state.predicted, self._where(state, gone))
-            return lesser[gone]
-
-        for i in range(len(self.pool)):
+        instead: dict[frozenset[int], list[int]] = {}
+        for i in range(len(self.pool)) if among is None else sorted(among):
             if i in members:
-                out.append((tuple(k for k in state.members if k != i), less(frozenset({i})).likelihood))
+                less = self.left_out.without(state.predicted, self._where(state, {i}))
+                out.append((tuple(k for k in state.members if k != i), less.likelihood))
             else:
-                gone = frozenset(self._against[i] & members)
-                likelihood = self.left_out.plus(less(gone), self._at[i], self._prior[i])
-                out.append((tuple(sorted((members - gone) | {i})), likelihood))
+                instead.setdefault(frozenset(self._against[i] & members), []).append(i)
+        for gone, new in instead.items():
+            out += self._with_one_of(state, gone, new)
         return out
+
+    def _with_one_of(self, state: State, gone: Collection[int], new: Sequence[int]) -> list[tuple[tuple[int, ...], FloatArray]]:
+        """Members and likelihood of the sets without some terms and with one of several others."""
+        less = self.left_out.without(state.predicted, self._where(state, gone)) if gone else state.predicted
+        likelihood = self.left_out.plus(less, [self._at[i] for i in new], [self._prior[i] for i in new])
+        rest = set(state.members) - set(gone)
+        return [(tuple(sorted(rest | {i})), x) for i, x in zip(new, likelihood, strict=True)]
 
     def _where(self, state: State, gone: Collection[int]) -> Indices:
         sizes = np.cumsum([0, *(self.pool[k].p for k in state.members)])
@@ -184,7 +200,8 @@ class SetSearch:
         return np.concatenate(parts)
 
     def _several(self, state: State) -> list[tuple[float, tuple[int, ...], int]]:
-        """Sets with an effect on all joints or on none, with one term in place of another or of two, and without two."""
+        """Sets with an effect on all joints or on none, with one term in place of another or of two, two in place of one, and
+        without two."""
         moves = []
         members = set(state.members)
 
@@ -193,7 +210,7 @@ class SetSearch:
             likelihood = less.likelihood
             if new:
                 at = np.concatenate([self._at[i] for i in sorted(new)])
-                likelihood = self.left_out.plus(less, at, np.concatenate([self._prior[i] for i in sorted(new)]))
+                likelihood = self.left_out.plus(less, [at], [np.concatenate([self._prior[i] for i in sorted(new)])])[0]
             found = tuple(sorted((members - gone) | new))
             moves.append((self._score(likelihood, found) - state.narrowed, found, state.scale))
 
@@ -211,13 +228,19 @@ class SetSearch:
                     replaced = {i for i in present if self.pool[i].row in {self.pool[k].row for k in others}}
                     moved(replaced, {i for i in others if not self._against[i] & (members - replaced)})
         few = [k for k in state.members if not self.pool[k].expected]
-        for found, likelihood in self._replaced(state, few):
+        for found, likelihood in self.replaced(state, few):
             moves.append((self._score(likelihood, found) - state.narrowed, found, state.scale))
         for k in few:
             beside = [m for m in state.members if m != k and self.pool[m].row == self.pool[k].row is not None]
             forms = [i for i, t in enumerate(self.pool) if i != k and t.key == self.pool[k].key]
             for i, m in product(forms, beside):
                 moved({k, m}, {i})
+        for k in members:
+            apart = [i for i in self._against[k] if self.pool[i].row == self.pool[k].row is not None]
+            alone = [i for i in apart if not self._against[i] & (members - {k})]
+            for a, b in combinations(alone, 2):
+                if self.pool[a].kind is not self.pool[b].kind and b not in self._against[a]:
+                    moved({k}, {a, b})
         for a, b in combinations(few, 2):
             if len(few) <= 2 * _TRIED and self._overlap(a, b):
                 moved({a, b}, set())
@@ -235,48 +258,16 @@ class SetSearch:
         a, b = self.pool[i], self.pool[k]
         return a.row is None or b.row is None or a.row == b.row
 
-    def posterior(self, state: State) -> Posterior:
-        """How probable each term of a set is, the others given: against the sets without it, or with another in its place.
-
-        The stretches are drawn again and again with the weights of the Bayesian bootstrap (pseudo-BMA+, Yao, Vehtari, Simpson,
-        Gelman 2018): what a few of them decide is not sure.
-        """
-        rng = np.random.default_rng(0)
-        weights = rng.dirichlet(np.ones(self.left_out.stretches), _DRAWS) * self.left_out.stretches
-        own = state.predicted.likelihood
-        here = self.prior.log([self.pool[i] for i in state.members])
-        rivals: dict[int, list[tuple[str, FloatArray]]] = {i: [] for i in state.members}
-        for members, likelihood in [*self.neighbours(state), *self._replaced(state, state.members)]:
-            odds = weights @ (likelihood - own) + self.prior.log([self.pool[i] for i in members]) - here
-            new = [i for i in members if i not in state.members]
-            for i in set(state.members) - set(members):
-                rivals[i].append((self.pool[new[0]].id if new else "", odds))
-        probability: dict[Term, float] = {}
-        nothing: dict[Term, float] = {}
-        instead: dict[Term, dict[str, float]] = {}
-        for i, others in rivals.items():
-            term = self.pool[i]
-            odds = np.exp(np.clip(np.stack([o for _, o in others]), -700.0, 700.0))
-            share = np.mean(odds / (1.0 + np.sum(odds, axis=0)), axis=1)
-            same = sum(s for (name, _), s in zip(others, share, strict=True) if EFFECTS.get(name) is term.kind)
-            probability[term] = float(min(1.0 - np.sum(share) + same, 1.0))
-            nothing[term] = float(sum(s for (name, _), s in zip(others, share, strict=True) if not name))
-            instead[term] = {}
-            for (name, _), s in zip(others, share, strict=True):
-                if name and EFFECTS[name] is not term.kind:
-                    instead[term][name] = instead[term].get(name, 0.0) + float(s)
-        return Posterior(probability, nothing, instead)
-
-    def _replaced(self, state: State, gone: Sequence[int]) -> list[tuple[tuple[int, ...], FloatArray]]:
+    def replaced(self, state: State, gone: Sequence[int]) -> list[tuple[tuple[int, ...], FloatArray]]:
         """Sets in which a term takes the place of one of some that loads the same joints."""
         out = []
         for k in gone:
-            rest = tuple(i for i in state.members if i != k)
-            without = self.left_out.without(state.predicted, self._where(state, {k}))
-            for i in range(len(self.pool)):
-                if i in state.members or self._against[i] & set(rest) or not self._overlap(i, k):
-                    continue
-                out.append((tuple(sorted((*rest, i))), self.left_out.plus(without, self._at[i], self._prior[i])))
+            rest = set(state.members) - {k}
+            new = [
+                i for i in range(len(self.pool)) if i not in rest | {k} and not self._against[i] & rest and self._overlap(i, k)
+            ]
+            if new:
+                out += self._with_one_of(state, {k}, new)
         return out
 
 
@@ -284,7 +275,7 @@ def conflict(term: Term, other: Term) -> bool:
     """True where two terms can't stand in one set."""
     if term.row is not None and other.row is not None and term.row != other.row:
         return False
-    same = term.key == other.key and (term.instant is None or term.excludes(other))
+    same = term.same(other)
     part = term.row is not None and term.row == other.row and (_includes(term, other) or _includes(other, term))
     return same or part or term.excludes(other) or other.excludes(term)
 

@@ -37,7 +37,7 @@ class Term:
     form: str = ""
     load: float = 0.0
 
-    @property
+    @cached_property
     def id(self) -> str:
         """The effect's name."""
         return self.effect.id
@@ -47,7 +47,7 @@ class Term:
         """Name and joints; an event's recording is part of its name."""
         return f"{self.effect.id} {self.recording}".rstrip(), self.joints
 
-    @property
+    @cached_property
     def p(self) -> int:
         """Number of columns."""
         return int(self.columns.shape[-1])
@@ -89,7 +89,7 @@ class Term:
         known = 1.0 / self.effect.prior_std(self.form)[: self.p] ** 2
         return np.concatenate([known, np.zeros(self.p - len(known))])
 
-    @property
+    @cached_property
     def cost(self) -> int:
         """Number of parameters with the nonlinear ones."""
         return self.p + len(self.effect.knobs)
@@ -101,6 +101,15 @@ class Term:
     def possible(self, theta: FloatArray, std: FloatArray) -> bool:
         """True where physics allows parameters of its columns, shape (p,), within twice their standard deviation."""
         return self.effect.possible(theta, std, self.form, self.load)
+
+    @property
+    def exact_key(self) -> tuple[tuple[str, tuple[int, ...]], str]:
+        """Name, joints, form and knobs."""
+        return self.key, f"{self.form} {sorted(self.effect.settings.items())!r}"
+
+    def same(self, other: Term) -> bool:
+        """True for the same effect on the same joints, and of events the same one."""
+        return self.key == other.key and (self.instant is None or self.excludes(other))
 
     def excludes(self, other: Term) -> bool:
         """True where the two can't stand side by side: forms of one thing on the same joint, or one event."""

@@ -1,9 +1,16 @@
 """Dry friction that grows with the load on the gear."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from sysid_ros.effects.coulomb_friction import DryFriction
+from sysid_ros.effects.coulomb_friction import CoulombFriction, DryFriction
 from sysid_ros.effects.effect import Depends, JointCurves
+from sysid_ros.effects.searched import Searched
+from sysid_ros.effects.traits import Candidate
+from sysid_ros.exceptions import ModelFileError
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import TURNS
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -11,11 +18,19 @@ from sysid_ros.signals.motion import Motion
 class LoadDependentFriction(DryFriction, JointCurves):
     """``tau_j = s (Fc + mu |tau_link|)``, s = tanh(v / width), Fc >= 0 [N m], mu >= 0 [1] (Hamon, Gautier, Garrec 2010, section
     III). The load is the model's torque on the link side: the measured one would bring its noise into the column.
+
+    Args:
+        robot: the model. joints: joints that rub; empty for all. width: as :class:`DryFriction` has it.
+        level: with Fc; without it the part that grows stands beside any other form of dry friction.
+
+    Raises:
+        ModelFileError: the width is not a positive number, or the level neither true nor false.
     """
 
     id = "load_dependent_friction"
     label = "friction that grows with the load"
-    words = "dry friction that grows with the load on {where} ({Fc} without load, {mu} N m for each N m of load)"
+    words = "dry friction that grows with the load on {where} ({mu} N m for each N m of load)"
+    setting_names = ("width", "level")
     depends_on = frozenset({Depends.LOAD})
     usual = 0.4
     nonnegative = True
@@ -25,12 +40,29 @@ class LoadDependentFriction(DryFriction, JointCurves):
     look_alikes = ("torque_scale", "asymmetric_coulomb_friction", "coulomb_friction")
     separated_by = "the same loaded and unloaded postures passed in both directions"
 
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = TURNS, level: bool = True) -> None:
+        if not isinstance(level, bool):
+            raise ModelFileError(f"effect '{self.id}' has level {level!r}; it must be true or false.")
+        self.level = level
+        if not level:
+            vars(self).update(family="", symbols=("mu",), symbol_units=("1",))  # of this one, not of its class
+        super().__init__(robot, joints, width)
+
+    @classmethod
+    def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
+        return [Candidate({"level": True}), Candidate({"level": False})]
+
+    def excludes(self, other: Searched) -> bool:
+        # beside Coulomb friction it would be what it is with a level
+        return super().excludes(other) or (not self.level and isinstance(other, CoulombFriction))
+
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         s = self.sign(state)
-        return np.stack([s, s * np.abs(load)])
+        grows = s * np.abs(load)
+        return np.stack([s, grows] if self.level else [grows])
 
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:
-        return self.of_symbol("Fc", theta)
+        return self.of_symbol("Fc", theta) if self.level else np.zeros(self.robot.n)
 
     def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
-        return bool(theta[0] + 2.0 * std[0] > 0.0 and theta[1] > 0.0)
+        return bool((not self.level or theta[0] + 2.0 * std[0] > 0.0) and theta[-1] > 0.0)

@@ -36,6 +36,7 @@ class Searched(ABC):
         instant: the knob that is the time of an event, empty for what is there all the time. changes: id of the effect whose
             parameters change then. times: settings counted from the first stamp of a recording.
         partial: it shows in a part of a recording only, and no other part predicts it.
+        of_own_torque: its column is the torque that its joint is driven with.
         inertial: its torque is that of moving bodies, linear in the acceleration and of second order in the velocities.
         carried: it is a body that the robot carries, at times or always.
         deflection: how its size is found where the torque is far from linear in that.
@@ -59,6 +60,7 @@ class Searched(ABC):
     changes: ClassVar[str] = ""
     times: ClassVar[tuple[str, ...]] = ()
     partial: ClassVar[bool] = False
+    of_own_torque: ClassVar[bool] = False
     inertial: ClassVar[bool] = False
     carried: ClassVar[bool] = False
     deflection: ClassVar[DeflectionSearch | None] = None

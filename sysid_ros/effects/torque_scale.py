@@ -15,6 +15,7 @@ class TorqueScale(JointCurves):
     label = "wrong gain of the torque"
     words = "efforts with a wrong gain on {where} (measured over true: {gain})"
     acts = Acts.MEASUREMENT
+    of_own_torque = True
     depends_on = frozenset({Depends.DRIVE})
     usual = 0.1
     between = (-0.98, np.inf)

@@ -1,0 +1,63 @@
+"""How probable each cause of the most probable set is, and what it cannot be told from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sysid_ros.diagnosis.set_search import SetSearch, State
+from sysid_ros.diagnosis.term import Term
+from sysid_ros.effects import EFFECTS
+from sysid_ros.sample import FloatArray
+
+_DRAWS = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Of the terms of the most probable set: probability, the part of the rest that nothing in their place has, and what the
+    effects have that stand in for them."""
+
+    probability: dict[Term, float] = field(default_factory=dict)
+    nothing: dict[Term, float] = field(default_factory=dict)
+    instead: dict[Term, dict[str, float]] = field(default_factory=dict)
+
+    def of(self, same: Mapping[Term, Term]) -> Posterior:
+        """The same of terms with other columns."""
+        probability, nothing = ({same.get(t, t): p for t, p in part.items()} for part in (self.probability, self.nothing))
+        return Posterior(probability, nothing, {same.get(t, t): others for t, others in self.instead.items()})
+
+
+def posterior_of(search: SetSearch, state: State) -> Posterior:
+    """How probable each term of a set is, the others given: against the sets without it, or with another in its place.
+
+    The stretches are drawn again and again with the weights of the Bayesian bootstrap (pseudo-BMA+, Yao, Vehtari, Simpson,
+    Gelman 2018): what a few of them decide is not sure.
+    """
+    rng = np.random.default_rng(0)
+    weights = rng.dirichlet(np.ones(search.left_out.stretches), _DRAWS) * search.left_out.stretches
+    own = state.predicted.likelihood
+    here = search.usual(state.members)
+    rivals: dict[int, list[tuple[str, FloatArray]]] = {i: [] for i in state.members}
+    for members, likelihood in [*search.neighbours(state), *search.replaced(state, state.members)]:
+        odds = weights @ (likelihood - own) + search.usual(members) - here
+        new = [i for i in members if i not in state.members]
+        for i in set(state.members) - set(members):
+            rivals[i].append((search.pool[new[0]].id if new else "", odds))
+    probability: dict[Term, float] = {}
+    nothing: dict[Term, float] = {}
+    instead: dict[Term, dict[str, float]] = {}
+    for i, others in rivals.items():
+        term = search.pool[i]
+        odds = np.exp(np.clip(np.stack([o for _, o in others]), -700.0, 700.0))
+        share = np.mean(odds / (1.0 + np.sum(odds, axis=0)), axis=1)
+        same = sum(s for (name, _), s in zip(others, share, strict=True) if EFFECTS.get(name) is term.kind)
+        probability[term] = float(min(1.0 - np.sum(share) + same, 1.0))
+        nothing[term] = float(sum(s for (name, _), s in zip(others, share, strict=True) if not name))
+        instead[term] = {}
+        for (name, _), s in zip(others, share, strict=True):
+            if name and EFFECTS[name] is not term.kind:
+                instead[term][name] = instead[term].get(name, 0.0) + float(s)
+    return Posterior(probability, nothing, instead)
