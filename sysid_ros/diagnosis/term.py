@@ -91,8 +91,8 @@ class Term:
 
     @cached_property
     def cost(self) -> int:
-        """Number of parameters with the nonlinear ones."""
-        return self.p + len(self.effect.knobs)
+        """Number of parameters that data have to tell, with the nonlinear ones."""
+        return self.effect.free_parameters(self.form, self.p) + len(self.effect.knobs)
 
     def theta_of_effect(self, theta: FloatArray) -> FloatArray:
         """Parameters of the effect, shape (effect.p,)."""

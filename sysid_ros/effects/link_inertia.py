@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid_ros.effects.effect import Acts, Effect
 from sysid_ros.effects.parameter import Parameter, by_delta_method, vector
-from sysid_ros.effects.payload import BODY_STD
+from sysid_ros.effects.payload import BODY_STD, COMPACT, COMPACT_STD, FIRST_MOMENT
 from sysid_ros.effects.traits import Candidate, Scope
 from sysid_ros.effects.wording import one
 from sysid_ros.robot import inertial_parameters
@@ -75,10 +75,15 @@ class LinkInertia(Effect):
             return []
         nominal = motions[0].robot.pi[own]
         scale = [Candidate(basis=nominal[:, None], form=_SCALE)] if np.any(nominal) else []
-        return [*scale, Candidate(basis=np.eye(10)[:, :4], form="first moment"), Candidate(basis=np.eye(10), form="full")]
+        return [*scale, Candidate(form=COMPACT), Candidate(form="full")]
 
     def prior_std(self, form: str = "") -> FloatArray:
-        return super().prior_std() if form == _SCALE else np.tile(BODY_STD, len(self.joints))
+        if form == _SCALE:
+            return super().prior_std()
+        return np.tile(COMPACT_STD if form == COMPACT else BODY_STD, len(self.joints))
+
+    def free_parameters(self, form: str, columns: int) -> int:
+        return FIRST_MOMENT if form == COMPACT else columns
 
     def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
         """An error of one link: a link is not lighter than nothing, its centre of mass is on the robot, and the last one is not

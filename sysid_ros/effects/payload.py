@@ -16,6 +16,11 @@ from sysid_ros.signals.motion import Motion
 
 BODY_STD = np.array([30.0] + [10.0] * 3 + [3.0] * 6)
 """Size of the ten parameters of a body before any data [kg, kg m, kg m^2]."""
+COMPACT = "compact"
+"""Form of a body whose inertia is as usual: two kilograms, a hand's breadth from the frame."""
+COMPACT_STD = np.array([30.0] + [10.0] * 3 + [0.02] * 6)
+FIRST_MOMENT = 4
+"""Parameters of a compact body that data have to tell."""
 
 
 class Payload(Effect):
@@ -70,11 +75,13 @@ class Payload(Effect):
 
     @classmethod
     def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
-        # four columns where the motion is too slow to show the inertia
-        return [Candidate(), Candidate(basis=np.eye(10)[:, :4], form="first moment")]
+        return [Candidate(), Candidate(form=COMPACT)]
 
     def prior_std(self, form: str = "") -> FloatArray:
-        return BODY_STD
+        return COMPACT_STD if form == COMPACT else BODY_STD
+
+    def free_parameters(self, form: str, columns: int) -> int:
+        return FIRST_MOMENT if form == COMPACT else columns
 
     def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
         return bool(theta[0] > 0.0) and within_reach(self.robot, theta, std)

@@ -134,6 +134,10 @@ class Searched(ABC):
         """Standard deviation of its parameters before any data, for what no motion shows, shape (p,); infinite: unknown."""
         return np.full(len(self.parameter_names), np.inf)
 
+    def free_parameters(self, form: str, columns: int) -> int:
+        """How many of a candidate's columns have a size that data alone tell: before any data they may have any."""
+        return columns
+
     def excludes(self, other: Searched) -> bool:
         """True where it can't stand beside another effect of the same joint (or both of the whole arm)."""
         return type(self) is type(other) or (self.family != "" and self.family == other.family) or other.id in self.includes
