@@ -19,6 +19,7 @@ from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.shares import Part, fewest, removed_power, shapley
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.diagnosis.time_or_temperature import SIGNATURE, drift_cause
+from sysid_ros.diagnosis.visibility import visible
 from sysid_ros.effects import EFFECTS, Parameter
 from sysid_ros.effects.parameter import by_delta_method
 from sysid_ros.effects.wording import of_joints
@@ -97,6 +98,8 @@ def claims(judged: Judged) -> Claims:
     for i, terms in enumerate(groups):
         if not any(t.effect.notable(fit.theta_of(t)) for t in terms):
             continue  # in the model, but no fault
+        if not any(visible(judged.train.problem, fit, t) for t in terms):
+            continue  # in the model, but too small to tell
         if max(judged.posterior.probability[t] for t in terms) <= _LIKELIER:
             continue  # in the model as in the plainest one, but not told
         others = [p.term for p in parts if i not in p.of and (p.unless is None or p.unless == i)]

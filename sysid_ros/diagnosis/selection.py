@@ -25,7 +25,7 @@ from sysid_ros.diagnosis.set_search import INEXACT, SetSearch, State
 from sysid_ros.diagnosis.term import Term, best_of_each, joined
 from sysid_ros.diagnosis.torque_noise import Noise
 from sysid_ros.diagnosis.torques import links_changed, torques
-from sysid_ros.diagnosis.visibility import possible_and_seen
+from sysid_ros.diagnosis.visibility import allowed
 from sysid_ros.effects import EFFECTS, Depends, Effect
 from sysid_ros.sample import FloatArray
 
@@ -61,7 +61,7 @@ class Selection:
     ) -> None:
         self.problem, self.library, self._nominal = problem, library, nominal
         self._links = [m.link_torque for m in library.motions]
-        self._progress, self._allowed = progress, partial(possible_and_seen, problem)
+        self._progress, self._allowed = progress, partial(allowed, problem)
         self._joints = [int(j) for j in problem.active]
         self._whole = library.whole_options()
         self._screen = ComplianceScreen(library)

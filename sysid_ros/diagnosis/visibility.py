@@ -17,13 +17,21 @@ _EDGE = 0.1
 """What changes within this part of the recordings from their start or end is no event: it may have been there always."""
 
 
-def possible_and_seen(problem: Problem, fit: Fit, term: Term) -> bool:
-    """True for a term that physics allows and that one can see."""
-    return term.possible(fit.theta_of(term), fit.std_of(term)) and visible(problem, fit, term)
+def allowed(problem: Problem, fit: Fit, term: Term) -> bool:
+    """True for a term that physics allows, and for an event that lies well inside of the recordings."""
+    return term.possible(fit.theta_of(term), fit.std_of(term)) and _inside(problem, term)
+
+
+def _inside(problem: Problem, term: Term) -> bool:
+    if term.instant is None:
+        return True
+    within = [m.t for m in problem.band.motions if not term.recording or m.recording == term.recording]
+    start, end = min(t[0] for t in within), max(t[-1] for t in within)
+    return bool(_EDGE < (term.instant - start) / (end - start) < 1.0 - _EDGE)
 
 
 def visible(problem: Problem, fit: Fit, term: Term) -> bool:
-    """True where a term is a part of the nominal residual that one can see, over the noise of each joint."""
+    """True where a term is a part of the nominal residual that is worth telling, over the noise of each joint."""
     active = [int(j) for j in problem.active]
     torque = term.columns @ fit.theta_of(term)
     share = torque if term.row is None else torque[:, None]
@@ -35,12 +43,6 @@ def visible(problem: Problem, fit: Fit, term: Term) -> bool:
         return False
     if term.expected:
         return True
-    if term.instant is not None:
-        name = term.recording
-        within = [m.t for m in problem.band.motions if not name or m.recording == name]
-        start, end = min(t[0] for t in within), max(t[-1] for t in within)
-        if not _EDGE < (term.instant - start) / (end - start) < 1.0 - _EDGE:
-            return False
     floors = float(np.sum(power / noise[rows]))
     least = _FLOORS_OF_NOISE if term.effect.from_measured else _FLOORS
     return floors > max(least**2, _SEEN_OF_ALL**2 * float(np.sum(nominal[active] / noise[active])))
