@@ -35,6 +35,8 @@ class Estimates(NamedTuple):
 def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estimates]:
     """Values and covariance of each term: theta of its columns, then its knobs (Gauss-Newton about the fit).
 
+    Values are those of the posterior that the covariance is of: with what is never known of a joint beside them.
+
     The value of a compliant joint is the one that its columns were made for. The weights are those of the coloured noise, so slow
     errors count for the few independent values that they are; what scatters more than they say is given that scatter. What is
     never known of a joint, and could have taken a part of a cause, widens it.
@@ -58,9 +60,11 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estim
             extra.append(column / np.sqrt(fit.variance))
             owners.append((term, knob.name, value))
     count = len(fit.theta)
-    never = never_known.columns(problem, dry_friction(library.robot, fit))
+    never = never_known.columns(problem, dry_friction(library.robot, fit), whole=True)
+    scaled_joints = {t.row for t in fit.terms if t.effect.of_own_torque}  # whose gain is a cause of its own
     first, each = count + len(extra), len(never)
     information = np.zeros((first + each * len(fit.blocks),) * 2)
+    score = np.zeros(len(information))
     own = np.arange(count, first)
     blocks = BlockScatter(problem.band, len(information))
     for i, (j, (index, X)) in enumerate(fit.blocks.items()):
@@ -68,11 +72,13 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estim
         for term, column in slopes.items():
             X[:, index == fit.slices[fit.terms.index(term)].start] = column[:, j, None]
         unknown = first + each * i + np.arange(each)
-        information[unknown, unknown] += never_known.prior(problem.scale if fit.inexact else 0.0)
+        information[unknown, unknown] += never_known.prior(problem.scale if fit.inexact and j not in scaled_joints else 0.0)
         every = np.concatenate([index, own, unknown])
         root = np.sqrt(fit.variance[:, j, None])
         columns = np.concatenate([X / root, *(c[:, j, None] for c in extra), never[:, :, j].T / root], axis=1)
         information[np.ix_(every, every)] += columns.T @ columns
+        # what is left has nothing of the terms, and of their knobs, any more
+        score[unknown] += columns[:, -each:].T @ (fit.residual[:, j] / root[:, 0])
         blocks.add(columns, fit.residual[:, j] / np.sqrt(fit.variance[:, j]), every)
     for term, where in zip(fit.terms, fit.slices, strict=True):
         at = np.arange(where.start, where.stop)
@@ -85,12 +91,13 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estim
     scaled[np.diag_indices(len(scaled))] += 1e-9
     inverse = np.linalg.inv(scaled) * scale[:, None] * scale
     ratios = blocks.ratios(inverse)
+    moved = inverse @ score
     out = {}
     for term, where in zip(fit.terms, fit.slices, strict=True):
         knobs = [i for i, (owner, _, _) in enumerate(owners) if owner is term]
         both = [*range(where.start, where.stop), *(count + i for i in knobs)]
         theta = fit.theta[where] if term not in slopes else np.array([float(term.effect.settings["around"])])
-        values = np.concatenate([theta, [owners[i][2] for i in knobs]])
+        values = np.concatenate([theta, [owners[i][2] for i in knobs]]) + moved[both]
         wider = np.sqrt(ratios[both])
         spread = inverse[np.ix_(both, both)] * wider[:, None] * wider
         if how := term.effect.deflection:

@@ -22,11 +22,13 @@ _GAIN = 0.02
 """Part by which the torque constant of a joint is off, where the links are not exact either."""
 
 
-def columns(problem: Problem, dry: FloatArray) -> FloatArray:
+def columns(problem: Problem, dry: FloatArray, whole: bool = False) -> FloatArray:
     """Of each joint, shape (c, K, n).
 
     Args:
         dry: level of the dry friction on each joint, shape (n,) [N m].
+        whole: the torque constant is one of all that the drives give, as far as that is known, else of what the links need: while
+            sets are compared what rubs may leave one.
     """
     curves = []
     for motion in problem.band.motions:
@@ -34,7 +36,7 @@ def columns(problem: Problem, dry: FloatArray) -> FloatArray:
         v, a = motion.v / unit, motion.a / unit
         s, slope = smoothed_sign(v, _WIDTH), smoothed_sign_slope(v, _WIDTH)
         bumps = [s * np.exp(-((v / speed) ** 2)) for speed in _BUMPS]
-        curves.append(np.stack([*(x * dry for x in (*bumps, slope * a)), motion.link_torque]))
+        curves.append(np.stack([*(x * dry for x in (*bumps, slope * a)), motion.drive_torque if whole else motion.link_torque]))
     rows: FloatArray = problem.band.curves(curves)
     return rows
 

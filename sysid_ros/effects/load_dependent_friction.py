@@ -15,7 +15,6 @@ from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
-
 _Z_S = Knob("z_s", 2e-3, 0.2, "rad", reach=5.0, reported=False)
 _BUILT_UP = (0.005, 0.02, 0.08)
 """Displacements over which it builds up that a search starts from [rad]."""
