@@ -31,6 +31,7 @@ _LONGEST = 5.0
 _MARGIN = 0.15
 """Left out before and after [s]."""
 _EXPLAINED = 0.8
+"""Part of a window's energy that must be predicted: that of each joint, by the force that the others tell."""
 _JOINTS = 4
 """A force on a link below fewer joints can look like anything."""
 _SHARE = 0.05
@@ -46,6 +47,8 @@ _INDEPENDENT = 2.0 * CUTOFF
 """Independent values of the residual of one joint in a second: two a hertz of the band that it is judged in."""
 _MOST = 0.3
 """Part of the time: more is no event."""
+_STRONG = 1000.0
+"""Size of a force before any data [N]: more breaks the arm. Where a posture shows nothing of a direction there is none in it."""
 
 
 @dataclass(frozen=True)
@@ -167,9 +170,14 @@ def _explain(robot: RobotModel, name: str, motion: Motion, z: FloatArray, scale:
         # where two links share an origin the nearer one is named
         if best is None or explained > best[0] + _BETTER:
             best = explained, frame, direction, size
-    if best is None or best[0] < _EXPLAINED:
+    if best is None:
         return None
     explained, frame, direction, size = best
+    jacobian = robot.frame_jacobian_along(motion.q[window], robot.frame_id(frame))[:, :3]
+    columns = np.where((residual == 0.0)[:, :, None], 0.0, -jacobian.swapaxes(1, 2) / scale[:, None])
+    removed = _predicted(columns, residual)
+    if removed < _EXPLAINED * power.sum():
+        return None
     if _one_joint(motion.sensitivity[2][window] / scale[:, None], residual) > explained - _AS_WELL:
         return None
     if size.sum() < 0.0:
@@ -179,19 +187,17 @@ def _explain(robot: RobotModel, name: str, motion: Motion, z: FloatArray, scale:
     columns = -jacobian.swapaxes(1, 2) / scale[:, None]
     columns[residual[strong] == 0.0] = 0.0
     X, y = columns.reshape(-1, 3), residual[strong].ravel()
-    force = np.linalg.lstsq(X, y, rcond=1e-6)[0]
+    information = X.T @ X + np.eye(3) / _STRONG**2
+    force = np.linalg.solve(information, X.T @ y)
     independent = max(3.0, _INDEPENDENT * strong.sum() * motion.period * np.count_nonzero(np.any(columns, axis=(0, 2))))
     variance = float(np.mean((y - X @ force) ** 2)) * len(y) / independent
-    std = np.sqrt(np.diag(np.linalg.pinv(X.T @ X)) * max(variance, len(y) / independent))
+    std = np.sqrt(np.diag(np.linalg.inv(information)) * max(variance, len(y) / independent))
     start, end = float(motion.t[window.start]), float(motion.t[window.stop - 1])
     # a direction and its amplitudes, against nothing
     amplitudes = _INDEPENDENT * len(residual) * motion.period
     rows = amplitudes * np.count_nonzero(power)
     rise = -rows * float(np.log(max(1.0 - explained, np.finfo(float).eps)))
-    jacobian = robot.frame_jacobian_along(motion.q[window], robot.frame_id(frame))[:, :3]
-    columns = np.where((residual == 0.0)[:, :, None], 0.0, -jacobian.swapaxes(1, 2) / scale[:, None])
-    removed = _predicted(columns, residual) * motion.period
-    evidence = Evidence(rise, 2 + max(1, round(amplitudes)), float(rows), 1, removed)
+    evidence = Evidence(rise, 2 + max(1, round(amplitudes)), float(rows), 1, removed * motion.period)
     return Contact(name, start, end, frame, force, std, float(size.max()), evidence)
 
 
@@ -221,19 +227,21 @@ def _one_joint(columns: FloatArray, residual: FloatArray) -> float:
 
 
 def _one_direction(columns: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit vector d, shape (3,), and amplitude g, shape (k,), that minimise ``sum_k |r_k - A_k d g_k|^2``.
+    """Unit vector d, shape (3,), and amplitude g, shape (k,), that minimise ``sum_k |r_k - A_k d g_k|^2 + (g_k / F)^2``, with the
+    usual size F of a force.
 
     Args:
         columns: A, shape (k, n, 3). residual: r, shape (k, n).
     """
-    normal = np.einsum("kjx,kjy->xy", columns, columns)
-    direction = np.linalg.lstsq(normal, np.einsum("kjx,kj->x", columns, residual), rcond=1e-9)[0]
+    least = 1.0 / _STRONG**2
+    normal = np.einsum("kjx,kjy->xy", columns, columns) + len(residual) * least * np.eye(3)
+    direction = np.linalg.solve(normal, np.einsum("kjx,kj->x", columns, residual))
     size = np.zeros(len(residual))
     for _ in range(30):
         direction = direction / max(float(np.linalg.norm(direction)), 1e-12)
         along = columns @ direction
-        size = np.sum(along * residual, axis=1) / np.maximum(np.sum(along**2, axis=1), 1e-12)
+        size = np.sum(along * residual, axis=1) / (np.sum(along**2, axis=1) + least)
         weighted = columns * size[:, None, None]
-        normal = np.einsum("kjx,kjy->xy", weighted, weighted)
-        direction = np.linalg.lstsq(normal, np.einsum("kjx,kj->x", weighted, residual), rcond=1e-9)[0]
+        normal = np.einsum("kjx,kjy->xy", weighted, weighted) + max(float(np.sum(size**2)), 1e-12) * least * np.eye(3)
+        direction = np.linalg.solve(normal, np.einsum("kjx,kj->x", weighted, residual))
     return direction / max(float(np.linalg.norm(direction)), 1e-12), size
