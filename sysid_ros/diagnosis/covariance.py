@@ -91,7 +91,9 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estim
     scaled[np.diag_indices(len(scaled))] += 1e-9
     inverse = np.linalg.inv(scaled) * scale[:, None] * scale
     ratios = blocks.ratios(inverse)
-    moved = inverse @ score
+    moved = np.zeros(len(score))
+    linear = np.setdiff1d(np.arange(len(score)), own)  # knobs stay: far from where they are, their columns are others
+    moved[linear] = np.linalg.solve(scaled[np.ix_(linear, linear)], score[linear] * scale[linear]) * scale[linear]
     out = {}
     for term, where in zip(fit.terms, fit.slices, strict=True):
         knobs = [i for i, (owner, _, _) in enumerate(owners) if owner is term]
