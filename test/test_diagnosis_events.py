@@ -11,6 +11,7 @@ from robots import robot
 from test_diagnosis import ARM, record
 
 from sysid_ros.diagnosis import Recording, diagnose
+from sysid_ros.diagnosis.contacts import find_contacts
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.result import Diagnosis
@@ -124,3 +125,22 @@ def test_a_body_that_is_carried_for_a_short_while_is_no_contact() -> None:
     )
     assert {f.id for f in result.findings} == {"payload_change", "coulomb_friction"}
     assert events[0]["t0"] == pytest.approx(9.5, abs=0.03)
+
+
+def test_a_contact_is_what_each_joint_shows_of_the_force_that_the_others_tell() -> None:
+    """A push on the last link is one; errors of as much energy on the same joints at once, each in its own way, are none."""
+    model, rng = robot(ARM), np.random.default_rng(0)
+    (motion,) = prepare(model, [record(changes(), 1, 12.0)], []).problem.band.motions
+    at = np.exp(-(((motion.t - 6.0) / 0.3) ** 2))[:, None]
+    jacobian = model.frame_jacobian_along(motion.q, model.frame_id(model.default_frame))[:, :3]
+    pushed = -np.einsum("kxj,x->kj", jacobian, [20.0, -10.0, 15.0]) * at
+    size = np.sqrt(np.mean(pushed**2, axis=0) / np.mean(at**2))
+    apart = np.sin(2.0 * np.pi * np.array([1.1, 2.3, 3.1, 4.7]) * motion.t[:, None] + rng.uniform(0.0, 6.0, 4)) * at * size * 1.4
+    moves, found = np.ones(motion.q.shape, dtype=np.bool_), []
+    for wrong in (pushed, apart):
+        residual = 0.02 * rng.normal(size=motion.q.shape) + wrong
+        found.append(find_contacts(model, ["one"], [motion], [residual], [motion.tau - wrong], [moves]))
+    (contact,) = found[0]
+    assert contact.start < 6.0 < contact.end
+    np.testing.assert_allclose(contact.force, np.array([20.0, -10.0, 15.0]) * 0.9, rtol=0.15)  # its mean above half of its peak
+    assert found[1] == []

@@ -7,7 +7,18 @@ import pytest
 from motions import Motion as Motion_
 from robots import random_body, random_sample, robot
 
-from sysid_ros.effects import EFFECTS, CoulombFriction, Effect, LoadDependentFriction, Motion, Payload, Scope, forms_of
+from sysid_ros.effects import (
+    EFFECTS,
+    CoulombFriction,
+    Effect,
+    LoadDependentFriction,
+    Motion,
+    Payload,
+    PreslidingHysteresis,
+    Scope,
+    forms_of,
+)
+from sysid_ros.effects.payload import COMPACT
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot import inertial_parameters
 
@@ -74,6 +85,47 @@ def test_the_part_of_friction_that_grows_with_the_load_stands_beside_all_but_cou
         assert whole.excludes(beside), other.id
     with pytest.raises(ModelFileError, match="true or false"):
         LoadDependentFriction(model, level="no")  # type: ignore[arg-type]
+
+
+def test_the_part_that_grows_with_the_load_builds_up_where_the_rest_does() -> None:
+    model, joint = robot(ARM), robot(ARM).joint_names[1:2]
+    late = LoadDependentFriction(model, joint, level=False, z_s=0.02)
+    assert late.settings == {"level": False, "z_s": 0.02}
+    assert LoadDependentFriction.from_settings(model, joint, late.settings).settings == late.settings
+    for other in forms_of("dry friction"):
+        beside = other.from_settings(model, joint, {})
+        assert late.excludes(beside) == (other is not PreslidingHysteresis), other.id
+    t = np.arange(4000) / 1000.0
+    q = np.zeros((len(t), model.n))
+    q[:, 1] = 0.5 * np.sin(2.0 * np.pi * t)
+    v = np.zeros_like(q)
+    v[:, 1] = np.pi * np.cos(2.0 * np.pi * t)
+    a = -((2.0 * np.pi) ** 2) * q
+    motion = Motion(model, t, q, v, a, np.zeros_like(q))
+    turned, built = LoadDependentFriction(model, joint, level=False).columns_along(motion), late.columns_along(motion)
+    bristles = PreslidingHysteresis(model, joint, z_s=0.02).columns_along(motion)
+    load = np.abs(motion.link_torque[:, 1])
+    np.testing.assert_allclose(built[:, 1, 0], bristles[:, 1, 0] * load, atol=1e-9)
+    assert np.abs(built - turned).max() > 0.5 * np.abs(turned).max()  # not the same at a reversal
+    with pytest.raises(ModelFileError, match="z_s"):
+        LoadDependentFriction(model, z_s=-0.01)
+
+
+def test_a_compact_body_is_a_body_whose_inertia_data_need_not_tell() -> None:
+    """It costs what its mass and its centre cost, and its inertias are held where those of bodies are."""
+    model = robot(ARM)
+    t = np.asarray(0.01 * np.arange(300.0))
+    q, v, a = Motion_(model, 0)(t)
+    motion = Motion(model, t, q, v, a, np.zeros_like(q))
+    for effect in (Payload, EFFECTS["link_inertia"], EFFECTS["payload_change"]):
+        one = effect(model, model.joint_names[2:3])
+        forms = {c.form for c in effect.candidates([motion], 2)}
+        assert COMPACT in forms, effect.id
+        assert one.free_parameters(COMPACT, 10) == 4 < one.free_parameters("", 10) == 10, effect.id
+        std = one.prior_std(COMPACT)
+        assert std[0] > 1.0, effect.id
+        assert np.all(std[4:] < 0.1), effect.id
+        assert np.all(one.prior_std("")[4:] > 1.0), effect.id
 
 
 def test_curves_of_an_effect_that_writes_columns_only_are_those_columns() -> None:

@@ -19,6 +19,7 @@ from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.set_prior import _WORLDS, SetPrior
 from sysid_ros.diagnosis.set_search import conflict
 from sysid_ros.diagnosis.term import Term
+from sysid_ros.diagnosis.visibility import allowed, visible
 from sysid_ros.effects import EFFECTS, Scope
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -136,3 +137,13 @@ def test_what_grows_with_the_load_stands_beside_another_dry_friction_and_a_gain_
     np.testing.assert_allclose(found["load_dependent_friction"], [0.12], atol=0.02)
     np.testing.assert_allclose(found["stribeck_friction"], [1.5, 2.4], rtol=0.08)
     np.testing.assert_allclose(found["viscous_friction"], [1.1], rtol=0.08)
+
+
+def test_what_is_too_small_to_be_told_is_in_the_model_all_the_same() -> None:
+    """What an effect makes must not be left to others because it is too small for a name of its own."""
+    train, library = rows()
+    fit = train.problem.fit([library.local("coulomb_friction", 1), library.local("viscous_friction", 1)])
+    viscous = fit.terms[1]
+    fit.theta[fit.slices[1]] = 1e-3
+    assert not visible(train.problem, fit, viscous)
+    assert allowed(train.problem, fit, viscous)
