@@ -178,7 +178,11 @@ def diagnosed(kind: str) -> Diagnosis:
 
 
 @pytest.mark.parametrize(
-    ("kind", "name", "value", "share"), [("joint_elasticity", "stiffness", SPRING, 0.04), ("backlash", "gap", 0.03, 0.12)]
+    ("kind", "name", "value", "share"),
+    [
+        pytest.param("joint_elasticity", "stiffness", SPRING, 0.04, marks=pytest.mark.slow),
+        pytest.param("backlash", "gap", 0.03, 0.12, marks=pytest.mark.slow),
+    ],
 )
 def test_what_a_joint_gives_way_by_is_found_with_its_motor(kind: str, name: str, value: float, share: float) -> None:
     effects = {e["name"]: e for e in diagnosed(kind).as_dict()["effects"]}

@@ -114,7 +114,10 @@ def diagnosed(name: str) -> Diagnosis:
     return diagnose(robot(ARM), [record(cause, 1)], [record(cause, 2, 10.0)])
 
 
-@pytest.mark.parametrize("name", CAUSES)
+QUICK = ("payload", "stribeck_friction", "time_delay", "torque_sign")
+
+
+@pytest.mark.parametrize("name", [pytest.param(x, marks=() if x in QUICK else pytest.mark.slow) for x in CAUSES])
 def test_a_hidden_cause_is_named_with_its_joints_and_size(name: str) -> None:
     _, joints, values = CAUSES[name]
     document = diagnosed(name).as_dict()
@@ -129,7 +132,9 @@ def test_a_hidden_cause_is_named_with_its_joints_and_size(name: str) -> None:
     assert effect["evidence"]["delta_bic"] > 10.0
 
 
-@pytest.mark.parametrize("name", ["coulomb_friction", "payload", "torque_unit"])
+@pytest.mark.parametrize(
+    "name", ["payload", *(pytest.param(x, marks=pytest.mark.slow) for x in ("coulomb_friction", "torque_unit"))]
+)
 def test_the_extended_model_predicts_what_is_published_down_to_the_noise(name: str) -> None:
     result = diagnosed(name)
     torque, predictions = result.torque, result.predictions

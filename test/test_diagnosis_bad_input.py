@@ -100,7 +100,7 @@ OTHER_ROBOTS = {
 }
 
 
-@pytest.mark.parametrize("case", OTHER_ROBOTS)
+@pytest.mark.parametrize("case", [pytest.param("axes and masses", marks=pytest.mark.slow), "names"])
 def test_another_robots_urdf_is_refused(case: str, tmp_path: Path) -> None:
     text = urdf("small_arm")
     for old, new in OTHER_ROBOTS[case]:
@@ -153,7 +153,9 @@ def in_disorder() -> Records:
 
 SLOW = pytest.mark.slow
 NAMED = [
-    pytest.param(lambda: changed(messages(), effort=lambda x: x / TORQUE_CONSTANTS), "torque_unit", JOINTS, id="amperes"),
+    pytest.param(
+        lambda: changed(messages(), effort=lambda x: x / TORQUE_CONSTANTS), "torque_unit", JOINTS, id="amperes", marks=SLOW
+    ),
     pytest.param(lambda: changed(messages(), effort=lambda x: 1e3 * x), "torque_unit", JOINTS, id="N mm", marks=SLOW),
     pytest.param(lambda: changed(messages(), effort=swapped), "joint_order", ("lift", "elbow"), id="efforts swapped"),
     pytest.param(

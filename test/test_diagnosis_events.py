@@ -88,7 +88,8 @@ def test_two_events_that_come_together_are_one() -> None:
     assert selection.fit.theta_of(event)[0] == pytest.approx(1.2, rel=0.03)
 
 
-@pytest.mark.parametrize("second", [pytest.param(10.0, marks=pytest.mark.slow), None], ids=["in both", "in one"])
+@pytest.mark.slow
+@pytest.mark.parametrize("second", [10.0, None], ids=["in both", "in one"])
 def test_each_recording_has_its_own_event(second: float | None) -> None:
     other = changes((second, 1.5)) if second else changes()
     fitted = [named("first", record(changes((7.0, 1.5)), 1, 14.0)), named("second", record(other, 2, 14.0, start=90.0))]

@@ -92,9 +92,10 @@ def test_a_motor_that_can_do_no_more_is_told_by_what_was_asked_of_it() -> None:
         TorqueSaturation(model, kind="brake")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gains", "named"),
-    [((0.0, 0.0, 0.4, 0.0), 1), pytest.param((0.12,) * 4, 2, marks=pytest.mark.slow)],
+    [((0.0, 0.0, 0.4, 0.0), 1), ((0.12,) * 4, 2)],
     ids=["one link", "all links"],
 )
 def test_masses_that_are_far_off_are_no_inexactness(gains: tuple[float, ...], named: int) -> None:
@@ -120,6 +121,7 @@ def test_masses_that_are_far_off_are_no_inexactness(gains: tuple[float, ...], na
             assert abs(float(p.value) - gains[k] * model.pi[10 * k]) < 3.0 * float(p.std)
 
 
+@pytest.mark.slow
 def test_masses_off_by_what_any_urdf_is_are_told_but_no_cause() -> None:
     model = robot(ARM)
     error = model.pi * np.repeat([0.02, -0.02, 0.02, -0.02], 10)

@@ -95,6 +95,7 @@ def test_terms_that_make_up_for_one_another_go_together() -> None:
     assert not posterior.probability
 
 
+@pytest.mark.slow
 def test_an_error_beyond_the_noise_is_not_nothing() -> None:
     """A torque that only the recording to judge on has, and that follows nothing."""
     rng = np.random.default_rng(5)
@@ -131,13 +132,13 @@ def accepted(model: RobotModel, recording: Recording) -> bool:
     return found is not None and found.refusal is None and not found.faults
 
 
-@pytest.mark.parametrize("colour", [0.0, 0.5])
+@pytest.mark.parametrize("colour", [pytest.param(0.0, marks=pytest.mark.slow), 0.5])
 def test_joints_with_nothing_but_noise_make_no_other_robot(colour: float) -> None:
     for seed in range(4):
         assert accepted(robot(ARM), with_noise(seed, 20.0, colour))
 
 
-@pytest.mark.parametrize("noise", [0.02, 0.3])
+@pytest.mark.parametrize("noise", [pytest.param(0.02, marks=pytest.mark.slow), 0.3])
 def test_efforts_without_gravity_make_no_other_robot(noise: float) -> None:
     """Of a slow arm nothing is left to compare then but noise."""
     model, rng = robot(ARM), np.random.default_rng(0)
@@ -170,7 +171,7 @@ def rubbed(seed: int, seconds: float, turns: float) -> Recording:
     return Recording(f"seed {seed}", t, q, None, tau + NOISE * rng.normal(size=q.shape))
 
 
-@pytest.mark.parametrize("turns", [0.002, pytest.param(0.02, marks=pytest.mark.slow), 0.05])
+@pytest.mark.parametrize("turns", [0.002, pytest.param(0.02, marks=pytest.mark.slow), pytest.param(0.05, marks=pytest.mark.slow)])
 def test_declared_friction_may_turn_at_any_low_speed(turns: float) -> None:
     """A URDF gives its level, not its shape where the joint hardly moves: that shape is no fault of the URDF."""
     train = prepare(rubbing(), [rubbed(1, 10.0, turns)], [])

@@ -116,6 +116,7 @@ def test_what_friction_follows_is_told_only_where_the_recordings_tell() -> None:
     assert any("temperature" in s and "cold start" in s for s in diagnosed("either").record_next)
 
 
+@pytest.mark.slow
 def test_a_temperature_that_friction_does_not_follow_is_no_cause() -> None:
     result = diagnosed("neither")
     assert {f.id for f in result.findings} == {"coulomb_friction", "viscous_friction"}
@@ -158,6 +159,7 @@ def test_friction_follows_only_a_temperature_that_changes() -> None:
     assert over_temperature.settings["reference"] == pytest.approx(30.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_without_a_temperature_the_same_is_found_as_with_one_that_stays() -> None:
     known = [record(s, lambda t: 30.0 + 0.0 * t, lambda t: 1.0 - 0.025 * t, x) for s, x in ((1, 12.0), (2, 8.0))]
     bare = [replace(r, temperature=None) for r in known]

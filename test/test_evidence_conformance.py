@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -208,9 +208,8 @@ def test_a_fault_that_needs_no_dynamics_is_measured(id_: str) -> None:
     assert all(inside(trial.much, trial.truth))
 
 
-@pytest.mark.parametrize(
-    "id_", ["torque_unit", *(pytest.param(x, marks=pytest.mark.slow) for x in ("torque_sign", "joint_order"))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("id_", ["torque_unit", "torque_sign", "joint_order"])
 def test_a_fault_of_units_signs_or_order_is_measured(id_: str) -> None:
     model = robot(ARM)
 
@@ -395,30 +394,25 @@ def test_efforts_without_steps_have_no_lattice() -> None:
     assert not lattices(recordings("velocity_lag", SMALL, 1, 1)[0])
 
 
-@pytest.mark.slow
-@pytest.mark.xfail(
-    reason="a large payload shares with a wrong link, and the evidence of Stribeck friction falls where more data scatter more",
-    strict=False,
-)
-def test_every_cause_that_can_be_named_has_evidence_that_was_measured() -> None:
-    trials = {id_: trial for id_ in INSIDE if (trial := trial_of(id_, 1)) is not None}
-    wrong: list[str] = []
-    for id_, trial in trials.items():
-        try:
-            check_evidence(trial)
-        except AssertionError as error:
-            wrong.append(f"{id_}: {error}")
-    assert not wrong, "\n".join(wrong)
-    assert len(trials) >= 0.8 * len(INSIDE), set(INSIDE) - trials.keys()
+DO_NOT_HOLD: dict[tuple[str, str], str] = {}
+"""What does not hold of a cause that is hidden here, with the reason."""
+
+
+def each_cause() -> list[Any]:
+    return [
+        pytest.param(id_, what, marks=[pytest.mark.xfail(reason=DO_NOT_HOLD[id_, what])] if (id_, what) in DO_NOT_HOLD else [])
+        for id_, what in product(INSIDE, ("evidence", "intervals"))
+    ]
 
 
 @pytest.mark.slow
-def test_intervals_of_most_causes_hold_the_truth() -> None:
-    """95 % of them should. Of large causes in little noise fewer do: what the equations leave out is not in them."""
-    held: dict[str, list[bool]] = {}
-    for id_ in INSIDE:
-        if (trial := trial_of(id_, 1)) is not None:
-            found = (f for f in (trial.small, trial.large, trial.much) if f is not None)
-            held[id_] = [x for f in found for x in inside(f, trial.truth)]
-    print({id_: f"{sum(x)}/{len(x)}" for id_, x in held.items()})
-    assert np.mean([x for one in held.values() for x in one]) > 0.5
+@pytest.mark.parametrize(("id_", "what"), each_cause())
+def test_a_cause_that_can_be_named_was_measured(id_: str, what: str) -> None:
+    """Of the intervals 95 % should; of large causes in little noise fewer do, for what the equations leave out shows there."""
+    trial = trial_of(id_, 1)
+    assert trial is not None, "it was not found each time"
+    if what == "evidence":
+        check_evidence(trial)
+    else:
+        held = [x for f in (trial.small, trial.large, trial.much) if f is not None for x in inside(f, trial.truth)]
+        assert np.mean(held) >= 0.5, f"{sum(held)} of {len(held)}"

@@ -115,7 +115,9 @@ def over_noise(s: SimulationError, which: str) -> FloatArray:
     return np.array([*ratios, torque])
 
 
-@pytest.mark.parametrize("name", ["coulomb_friction", "payload", "torque_scale", "time_delay"])
+@pytest.mark.parametrize(
+    "name", ["payload", *(pytest.param(x, marks=pytest.mark.slow) for x in ("coulomb_friction", "torque_scale", "time_delay"))]
+)
 def test_a_cause_that_is_found_leaves_noise_in_the_simulation(name: str) -> None:
     s = simulation(diagnosed(name))
     assert 12.0 < s.horizon_s < 21.0
@@ -124,6 +126,7 @@ def test_a_cause_that_is_found_leaves_noise_in_the_simulation(name: str) -> None
     assert np.all(over_noise(s, "before") > over_noise(s, "after"))
 
 
+@pytest.mark.slow
 def test_efforts_in_another_unit_are_simulated_in_newton_metres() -> None:
     published, s = diagnosed("torque_unit").torque, simulation(diagnosed("torque_unit"))
     assert published is not None
@@ -175,6 +178,7 @@ def test_a_simulated_arm_ends_at_its_noise(hidden: str, tmp_path: Path) -> None:
         assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1.0, rel=allowed)
 
 
+@pytest.mark.slow
 def test_both_simulators_say_the_same() -> None:
     if any(not is_installed(s) for s in SIMULATORS):
         pytest.skip("one of the simulators is not installed")

@@ -15,19 +15,19 @@ pytest.importorskip("sysid_ros.diagnosis", reason="the diagnosis is not part of 
 from exam.__main__ import sit
 from exam.arms import all_there
 
-pytestmark = pytest.mark.skipif(not all_there(), reason="the arms of the exam need: pip install example-robot-data")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not all_there(), reason="the arms of the exam need: pip install example-robot-data"),
+]
 
 HIDDEN = (
     "payload", "link_inertia", "rotor_inertia", "viscous_friction", "coulomb_friction", "asymmetric_coulomb_friction",
     "torque_offset", "torque_scale", "joint_offset", "base_tilt", "time_delay", "spring",
 )  # fmt: skip
 IN_MUJOCO = ("coulomb_friction", "base_tilt")
-QUICK = ("payload", "time_delay")
-"""Of the links and of time."""
 SEED = 400
 
-each = pytest.mark.parametrize("id_", [pytest.param(x, marks=() if x in QUICK else pytest.mark.slow) for x in HIDDEN])
-together = pytest.mark.parametrize("ids", [QUICK, pytest.param(HIDDEN, marks=pytest.mark.slow)], ids=["quick", "all"])
+each = pytest.mark.parametrize("id_", HIDDEN)
 
 
 @cache
@@ -50,18 +50,15 @@ def test_the_extended_model_predicts_another_motion(id_: str) -> None:
     assert row_of(id_)["after"] < 0.6 * row_of(id_)["before"]
 
 
-@together
-def test_what_is_left_of_another_motion_is_noise(ids: tuple[str, ...]) -> None:
-    assert np.median([row_of(id_)["after"] for id_ in ids]) < 1.2
+def test_what_is_left_of_another_motion_is_noise() -> None:
+    assert np.median([row_of(id_)["after"] for id_ in HIDDEN]) < 1.2
 
 
-@together
-def test_little_else_is_named(ids: tuple[str, ...]) -> None:
-    assert np.mean([row_of(id_)["exact"] for id_ in ids]) > 0.8
+def test_little_else_is_named() -> None:
+    assert np.mean([row_of(id_)["exact"] for id_ in HIDDEN]) > 0.8
 
 
-@together
-def test_sizes_are_inside_their_intervals(ids: tuple[str, ...]) -> None:
-    inside = [covered for id_ in ids for _, covered in row_of(id_)["sizes"]]
-    assert len(inside) >= len(ids)
+def test_sizes_are_inside_their_intervals() -> None:
+    inside = [covered for id_ in HIDDEN for _, covered in row_of(id_)["sizes"]]
+    assert len(inside) >= len(HIDDEN)
     assert np.mean(inside) > 0.75

@@ -581,7 +581,7 @@ def test_no_publisher_is_said_by_topic(bench: Callable[..., Bench]) -> None:
     assert "/joint_states; publishers: 0" in one.statuses["input"].message
 
 
-@pytest.mark.parametrize("executor", ["events", "single"])
+@pytest.mark.parametrize("executor", ["events", pytest.param("single", marks=pytest.mark.slow)])
 def test_process_answers_and_ends_cleanly_on_interrupt(executor: str, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "sysid_ros.nodes.online_payload_estimator", "--ros-args", "-p", f"urdf_path:={URDF}"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "ROS_LOG_DIR": str(tmp_path), "PYTHONUNBUFFERED": "1"}

@@ -34,7 +34,7 @@ def judge(arm: RobotModel, physical: Identification, free: Identification, folde
 
 
 @pytest.mark.parametrize("seed", [1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(2, 8))])
-@pytest.mark.parametrize("colour", [0.0, 0.98])
+@pytest.mark.parametrize("colour", [pytest.param(0.0, marks=pytest.mark.slow), 0.98])
 def test_simulated_arms(seed: int, colour: float, tmp_path: Path) -> None:
     arm = robot("iiwa" if seed % 2 else "small_arm")
     truth = hidden_parameters(arm, seed)

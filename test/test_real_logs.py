@@ -38,7 +38,9 @@ def with_model(folder: Path, bag: str, model: Path) -> tuple[dict[str, Any], lis
     return replayed(folder, UR10E / bag, "--urdf", UR10E / "ur10e.urdf", "--model", model)
 
 
-@pytest.mark.parametrize(("bag", "mass", "part"), [("fourier14_load", 2.805, 0.05), ("fast20_load", 1.069, 0.05)])
+@pytest.mark.parametrize(
+    ("bag", "mass", "part"), [("fourier14_load", 2.805, 0.05), pytest.param("fast20_load", 1.069, 0.05, marks=pytest.mark.slow)]
+)
 def test_the_payload_of_a_ur10e(tmp_path: Path, model: Path, bag: str, mass: float, part: float) -> None:
     document, rows = with_model(tmp_path, bag, model)
     payload = document["payload"]
@@ -60,14 +62,17 @@ def test_a_ur10e_without_payload(tmp_path: Path, model: Path) -> None:
     assert document["events"] == []
 
 
-@pytest.mark.parametrize("bag", ["fourier14_noload", "fast20_noload"])
+@pytest.mark.parametrize("bag", ["fourier14_noload", pytest.param("fast20_noload", marks=pytest.mark.slow)])
 def test_the_runs_it_was_identified_on(tmp_path: Path, model: Path, bag: str) -> None:
     document, _ = with_model(tmp_path, bag, model)
     assert document["status"] == "no_payload"
     assert abs(document["payload"]["mass"]) < max(0.15, 1.96 * document["payload"]["mass_std"])
 
 
-@pytest.mark.parametrize("bag", ["fourier14_load", "fast20_load", "fourier14_noload", "ptp_noload"])
+@pytest.mark.parametrize(
+    "bag",
+    ["ptp_noload", *(pytest.param(x, marks=pytest.mark.slow) for x in ("fourier14_load", "fast20_load", "fourier14_noload"))],
+)
 def test_the_plain_urdf_is_called_inconsistent(tmp_path: Path, bag: str) -> None:
     document, rows = replayed(tmp_path, UR10E / bag, "--urdf", UR10E / "ur10e.urdf")
     assert document["status"] == "inconsistent"
