@@ -182,10 +182,10 @@ def found(id_: str, scale: float, count: int, seed: int) -> Finding | None:
 
 @cache
 def trial_of(id_: str, seed: int) -> Trial | None:
-    """The three findings of a cause; None where it is not named each time."""
+    """The three findings of a cause, the small one only where it is named; None where it is not named when it is large."""
     small = None if id_ in WITHOUT_SIZE else found(id_, SMALL, LITTLE, seed)
     large, much = found(id_, LARGE, LITTLE, seed), found(id_, LARGE, MUCH, seed)
-    if large is None or much is None or (small is None and id_ not in WITHOUT_SIZE):
+    if large is None or much is None:
         return None
     return Trial(small, large, much, hidden(id_, LARGE, seed)[0])
 
@@ -402,6 +402,7 @@ def each_cause() -> list[Any]:
     return [
         pytest.param(id_, what, marks=[pytest.mark.xfail(reason=DO_NOT_HOLD[id_, what])] if (id_, what) in DO_NOT_HOLD else [])
         for id_, what in product(INSIDE, ("evidence", "intervals"))
+        if what == "evidence" or id_ not in WITHOUT_SIZE
     ]
 
 
@@ -410,7 +411,7 @@ def each_cause() -> list[Any]:
 def test_a_cause_that_can_be_named_was_measured(id_: str, what: str) -> None:
     """Of the intervals 95 % should; of large causes in little noise fewer do, for what the equations leave out shows there."""
     trial = trial_of(id_, 1)
-    assert trial is not None, "it was not found each time"
+    assert trial is not None, "it was not found where it is large"
     if what == "evidence":
         check_evidence(trial)
     else:

@@ -16,8 +16,8 @@ _BUMPS = {0.015: 0.5, 0.05: 0.05}
 """Part by which dry friction may be more or less below a speed [rad/s], whatever its form."""
 _EARLY = 0.002
 """Time by which the sign of a measured velocity turns early or late [s]."""
-_WIDTH = 0.005
-"""Speed at which that sign has turned [rad/s]."""
+_WIDTHS = (0.005, 0.05)
+"""Speeds at which that sign has turned [rad/s], of a hard and of a soft one."""
 _GAIN = 0.02
 """Part by which the torque constant of a joint is off, where the links are not exact either."""
 
@@ -34,9 +34,9 @@ def columns(problem: Problem, dry: FloatArray, whole: bool = False) -> FloatArra
     for motion in problem.band.motions:
         unit = np.where(motion.robot.is_prismatic, SLIDE, 1.0)
         v, a = motion.v / unit, motion.a / unit
-        s, slope = smoothed_sign(v, _WIDTH), smoothed_sign_slope(v, _WIDTH)
-        bumps = [s * np.exp(-((v / speed) ** 2)) for speed in _BUMPS]
-        curves.append(np.stack([*(x * dry for x in (*bumps, slope * a)), motion.drive_torque if whole else motion.link_torque]))
+        bumps = [smoothed_sign(v, _WIDTHS[0]) * np.exp(-((v / speed) ** 2)) for speed in _BUMPS]
+        turning = [smoothed_sign_slope(v, width) * a for width in _WIDTHS]
+        curves.append(np.stack([*(x * dry for x in (*bumps, *turning)), motion.drive_torque if whole else motion.link_torque]))
     rows: FloatArray = problem.band.curves(curves)
     return rows
 
@@ -48,4 +48,4 @@ def prior(scale: float) -> FloatArray:
         scale: how inexact the links are, in units of the usual inexactness; 0 for a simulation, in which all is exact.
     """
     gain = _GAIN if scale > 0.0 else 1e-6
-    return np.array([*_BUMPS.values(), _EARLY, gain]) ** -2.0
+    return np.array([*_BUMPS.values(), *(_EARLY for _ in _WIDTHS), gain]) ** -2.0

@@ -30,8 +30,8 @@ class Posterior:
         return Posterior(probability, nothing, {same.get(t, t): others for t, others in self.instead.items()})
 
 
-def posterior_of(search: SetSearch, state: State) -> Posterior:
-    """How probable each term of a set is, the others given: against the sets without it, or with another in its place.
+def posterior_of(search: SetSearch, state: State, *others: State) -> Posterior:
+    """How probable each term of a set is: against the sets without it, with another in its place, or without all of its effect.
 
     The stretches are drawn again and again with the weights of the Bayesian bootstrap (pseudo-BMA+, Yao, Vehtari, Simpson,
     Gelman 2018): what a few of them decide is not sure.
@@ -41,23 +41,26 @@ def posterior_of(search: SetSearch, state: State) -> Posterior:
     own = state.predicted.likelihood
     here = search.usual(state.members)
     rivals: dict[int, list[tuple[str, FloatArray]]] = {i: [] for i in state.members}
-    for members, likelihood in [*search.neighbours(state), *search.replaced(state, state.members)]:
-        odds = weights @ (likelihood - own) + search.usual(members) - here
+    beside = [(x.members, x.predicted.likelihood, x.narrowed) for x in others]
+    for members, likelihood in [*search.neighbours(state), *search.replaced(state, state.members), *search.without_effect(state)]:
+        beside.append((members, likelihood, state.narrowed))
+    for members, likelihood, narrowed in beside:
+        odds = weights @ (likelihood - own) + search.usual(members) - here + state.narrowed - narrowed
         new = [i for i in members if i not in state.members]
         for i in set(state.members) - set(members):
-            rivals[i].append((search.pool[new[0]].id if new else "", odds))
+            rivals[i].append((search.pool[new[0]].id if len(new) == 1 else "", odds))
     probability: dict[Term, float] = {}
     nothing: dict[Term, float] = {}
     instead: dict[Term, dict[str, float]] = {}
-    for i, others in rivals.items():
+    for i, against in rivals.items():
         term = search.pool[i]
-        odds = np.exp(np.clip(np.stack([o for _, o in others]), -700.0, 700.0))
+        odds = np.exp(np.clip(np.stack([o for _, o in against]), -700.0, 700.0))
         share = np.mean(odds / (1.0 + np.sum(odds, axis=0)), axis=1)
-        same = sum(s for (name, _), s in zip(others, share, strict=True) if EFFECTS.get(name) is term.kind)
+        same = sum(s for (name, _), s in zip(against, share, strict=True) if EFFECTS.get(name) is term.kind)
         probability[term] = float(min(1.0 - np.sum(share) + same, 1.0))
-        nothing[term] = float(sum(s for (name, _), s in zip(others, share, strict=True) if not name))
+        nothing[term] = float(sum(s for (name, _), s in zip(against, share, strict=True) if not name))
         instead[term] = {}
-        for (name, _), s in zip(others, share, strict=True):
+        for (name, _), s in zip(against, share, strict=True):
             if name and EFFECTS[name] is not term.kind:
                 instead[term][name] = instead[term].get(name, 0.0) + float(s)
     return Posterior(probability, nothing, instead)

@@ -155,8 +155,9 @@ class Selection:
         simpler = no_worse(self.problem, self.library, self.fit, held)
         if simpler is self.fit:
             return posterior
-        self.fit = simpler
-        return posterior_of(*self._search(rows, asked, simpler.noise))
+        before, self.fit = self.fit, simpler
+        search, plain = self._search(rows, list(dict.fromkeys([*before.terms, *asked])), simpler.noise)
+        return posterior_of(search, plain, search.state([search.pool.index(t) for t in before.terms], state.scale))
 
     def _search(self, rows: Sequence[Rows], asked: Sequence[Term], noise: Noise) -> tuple[SetSearch, State]:
         """A search among the fit's terms and others, and its state at the fit."""

@@ -187,6 +187,16 @@ class SetSearch:
             out += self._with_one_of(state, gone, new)
         return out
 
+    def without_effect(self, state: State) -> list[tuple[tuple[int, ...], FloatArray]]:
+        """Members and likelihood of each set without an effect that several joints have."""
+        out = []
+        for kind in dict.fromkeys(self.pool[i].kind for i in state.members):
+            gone = {i for i in state.members if self.pool[i].kind is kind}
+            if len(gone) > 1:
+                less = self.left_out.without(state.predicted, self._where(state, gone))
+                out.append((tuple(i for i in state.members if i not in gone), less.likelihood))
+        return out
+
     def _with_one_of(self, state: State, gone: Collection[int], new: Sequence[int]) -> list[tuple[tuple[int, ...], FloatArray]]:
         """Members and likelihood of the sets without some terms and with one of several others."""
         less = self.left_out.without(state.predicted, self._where(state, gone)) if gone else state.predicted
