@@ -10,14 +10,16 @@ import pytest
 from robots import robot
 from test_diagnosis import ARM, coulomb, record
 
+from sysid_ros.diagnosis import never_known
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.left_out import LeftOut
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.plain_baseline import no_worse, plain_terms
+from sysid_ros.diagnosis.posterior import posterior_of
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.set_prior import _WORLDS, SetPrior
-from sysid_ros.diagnosis.set_search import conflict
+from sysid_ros.diagnosis.set_search import SetSearch, conflict
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.diagnosis.visibility import allowed, visible
 from sysid_ros.effects import EFFECTS, Scope
@@ -147,3 +149,38 @@ def test_what_is_too_small_to_be_told_is_in_the_model_all_the_same() -> None:
     fit.theta[fit.slices[1]] = 1e-3
     assert not visible(train.problem, fit, viscous)
     assert allowed(train.problem, fit, viscous)
+
+
+def test_what_is_told_in_place_of_the_most_probable_set_is_no_more_probable_for_that() -> None:
+    """Each of many weak terms alone may be as good as none; all of them together are not."""
+    train, library = rows()
+    joints = [int(j) for j in train.problem.active]
+    terms = [t for j in joints for t in plain_terms(library, j)]
+    noise = train.problem.fit(terms).noise
+    prior = SetPrior(library, joints)
+    search = SetSearch(train.problem, [(train.problem, lambda t: t)], terms, prior, noise, np.ones(robot(ARM).n), lambda *_: True)
+    plain = search.state(range(len(terms)), 0)
+    (true,) = [i for i, t in enumerate(terms) if t.id == "coulomb_friction" and t.row == 1]
+    best = search.state([true], 0)
+    assert best.score > plain.score + 10.0
+    alone, beside = posterior_of(search, plain), posterior_of(search, plain, best)
+    assert beside.probability[terms[true]] > 0.99
+    others = [t for i, t in enumerate(terms) if i != true]
+    assert max(beside.probability[t] for t in others) < 1e-3
+    assert all(beside.probability[t] <= alone.probability[t] + 1e-9 for t in others)
+    gone = {frozenset(set(plain.members) - set(members)) for members, _ in search.without_effect(plain)}
+    assert gone == {frozenset(i for i, t in enumerate(terms) if t.id == name) for name in {t.id for t in terms}}
+
+
+def test_friction_that_turns_late_is_no_inertia() -> None:
+    """A sign that follows the velocity late, hard or soft, is among what is never known of a joint."""
+    train, _ = rows()
+    (motion,) = train.motions
+    dry = np.full(robot(ARM).n, 20.0)
+    known = never_known.columns(train.problem, dry)
+    assert known.shape[0] == len(never_known.prior(1.0))
+    for width in (0.005, 0.05):
+        late = 20.0 * (np.tanh((motion.v + 0.0005 * motion.a) / width) - np.tanh(motion.v / width))
+        column = train.problem.band.curves([late[None]])[0]
+        left = column[:, 1] - known[:, :, 1].T @ np.linalg.lstsq(known[:, :, 1].T, column[:, 1], rcond=None)[0]
+        assert np.linalg.norm(left) < 0.3 * np.linalg.norm(column[:, 1])
