@@ -13,6 +13,8 @@ from sysid_ros.effects import EFFECTS
 from sysid_ros.sample import FloatArray
 
 _DRAWS = 400
+_LEAST = 0.01
+"""Odds that are worth a fit, to see whether physics allows them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,8 @@ def posterior_of(search: SetSearch, state: State, *others: State) -> Posterior:
         beside.append((members, likelihood, state.narrowed))
     for members, likelihood, narrowed in beside:
         odds = weights @ (likelihood - own) + search.usual(members) - here + state.narrowed - narrowed
+        if np.mean(odds > _LEAST) > _LEAST and not search.possible(members, state.scale):
+            continue  # likely, were it not that physics forbids it
         new = [i for i in members if i not in state.members]
         for i in set(state.members) - set(members):
             rivals[i].append((search.pool[new[0]].id if len(new) == 1 else "", odds))

@@ -90,21 +90,22 @@ class Selection:
         """The most probable set."""
         settled: set[frozenset[Key]] = set()
         for _ in range(_MOST_STEPS):
-            step = self.propose()
+            step, before = self.propose(), self._keys()
             if step is not None:
                 self._progress(step.words)
                 self.fit = step.fit
                 self.climb(thorough=False)
                 self.refresh()
-                continue
+                if self._keys() != before or before in settled:
+                    continue
             settled.add(self._keys())
             self.date()
-            self._again(lambda t: t.effect.deflection is not None)
+            self._again(lambda t: bool(t.effect.knobs) and t.instant is None)
             self._add_forms()
             self._add_rivals()
             self.climb()
             self.refresh()
-            if self._keys() in settled:
+            if step is None and self._keys() in settled:
                 break
         return self.fit
 
@@ -277,8 +278,7 @@ class Selection:
         return any(term.same(t) and beside == self._keys(term) for t, beside in self._dropped)
 
     def _keys(self, term: Term | None = None) -> frozenset[Key]:
-        """Of all terms, or of those that load the same joints as one does."""
-        row = term.row if term else None
+        row = term.row if term else None  # all terms, or those that load the same joints as one does
         return frozenset(t.key for t in self.fit.terms if t.row is None or row is None or t.row == row)
 
     def _try(self, terms: list[Term]) -> Proposal | None:

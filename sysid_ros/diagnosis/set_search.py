@@ -141,6 +141,11 @@ class SetSearch:
                 return None
             members = tuple(i for i in members if i not in wrong[:1])
 
+    def possible(self, members: Sequence[int], scale: int) -> bool:
+        """False where physics does not allow one of the terms beside the others."""
+        fit = self.fit(members, scale)
+        return all(self._allowed(fit, self.pool[i]) for i in members)
+
     def single(self, state: State) -> list[tuple[float, tuple[int, ...], int]]:
         """Score and members of each set that has one term more or less."""
         worth = self._worth_a_look(state)

@@ -8,12 +8,12 @@ from sysid_ros.effects.coulomb_friction import DryFriction
 from sysid_ros.effects.effect import JointCurves, Knob, positive
 from sysid_ros.effects.traits import Candidate
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.robot.smoothed_sign import TURNS
+from sysid_ros.robot.smoothed_sign import SLIDE, TURNS
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
 _SHARP = 0.005
-"""Width of the sign of a velocity, below the speeds at which a joint counts as standing [rad/s]."""
+"""Width of the sign of a velocity, below the speeds at which a joint counts as standing [rad/s]; of a slide as many times less."""
 _BREAKAWAY = 4.0
 """Breakaway friction is not more than so many times the friction of steady sliding."""
 
@@ -59,7 +59,8 @@ class StribeckFriction(DryFriction, JointCurves):
 
     @classmethod
     def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
-        return [Candidate({"vs": x, "width": _SHARP}) for x in cls.knobs[0].grid()]
+        slides = joint is not None and any(m.robot.is_prismatic[joint] for m in motions)
+        return [Candidate({"vs": x, "width": _SHARP * (SLIDE if slides else 1.0)}) for x in cls.knobs[0].grid()]
 
     def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
         high = float(theta[0] + 2.0 * std[0])
