@@ -13,7 +13,7 @@ from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
 _SHARP = 0.005
-"""Width of the sign of a velocity, below the speeds at which a joint counts as standing [rad/s]; of a slide as many times less."""
+"""Width of the sign of a velocity, below the speeds at which a joint counts as standing [rad/s]; a slide has less of it."""
 _BREAKAWAY = 4.0
 """Breakaway friction is not more than so many times the friction of steady sliding."""
 
