@@ -128,7 +128,7 @@ def test_a_new_payload_is_taken_over_without_a_jump() -> None:
     assert law.payload == pytest.approx(theta)
 
 
-@pytest.mark.parametrize(("name", "seed"), [("iiwa", 8), ("small_arm", 9)])
+@pytest.mark.parametrize(("name", "seed"), [pytest.param("iiwa", 8, marks=pytest.mark.slow), ("small_arm", 9)])
 def test_lyapunovs_function_never_grows_and_the_error_vanishes(name: str, seed: int) -> None:
     model, theta = robot(name), body(seed)
     # no dead zone, and steps that are short beside the loop

@@ -160,7 +160,7 @@ def test_the_document_is_plain_json_with_the_fields_of_the_format() -> None:
 
 @pytest.mark.parametrize("colour", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])
 def test_nothing_is_claimed_of_a_healthy_robot(colour: float) -> None:
-    for seed in (11, 12, 13):
+    for seed in (11, 12, 13) if colour == 0.0 else (11,):
         result = diagnose(robot(ARM), [record(None, seed, colour=colour)], [record(None, seed + 50, 8.0, colour)])
         assert result.verdict == "nothing_wrong", [f.sentence for f in result.findings]
         assert not result.findings

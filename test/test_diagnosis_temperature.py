@@ -168,6 +168,7 @@ def test_without_a_temperature_the_same_is_found_as_with_one_that_stays() -> Non
     assert one == other
 
 
+@pytest.mark.slow
 def test_a_drift_over_one_recording_goes_on_in_the_part_that_is_held_out() -> None:
     whole = replace(record(1, lambda t: 30.0 + 0.0 * t, lambda t: 1.0 - 0.02 * t, 30.0), temperature=None)
     result = diagnose(robot(ARM), [whole])

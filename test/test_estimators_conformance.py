@@ -572,7 +572,12 @@ def coverage(make: Factory, variance: float, phi: float, runs: int, highest: flo
     return inside / total
 
 
-@pytest.mark.parametrize(("phi", "highest"), [(0.0, 2.0), (0.9, 0.4), (0.98, 0.2)])
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    ("phi", "highest"), [pytest.param(0.0, 2.0, marks=SLOW), pytest.param(0.9, 0.4, marks=SLOW), (0.98, 0.2)]
+)
 def test_intervals_cover_the_truth_under_coloured_noise(phi: float, highest: float) -> None:
     """The rows move as slowly as the noise: here the plain variance of the residual makes intervals that are far too short."""
     assert 0.88 <= coverage(make_variable, 0.1**2 * (1.0 - phi**2), phi, 40, highest) <= 0.99

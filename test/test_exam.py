@@ -130,6 +130,7 @@ def test_motion_stays_within_the_limits(name: str) -> None:
         assert np.abs(np.gradient(q, t, axis=0) - v)[1:-1].max() < 0.02
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_case_and_another_seed_another() -> None:
     one, other = drawn(300, "healthy"), drawn(301, "healthy")
     again = draw_case(300, "healthy", simulator="compiled")

@@ -108,6 +108,7 @@ def test_what_can_not_be_done_is_said() -> None:
         search(arm, ExcitationSettings(duration=10.0, period=3.0))
 
 
+@pytest.mark.slow
 def test_a_poor_motion_is_warned_of() -> None:
     settings = ExcitationSettings(duration=2.0, harmonics=2, starts=1, comparison=1, position_scale=0.001, velocity_scale=0.001)
     result = excite(free_model(RobotModel.from_urdf(chain())), settings)

@@ -37,6 +37,7 @@ def test_the_generator_agrees_with_itself() -> None:
         assert np.std(error[100:-100]) < 0.02 * np.std(tau)
 
 
+@pytest.mark.slow
 def test_a_rigid_joint_holds_and_has_no_unmodelled_pole() -> None:
     """And the document of it is plain."""
     for seed, colour in ((0, 0.0), (1, 0.97)):
