@@ -19,8 +19,8 @@ from sysid_ros.diagnosis.posterior import posterior_of
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.set_prior import _WORLDS, SetPrior
-from sysid_ros.diagnosis.set_search import SetSearch, conflict
-from sysid_ros.diagnosis.term import Term
+from sysid_ros.diagnosis.set_search import SetSearch
+from sysid_ros.diagnosis.term import Term, conflict
 from sysid_ros.diagnosis.visibility import allowed, visible
 from sysid_ros.effects import EFFECTS, Scope
 from sysid_ros.robot.robot_model import RobotModel

@@ -92,7 +92,8 @@ class Band:
     def _bridged(self, i: int, values: FloatArray) -> FloatArray:
         out = np.array(values)
         for j, bridge in enumerate(self._bridges[i]):
-            out[bridge.gap, j] = bridge.over(values[:, j])
+            if len(bridge.gap):
+                out[bridge.gap, j] = bridge.over(values[:, j])
         return out
 
     def curves(self, values: Sequence[FloatArray]) -> FloatArray:
@@ -106,7 +107,8 @@ class Band:
         for i, x in enumerate(values):
             bridge = self._bridges[i][joint]
             y = np.array(x)
-            y[:, bridge.gap] = bridge.over(x.T).T
+            if len(bridge.gap):
+                y[:, bridge.gap] = bridge.over(x.T).T
             bridged.append(y)
         for i, where, count in self.slices:
             out.append(fft.dct(bridged[i][:, where], axis=1, norm="ortho")[:, :count].T)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
 
 from sysid_ros.diagnosis.robot_kernels import RobotKernels
 from sysid_ros.diagnosis.robot_likelihood import USUAL, JointTorques, inverse
@@ -98,5 +97,6 @@ def _posterior(joints: Sequence[JointTorques], sizes: Sequence[FloatArray]) -> t
     for x, s in zip(joints, sizes, strict=True):
         own, side = x.information(inverse(x.covariance(s)))
         H, h = H + own, h + side
-    covariance = linalg.inv(H)
+    scale = 1.0 / np.sqrt(np.diag(H))
+    covariance = inverse(H * scale[:, None] * scale) * scale[:, None] * scale
     return covariance, covariance @ h

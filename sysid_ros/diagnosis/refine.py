@@ -58,9 +58,13 @@ def _local(problem: Problem, library: Library, fit: Fit, term: Term) -> Term:
     fixed = np.concatenate([np.zeros((len(root), 0)), *(t.columns for t in mates)], axis=1)
     target = fit.residual[:, j] + term.columns @ fit.theta_of(term) + sum((t.columns @ fit.theta_of(t) for t in mates), 0.0)
 
+    basis = np.linalg.qr(fixed * root[:, None])[0]
+    z = target * root
+    z -= basis @ (basis.T @ z)
+
     def cost(settings: dict[str, Any]) -> float:
-        X = np.concatenate([fixed, library.column(term.id, j, settings)], axis=1) * root[:, None]
-        z = target * root
+        X = library.column(term.id, j, settings) * root[:, None]
+        X -= basis @ (basis.T @ X)
         theta = np.linalg.lstsq(X, z, rcond=1e-9)[0]
         return float(np.sum((z - X @ theta) ** 2))
 

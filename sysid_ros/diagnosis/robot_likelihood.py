@@ -25,7 +25,9 @@ LEAVES, LEAVES_ALL, _SPREAD = np.log(0.05), 0.0, np.log(3.0)
 """Logarithm of what a model of the robot, and one of no robot, leaves of a torque before any data: mean, standard deviation."""
 _LOW, _HIGH = np.log([1e-3, 1e-3]), np.log([2.0, 2.0])
 """Ranges of noise and discrepancy over the usual torque; the filters alone are off by a thousandth of it."""
-_STARTS = [np.log([s, k]) for s in (0.002, 0.01, 0.05, 0.3) for k in (0.02, 0.1, 0.5)]
+_STARTS = [np.log([s, k]) for s in (0.002, 0.01, 0.05, 0.3) for k in (0.02, 0.1, 0.5, 1.5)]
+_APART = np.log(4.0)
+"""A second search starts so far from the first: torques may be noise about a law, or a law that no model has."""
 USUAL = np.log([0.02, 0.05])
 """Noise and discrepancy that a search begins with."""
 _STEPS, _ROUNDED = 20, 1e-14
@@ -79,9 +81,13 @@ class JointTorques:
         pattern = self.usual**2 * self.pattern[::step, ::step]
         loss = _Loss(mean[::step], fixed[::step, ::step], pattern, self.usual**2, self.leaves)
         starts = _STARTS if start is None else [start, *_STARTS]
-        start = min(starts, key=loss.value)
+        starts = sorted(starts, key=loss.value)
+        other = next((x for x in starts if abs(x[1] - starts[0][1]) > _APART), starts[0])
         bounds, options = list(zip(_LOW, _HIGH, strict=True)), {"maxiter": _STEPS, "ftol": 1e-6}
-        found = optimize.minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+        each = [
+            optimize.minimize(loss, x, jac=True, method="L-BFGS-B", bounds=bounds, options=options) for x in (starts[0], other)
+        ]
+        found = min(each, key=lambda x: x.fun)
         return np.asarray(found.x), -float(found.fun)
 
 

@@ -7,7 +7,6 @@ from functools import partial
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sysid_ros.diagnosis.compliance_screen import ComplianceScreen
 from sysid_ros.diagnosis.covariance import dry_friction
@@ -73,18 +72,13 @@ class Selection:
         for _ in range(_AGAIN):
             fit = refine(problem, library, fit, [t for t in fit.terms if t.effect.knobs])
         self.fit = fit
-        self._present: tuple[Fit | None, NDArray[np.intp], float] = (None, self.prior.counts([]), 0.0)
         self.pool: list[Term] = list(self.fit.terms)
+        self._looked: set[tuple[object, frozenset[Key]]] = set()
         self._dropped: list[tuple[Term, frozenset[Key]]] = []  # with what they could not stay beside; any climb may take them
 
     def price(self, term: Term) -> float:
         """Likelihood that a term must gain: what its parameters cost a prediction (one each), and how unusual it is here."""
-        if self._present[0] is not self.fit:
-            counts = self.prior.counts([self.prior.number(t) for t in self.fit.terms])
-            self._present = self.fit, counts, self.prior.of(counts, 0.0)
-        _, counts, usual = self._present
-        more = counts + self.prior.counts([self.prior.number(term)])
-        return max(term.cost + self.prior.cost(term) + usual - self.prior.of(more, 0.0), 1.0)
+        return self.prior.price(term, self.fit.terms)
 
     def run(self) -> Fit:
         """The most probable set."""
@@ -111,7 +105,7 @@ class Selection:
 
     def _add_forms(self) -> None:
         for term in list(self.fit.terms):
-            if term.row is not None and term.effect.family:
+            if term.row is not None and term.effect.family and self._first(term.key, self._keys(term)):
                 self.pool += [form.term for form in forms(self.problem, self.library, self.fit, term)]
             if term.row is not None and not any(knob.reported for knob in term.effect.knobs):
                 self.pool += self.library.local_options(term.id, term.row)
@@ -120,10 +114,17 @@ class Selection:
         """What would be proposed if one of the effects that not every joint has were not there."""
         whole = self.fit
         for kind in dict.fromkeys(t.kind for t in whole.terms if t.row is None):
-            rest = [t for t in whole.terms if t.kind is not kind]
-            self.fit = self.problem.fit(rest, whole.noise, inexact=whole.inexact)
-            self.pool += [t for p in self.proposals(without=kind) for t in p.terms]
-        self.fit = whole
+            if self._first(kind, self._keys()):
+                rest = [t for t in whole.terms if t.kind is not kind]
+                self.fit = self.problem.fit(rest, whole.noise, inexact=whole.inexact)
+                self.pool += [t for p in self.proposals(without=kind) for t in p.terms]
+                self.fit = whole
+
+    def _first(self, what: object, beside: frozenset[Key]) -> bool:
+        """True the first time that something is looked at beside these terms."""
+        first = (what, beside) not in self._looked
+        self._looked.add((what, beside))
+        return first
 
     def climb(self, thorough: bool = True) -> None:
         """The most probable set that is reached from the present one."""

@@ -46,6 +46,7 @@ class SetPrior:
                 for place in range(n) if kind.scope is Scope.LINK else (None,):
                     self._forms[kind.id, place] = float(np.log(max(len(kind.candidates(motions, place)), 1)))
 
+        self._beside: tuple[tuple[Term, ...] | None, NDArray[np.intp], float] = (None, np.zeros(0, dtype=np.intp), 0.0)
         self._none = np.array([sum(self._without(id_, factor) for id_ in self._places) for factor in _WORLDS])
         self._number = {id_: i for i, id_ in enumerate(self._places)}
         self._most = np.array(list(self._places.values()))
@@ -75,6 +76,15 @@ class SetPrior:
         """What a term costs for its parameters and for being one of several forms."""
         place = term.joints[0] if EFFECTS[term.id].scope is not Scope.ARM else None
         return self._forms.get((term.id, place), 0.0) + self._parameter * term.cost
+
+    def price(self, term: Term, present: tuple[Term, ...]) -> float:
+        """Likelihood that a term must gain beside others: what its parameters cost a prediction, and how unusual it is there."""
+        if self._beside[0] is not present:
+            counts = self.counts([self.number(t) for t in present])
+            self._beside = present, counts, self.of(counts, 0.0)
+        _, counts, usual = self._beside
+        more = counts + self.counts([self.number(term)])
+        return max(term.cost + self.cost(term) + usual - self.of(more, 0.0), 1.0)
 
     def _table(self, id_: str, factor: float) -> FloatArray:
         """Log-probability of each number of places that have an effect less that of none, shape (places + 1,)."""

@@ -12,9 +12,9 @@ from sysid_ros.diagnosis import never_known
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.left_out import Indices, LeftOut, Predicted, Rows
 from sysid_ros.diagnosis.set_prior import SetPrior
-from sysid_ros.diagnosis.term import Term
+from sysid_ros.diagnosis.term import Term, conflicts
 from sysid_ros.diagnosis.torque_noise import Noise
-from sysid_ros.effects import EFFECTS, Effect, forms_of
+from sysid_ros.effects import Effect, forms_of
 from sysid_ros.sample import FloatArray
 
 INEXACT = (0.0, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0)
@@ -68,7 +68,7 @@ class SetSearch:
         self._prior = [t.prior for t in pool]
         self._number = np.array([prior.number(t) for t in pool], dtype=np.intp)
         self._cost = np.array([prior.cost(t) for t in pool])
-        self._against = [{k for k, other in enumerate(pool) if k != i and conflict(t, other)} for i, t in enumerate(pool)]
+        self._against = conflicts(pool)
         self._banned: set[tuple[tuple[int, ...], int]] = set()
 
     def state(self, members: Sequence[int], scale: int) -> State:
@@ -284,16 +284,3 @@ class SetSearch:
             if new:
                 out += self._with_one_of(state, {k}, new)
         return out
-
-
-def conflict(term: Term, other: Term) -> bool:
-    """True where two terms can't stand in one set."""
-    if term.row is not None and other.row is not None and term.row != other.row:
-        return False
-    same = term.same(other)
-    part = term.row is not None and term.row == other.row and (_includes(term, other) or _includes(other, term))
-    return same or part or term.excludes(other) or other.excludes(term)
-
-
-def _includes(term: Term, other: Term) -> bool:
-    return any(EFFECTS[x] is other.kind for x in term.kind.includes)

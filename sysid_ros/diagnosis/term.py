@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain, combinations, product
 
 import numpy as np
 
-from sysid_ros.effects import Depends, Effect, forms_of
+from sysid_ros.effects import EFFECTS, Depends, Effect, forms_of
 from sysid_ros.sample import FloatArray
 
 _EXPECTED = 0.15
@@ -52,12 +53,12 @@ class Term:
         """Number of columns."""
         return int(self.columns.shape[-1])
 
-    @property
+    @cached_property
     def kind(self) -> type[Effect]:
         """Which effect it is."""
         return type(self.effect)
 
-    @property
+    @cached_property
     def expected(self) -> bool:
         """True for what every arm has on every joint, large or small."""
         return self.row is not None and self.effect.usual > _EXPECTED
@@ -68,12 +69,12 @@ class Term:
         forms = forms_of(self.effect.family) if self.row is not None else ()
         return forms[0] if forms and forms[0] is not self.kind else None
 
-    @property
+    @cached_property
     def instant(self) -> float | None:
         """When it happens [s], None where it is there all the time."""
         return float(self.effect.settings[self.effect.instant]) if self.effect.instant else None
 
-    @property
+    @cached_property
     def recording(self) -> str:
         """The recording in which it happens, where there are several."""
         return str(self.effect.settings.get("recording", ""))
@@ -83,7 +84,7 @@ class Term:
         """True where its columns depend on torques, of which more becomes known."""
         return depends_on_torques(self.kind)
 
-    @property
+    @cached_property
     def prior(self) -> FloatArray:
         """Inverse variance of the columns' parameters before any data, shape (p,): for what a motion does not show of a body."""
         known = 1.0 / self.effect.prior_std(self.form)[: self.p] ** 2
@@ -102,7 +103,7 @@ class Term:
         """True where physics allows parameters of its columns, shape (p,), within twice their standard deviation."""
         return self.effect.possible(theta, std, self.form, self.load)
 
-    @property
+    @cached_property
     def exact_key(self) -> tuple[tuple[str, tuple[int, ...]], str]:
         """Name, joints, form and knobs."""
         return self.key, f"{self.form} {sorted(self.effect.settings.items())!r}"
@@ -150,3 +151,30 @@ def best_of_each(groups: Sequence[tuple[float, list[Term]]]) -> list[tuple[float
         seen.add(key)
         out.append((gain, terms))
     return out
+
+
+def conflicts(pool: Sequence[Term]) -> list[set[int]]:
+    """Of each term those that can't stand beside it."""
+    out: list[set[int]] = [set() for _ in pool]
+    loads = {row: [i for i, t in enumerate(pool) if t.row == row] for row in {t.row for t in pool}}
+    whole = loads.get(None, [])
+    alone = [combinations(own, 2) for own in loads.values()]
+    beside = [product(whole, own) for row, own in loads.items() if row is not None]
+    for i, k in chain(*alone, *beside):
+        if conflict(pool[i], pool[k]):
+            out[i].add(k)
+            out[k].add(i)
+    return out
+
+
+def conflict(term: Term, other: Term) -> bool:
+    """True where two terms can't stand in one set."""
+    if term.row is not None and other.row is not None and term.row != other.row:
+        return False
+    same = term.same(other)
+    part = term.row is not None and term.row == other.row and (_includes(term, other) or _includes(other, term))
+    return same or part or term.excludes(other) or other.excludes(term)
+
+
+def _includes(term: Term, other: Term) -> bool:
+    return any(EFFECTS[x] is other.kind for x in term.kind.includes)

@@ -47,7 +47,7 @@ class Knob:
             ratio = self.reach or (self.high / self.low) ** (1.1 / (self.tried - 1))
             return max(value / ratio, self.low / 2.0), min(value * ratio, self.high * 2.0)
         reach = self.reach or 1.1 * (self.high - self.low) / (self.tried - 1)
-        return value - reach, value + reach
+        return max(value - reach, min(value, self.low)), min(value + reach, max(value, self.high))
 
 
 class Acts(Enum):
