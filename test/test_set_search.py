@@ -11,6 +11,7 @@ from robots import robot
 from test_diagnosis import ARM, coulomb, record
 
 from sysid_ros.diagnosis import never_known
+from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.left_out import LeftOut
 from sysid_ros.diagnosis.library import Library
@@ -21,8 +22,10 @@ from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.set_prior import _WORLDS, SetPrior
 from sysid_ros.diagnosis.set_search import SetSearch
 from sysid_ros.diagnosis.term import Term, conflict
+from sysid_ros.diagnosis.torques import before_gains
 from sysid_ros.diagnosis.visibility import allowed, visible
 from sysid_ros.effects import EFFECTS, Scope
+from sysid_ros.effects.traits import Knob
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
@@ -184,3 +187,52 @@ def test_friction_that_turns_late_is_no_inertia() -> None:
         column = train.problem.band.curves([late[None]])[0]
         left = column[:, 1] - known[:, :, 1].T @ np.linalg.lstsq(known[:, :, 1].T, column[:, 1], rcond=None)[0]
         assert np.linalg.norm(left) < 0.3 * np.linalg.norm(column[:, 1])
+
+
+def far_off(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
+    """Friction that is measured with a gain of more than twice what it should be."""
+    out = tau.copy()
+    out[:, 1] = 2.6 * (tau[:, 1] + 1.5 * np.sign(v[:, 1]) + 1.1 * v[:, 1])
+    return out
+
+
+def test_a_gain_far_from_one_leaves_friction_that_takes_power() -> None:
+    """Friction by a gain of links alone is as large as that gain; divided by it only once it would change its sign."""
+    model = robot(ARM)
+    train = prepare(model, [record(far_off, 1, 12.0)], [])
+    selection = Selection(train.problem, Library(model, train.band), train.nominal)
+    library = selection.library
+    terms = [library.local(x, 1) for x in ("coulomb_friction", "viscous_friction", "torque_scale")]
+    selection.fit = train.problem.fit(terms)
+    selection.refresh()  # now the gain is of the links' torque, and friction is there
+    links = before_gains(selection.fit)
+    library.apart = False
+    selection.fit = links
+    selection.refresh()
+    theta = {t.id: float(selection.fit.theta_of(t)[0]) for t in selection.fit.terms}
+    np.testing.assert_allclose([theta[t.id] for t in terms], [1.5, 1.1, 1.6], rtol=0.03)
+
+
+def test_a_rival_that_physics_forbids_is_weighed_without_what_it_forbids() -> None:
+    train, library = rows()
+    _, terms = asked()
+    noise = train.problem.fit(terms).noise
+    prior = SetPrior(library, [int(j) for j in train.problem.active])
+    beside_coulomb = terms[1]
+
+    def needs_coulomb(fit: Fit, term: Term) -> bool:
+        return term is not beside_coulomb or terms[0] in fit.terms
+
+    search = SetSearch(train.problem, [(train.problem, lambda t: t)], terms, prior, noise, np.zeros(robot(ARM).n), needs_coulomb)
+    assert search.lawful([0, 1, 3], 0) == (0, 1, 3)
+    assert search.lawful([1, 3], 0) == (3,)
+    posterior = posterior_of(search, search.state([0, 1], 0))
+    assert posterior.probability[terms[0]] > 0.99
+    assert set(posterior.probability) == set(terms[:2])
+
+
+def test_a_knob_is_searched_in_its_range() -> None:
+    knob = Knob("harmonic", 3.0, 60.0, "1/rev", False, reach=0.6)
+    assert knob.around(3.25) == (3.0, 3.85)
+    assert knob.around(60.0) == (60.0 - 0.6, 60.0)
+    assert knob.around(2.0) == (2.0, 2.6)  # a value that was given

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -43,14 +43,22 @@ def posterior_of(search: SetSearch, state: State, *others: State) -> Posterior:
     own = state.predicted.likelihood
     here = search.usual(state.members)
     rivals: dict[int, list[tuple[str, FloatArray]]] = {i: [] for i in state.members}
+
+    def compared(members: Sequence[int], likelihood: FloatArray, narrowed: float) -> FloatArray:
+        odds: FloatArray = weights @ (likelihood - own) + search.usual(members) - here + state.narrowed - narrowed
+        return odds
+
     beside = [(x.members, x.predicted.likelihood, x.narrowed) for x in others]
     for members, likelihood in [*search.neighbours(state), *search.replaced(state, state.members), *search.without_effect(state)]:
         beside.append((members, likelihood, state.narrowed))
     for members, likelihood, narrowed in beside:
-        odds = weights @ (likelihood - own) + search.usual(members) - here + state.narrowed - narrowed
-        if np.mean(odds > _LEAST) > _LEAST and not search.possible(members, state.scale):
-            continue  # likely, were it not that physics forbids it
+        odds = compared(members, likelihood, narrowed)
         new = [i for i in members if i not in state.members]
+        if np.mean(odds > _LEAST) > _LEAST and (lawful := search.lawful(members, state.scale)) != members:
+            if new:
+                continue  # likely, were it not that physics forbids it
+            less = search.state(lawful, state.scale)
+            odds = compared(lawful, less.predicted.likelihood, less.narrowed)
         for i in set(state.members) - set(members):
             rivals[i].append((search.pool[new[0]].id if len(new) == 1 else "", odds))
     probability: dict[Term, float] = {}

@@ -23,7 +23,7 @@ from sysid_ros.diagnosis.set_prior import SetPrior
 from sysid_ros.diagnosis.set_search import INEXACT, SetSearch, State
 from sysid_ros.diagnosis.term import Term, best_of_each, joined
 from sysid_ros.diagnosis.torque_noise import Noise
-from sysid_ros.diagnosis.torques import links_changed, torques
+from sysid_ros.diagnosis.torques import before_gains, links_changed, torques
 from sysid_ros.diagnosis.visibility import allowed
 from sysid_ros.effects import EFFECTS, Depends, Effect
 from sysid_ros.sample import FloatArray
@@ -63,8 +63,7 @@ class Selection:
         self._progress, self._allowed = progress, partial(allowed, problem)
         self._joints = [int(j) for j in problem.active]
         self._whole = library.whole_options()
-        self._screen = ComplianceScreen(library)
-        self.prior = SetPrior(library, self._joints)
+        self._screen, self.prior = ComplianceScreen(library), SetPrior(library, self._joints)
         each = [(name, j) for name in library.of_joints for j in self._joints]
         self.tried = len(self._whole) + sum(len(library.local_options(name, j)) for name, j in each)
         usual = [library.local(name, j) for name, j in each if EFFECTS[name].usual >= _USUAL]
@@ -134,11 +133,11 @@ class Selection:
 
     def judged_with(self, held: HeldOut) -> Posterior:
         """The most probable set, and how probable its terms are, by what is predicted of fitted and of held-out recordings."""
-        posterior = self._judged(held)
-        if not any(t.effect.of_own_torque for t in self.fit.terms):
+        posterior, before = self._judged(held), self.fit.terms
+        if not any(t.effect.of_own_torque for t in before):
             return posterior
-        before = self.fit.terms
         self.library.apart = held.library.apart = False
+        self.fit = before_gains(self.fit)
         self.refresh()
         held.update(self.fit)
         return posterior.of(dict(zip(before, self.fit.terms, strict=True)))

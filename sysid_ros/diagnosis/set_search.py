@@ -132,8 +132,7 @@ class SetSearch:
         while True:
             if (members, scale) in self._banned:
                 return None
-            fit = self.fit(members, scale)
-            wrong = [i for i in members if not self._allowed(fit, self.pool[i])]
+            wrong = self._wrong(members, scale)
             if not wrong:
                 return self.state(members, scale)
             if any(i not in old for i in wrong):
@@ -141,10 +140,16 @@ class SetSearch:
                 return None
             members = tuple(i for i in members if i not in wrong[:1])
 
-    def possible(self, members: Sequence[int], scale: int) -> bool:
-        """False where physics does not allow one of the terms beside the others."""
+    def lawful(self, members: Sequence[int], scale: int) -> tuple[int, ...]:
+        """A set less the terms that physics does not allow beside the others."""
+        members = tuple(sorted(members))
+        while wrong := self._wrong(members, scale):
+            members = tuple(i for i in members if i != wrong[0])
+        return members
+
+    def _wrong(self, members: Sequence[int], scale: int) -> list[int]:
         fit = self.fit(members, scale)
-        return all(self._allowed(fit, self.pool[i]) for i in members)
+        return [i for i in members if not self._allowed(fit, self.pool[i])]
 
     def single(self, state: State) -> list[tuple[float, tuple[int, ...], int]]:
         """Score and members of each set that has one term more or less."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,6 +39,17 @@ def torques(
             link[i] += torque
             drive[i] += torque
     return link, drive, free
+
+
+def before_gains(fit: Fit) -> Fit:
+    """A fit whose gains are of the links' torque alone, with what single joints have beside it as it is before those gains."""
+    theta = fit.theta.copy()
+    for gain in (t for t in fit.terms if t.effect.of_own_torque):
+        factor = 1.0 + float(fit.theta_of(gain)[0])
+        for term, where in zip(fit.terms, fit.slices, strict=True):
+            if term.row == gain.row and term.effect.acts is not Acts.MEASUREMENT:
+                theta[where] /= factor
+    return replace(fit, theta=theta)
 
 
 def links_changed(robot: RobotModel, fit: Fit) -> FloatArray:

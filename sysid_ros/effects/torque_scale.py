@@ -7,6 +7,9 @@ from sysid_ros.effects.parameter import Parameter, by_delta_method
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
+_USUAL_ERROR = 0.5
+"""Usual size of a wrong gain: torque constants and currents' units are off by a part or by half, seldom by several times."""
+
 
 class TorqueScale(JointCurves):
     """``tau_j = (gain - 1) tau_link``, gain = measured / true; the parameter is gain - 1 [1]."""
@@ -30,6 +33,9 @@ class TorqueScale(JointCurves):
 
     def as_gain(self, theta: FloatArray) -> FloatArray:
         return 1.0 + self.of_symbol("gain_error", theta)
+
+    def prior_std(self, form: str = "") -> FloatArray:
+        return np.array([_USUAL_ERROR])
 
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         (joint,) = self.joint_names
