@@ -48,8 +48,10 @@ _HELD_OUT = 0.3
 _MOST_CONTACTS = 8
 """Contacts after which no more are looked for."""
 _WHOLLY = ("explained", "nothing_wrong")
-"""Verdicts after which a URDF that was in doubt is the robot's: with everything that the library has its bodies, none of them
-replaced by another, explain the torques."""
+"""Verdicts after which a URDF that was in doubt is the robot's: with everything that the library has its bodies explain the
+torques."""
+_REPLACED = 1
+"""Most links of such a URDF that may be wrong: of another robot's several are, and what explains the torques is not its bodies."""
 
 Progress = Callable[[str], None]
 
@@ -125,7 +127,7 @@ def diagnose(
     fit = selection.fit
     values = with_knobs(train.problem, library, fit)
     found = report(robot, train, selection, posterior, held, values)
-    if reason and (found.verdict not in _WHOLLY or any(t.effect.replaces_links for t in fit.terms)):
+    if reason and (found.verdict not in _WHOLLY or sum(t.effect.replaces_links for t in fit.terms) > _REPLACED):
         return Diagnosis("refused", robot.joint_names, refusal=reason, notes=notes)
     found = with_findings(found, as_unit(found.findings, robot.joint_names))
     signals += contact_findings(contacts, robot)
