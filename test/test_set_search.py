@@ -20,7 +20,7 @@ from sysid_ros.diagnosis.posterior import posterior_of
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.set_prior import _WORLDS, SetPrior
-from sysid_ros.diagnosis.set_search import SetSearch
+from sysid_ros.diagnosis.set_search import INEXACT, SetSearch
 from sysid_ros.diagnosis.term import Term, conflict
 from sysid_ros.diagnosis.torques import before_gains
 from sysid_ros.diagnosis.visibility import allowed, visible
@@ -236,3 +236,22 @@ def test_a_knob_is_searched_in_its_range() -> None:
     assert knob.around(3.25) == (3.0, 3.85)
     assert knob.around(60.0) == (60.0 - 0.6, 60.0)
     assert knob.around(2.0) == (2.0, 2.6)  # a value that was given
+
+
+def test_a_wrong_link_is_weighed_against_links_that_are_all_more_inexact() -> None:
+    train, library = rows()
+    link = next(t for t in library.whole_options() if t.effect.replaces_links)
+    terms = [library.local("coulomb_friction", 1), link]
+    prior = SetPrior(library, [int(j) for j in train.problem.active])
+    noise = train.problem.fit(terms, inexact=True).noise
+    plain = [(train.problem, lambda t: t)]
+    search = SetSearch(train.problem, plain, terms, prior, noise, np.zeros(robot(ARM).n), lambda fit, term: True)
+    state = search.state([0, 1], 1)
+    (rival,) = search.all_inexact(state)
+    assert rival.members == (0,)
+    assert rival.scale > state.scale
+    others = [search.state([0], scale).score for scale in range(state.scale + 1, len(INEXACT))]
+    assert rival.score == max(others)
+    assert search.all_inexact(search.state([0], 1)) == []
+    # the recordings are those of the URDF's bodies: a link of its own is less likely than that
+    assert posterior_of(search, state).probability[link] < 0.5

@@ -51,7 +51,7 @@ _WHOLLY = ("explained", "nothing_wrong")
 """Verdicts after which a URDF that was in doubt is the robot's: with everything that the library has its bodies explain the
 torques."""
 _REPLACED = 1
-"""Most links of such a URDF that may be wrong: of another robot's several are, and what explains the torques is not its bodies."""
+"""Most links of such a URDF that may be wrong; of another robot's several are, so that its bodies explain nothing."""
 
 Progress = Callable[[str], None]
 

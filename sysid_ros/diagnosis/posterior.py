@@ -48,7 +48,7 @@ def posterior_of(search: SetSearch, state: State, *others: State) -> Posterior:
         odds: FloatArray = weights @ (likelihood - own) + search.usual(members) - here + state.narrowed - narrowed
         return odds
 
-    beside = [(x.members, x.predicted.likelihood, x.narrowed) for x in others]
+    beside = [(x.members, x.predicted.likelihood, x.narrowed) for x in (*others, *search.all_inexact(state))]
     for members, likelihood in [*search.neighbours(state), *search.replaced(state, state.members), *search.without_effect(state)]:
         beside.append((members, likelihood, state.narrowed))
     for members, likelihood, narrowed in beside:

@@ -110,7 +110,8 @@ class SetSearch:
         for _ in range(_MOVES):
             better = self._step(state, self.single(state)) or self._step(state, self._scaled(state))
             if better is None and thorough:
-                better = self._step(state, self._several(state))
+                moves = [*self._several(state), *((x.score, x.members, x.scale) for x in self.all_inexact(state))]
+                better = self._step(state, moves)
             if better is None:
                 break
             state = better
@@ -160,6 +161,13 @@ class SetSearch:
         """The set with links that are a step more or less inexact."""
         scales = [s for s in (state.scale - 1, state.scale + 1) if 0 <= s < len(INEXACT)]
         return [(self.state(state.members, scale).score, state.members, scale) for scale in scales]
+
+    def all_inexact(self, state: State) -> list[State]:
+        """Sets in which all links are more inexact, at the best scale, in place of one that is wrong or of all that are."""
+        links = {i for i in state.members if self.pool[i].effect.replaces_links}
+        rest = {tuple(i for i in state.members if i not in gone) for gone in [*({i} for i in links), links]} - {state.members}
+        each = [[self.state(own, scale) for scale in range(state.scale + 1, len(INEXACT))] for own in rest]
+        return [max(states, key=lambda x: x.score) for states in each if states]
 
     def _worth_a_look(self, state: State) -> set[int]:
         """Terms that the most probable set may have more or less: the bound of what the rows gain does not say no."""
