@@ -13,6 +13,7 @@ from test_diagnosis import ARM, coulomb, record
 from sysid_ros.diagnosis import never_known
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.inexactness import BESIDE, INEXACT
 from sysid_ros.diagnosis.left_out import LeftOut
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.plain_baseline import no_worse, plain_terms
@@ -20,7 +21,7 @@ from sysid_ros.diagnosis.posterior import posterior_of
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.set_prior import _WORLDS, SetPrior
-from sysid_ros.diagnosis.set_search import INEXACT, SetSearch
+from sysid_ros.diagnosis.set_search import SetSearch
 from sysid_ros.diagnosis.term import Term, conflict
 from sysid_ros.diagnosis.torques import before_gains
 from sysid_ros.diagnosis.visibility import allowed, visible
@@ -249,9 +250,25 @@ def test_a_wrong_link_is_weighed_against_links_that_are_all_more_inexact() -> No
     state = search.state([0, 1], 1)
     (rival,) = search.all_inexact(state)
     assert rival.members == (0,)
-    assert rival.scale > state.scale
-    others = [search.state([0], scale).score for scale in range(state.scale + 1, len(INEXACT))]
-    assert rival.score == max(others)
+    # no step from there, nor from where it started, is better
+    assert rival.score >= max(
+        search.state([0], scale).score for scale in (state.scale, *BESIDE[state.scale], *BESIDE[rival.scale])
+    )
     assert search.all_inexact(search.state([0], 1)) == []
     # the recordings are those of the URDF's bodies: a link of its own is less likely than that
     assert posterior_of(search, state).probability[link] < 0.5
+
+
+def test_masses_and_places_are_inexact_each_by_itself() -> None:
+    train, _ = rows()
+    problem, n = train.problem, robot(ARM).n
+    of_masses, of_places = problem.prior_of((4.0, 0.05)), problem.prior_of((0.05, 4.0))
+    usual = problem.prior_of((1.0, 1.0))
+    np.testing.assert_allclose(of_masses / usual, [*[1 / 16] * n, *[400] * 3 * n])
+    np.testing.assert_allclose(of_places / usual, [*[400] * n, *[1 / 16] * 3 * n])
+    assert all(i in BESIDE[k] for k, beside in enumerate(BESIDE) for i in range(len(INEXACT)) if k in BESIDE[i])
+    reached, grown = {0}, {0}
+    while grown:
+        grown = {k for i in grown for k in BESIDE[i]} - reached
+        reached |= grown
+    assert reached == set(range(len(INEXACT)))

@@ -72,7 +72,7 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estim
         for term, column in slopes.items():
             X[:, index == fit.slices[fit.terms.index(term)].start] = column[:, j, None]
         unknown = first + each * i + np.arange(each)
-        information[unknown, unknown] += never_known.prior(problem.scale if fit.inexact and j not in scaled_joints else 0.0)
+        information[unknown, unknown] += never_known.prior(max(problem.scale) if fit.inexact and j not in scaled_joints else 0.0)
         every = np.concatenate([index, own, unknown])
         root = np.sqrt(fit.variance[:, j, None])
         columns = np.concatenate([X / root, *(c[:, j, None] for c in extra), never[:, :, j].T / root], axis=1)

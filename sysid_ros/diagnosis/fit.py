@@ -68,18 +68,23 @@ class Problem:
         nuisance: columns of what no model gets exactly right, shape (K, n, c). nuisance_std: their usual size, shape (c,).
 
     Attributes:
-        scale: by how much more or less than usual the model is inexact.
+        scale: by how much more or less than usual masses, the first quarter of what no model gets right, and places are inexact.
     """
 
     def __init__(self, band: Band, y: FloatArray, nuisance: FloatArray, nuisance_std: FloatArray) -> None:
         self.band, self.y = band, y
         self.active = np.flatnonzero(band.active)
-        self.nuisance, self.usual_prior, self.scale = nuisance, 1.0 / nuisance_std**2, 1.0
+        self.nuisance, self.usual_prior, self.scale = nuisance, 1.0 / nuisance_std**2, (1.0, 1.0)
 
     @property
     def prior(self) -> FloatArray:
         """Inverse variance of the nuisance parameters before any data, shape (c,)."""
-        return self.usual_prior / self.scale**2
+        return self.prior_of(self.scale)
+
+    def prior_of(self, scale: tuple[float, float]) -> FloatArray:
+        """The same with masses and places that are so inexact."""
+        masses = np.arange(len(self.usual_prior)) < len(self.usual_prior) // 4
+        return np.asarray(self.usual_prior / np.where(masses, *scale) ** 2)
 
     def blocks(self, terms: Sequence[Term], inexact: bool) -> tuple[dict[int, Block], int]:
         """Columns of each active joint, and the number of parameters."""

@@ -6,13 +6,12 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import combinations
 
-import numpy as np
-
 from sysid_ros.diagnosis.compliance_screen import ComplianceScreen
 from sysid_ros.diagnosis.covariance import dry_friction
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.friction_forms import forms
 from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.inexactness import INEXACT
 from sysid_ros.diagnosis.left_out import Rows
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.plain_baseline import no_worse
@@ -20,7 +19,7 @@ from sysid_ros.diagnosis.posterior import Posterior, posterior_of
 from sysid_ros.diagnosis.refine import refine, remake
 from sysid_ros.diagnosis.scoring import Proposal, Score, Scorer
 from sysid_ros.diagnosis.set_prior import SetPrior
-from sysid_ros.diagnosis.set_search import INEXACT, SetSearch, State
+from sysid_ros.diagnosis.set_search import SetSearch, State
 from sysid_ros.diagnosis.term import Term, best_of_each, joined
 from sysid_ros.diagnosis.torque_noise import Noise
 from sysid_ros.diagnosis.torques import before_gains, links_changed, torques
@@ -164,7 +163,7 @@ class Selection:
         """A search among the fit's terms and others, and its state at the fit."""
         terms = list(self.fit.terms)
         pool = [*terms, *(t for t in asked if t not in terms)]
-        scale = int(np.argmin(np.abs(np.array(INEXACT) - self.problem.scale))) if self.fit.inexact else 0
+        scale = INEXACT.index(self.problem.scale) if self.fit.inexact else 0
         search = SetSearch(self.problem, rows, pool, self.prior, noise, dry_friction(self.library.robot, self.fit), self._allowed)
         return search, search.state(range(len(terms)), scale)
 

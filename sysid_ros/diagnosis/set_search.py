@@ -10,6 +10,7 @@ import numpy as np
 
 from sysid_ros.diagnosis import never_known
 from sysid_ros.diagnosis.fit import Fit, Problem
+from sysid_ros.diagnosis.inexactness import BESIDE, INEXACT
 from sysid_ros.diagnosis.left_out import Indices, LeftOut, Predicted, Rows
 from sysid_ros.diagnosis.set_prior import SetPrior
 from sysid_ros.diagnosis.term import Term, conflicts
@@ -17,14 +18,13 @@ from sysid_ros.diagnosis.torque_noise import Noise
 from sysid_ros.effects import Effect, forms_of
 from sysid_ros.sample import FloatArray
 
-INEXACT = (0.0, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0)
-"""How inexact all links of a URDF may be, in units of the usual inexactness."""
-_MOVES = 200
-_TRIED = 6
-"""Moves of one kind that are tried in full, the best first."""
+_MOVES, _TRIED = 200, 6
+"""Most moves, and those of one kind that are tried in full, the best first."""
 _LEAST = 0.05
 """Log-probability by which a move must be better."""
 Seen = Callable[[Fit, Term], bool]
+Move = tuple[float, tuple[int, ...], int]
+"""Score, members and inexactness of a set."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +40,11 @@ class State:
     predicted: Predicted
     narrowed: float
     score: float
+
+    @property
+    def move(self) -> Move:
+        """To it from another one."""
+        return self.score, self.members, self.scale
 
 
 class SetSearch:
@@ -76,14 +81,14 @@ class SetSearch:
         members = tuple(sorted(members))
         at = [self._at[i] for i in members]
         prior = [self._prior[i] for i in members]
-        if INEXACT[scale]:
+        if scale:
             at.append(self.left_out.inexact)
-            prior.append(self.problem.usual_prior / INEXACT[scale] ** 2)
+            prior.append(self.problem.prior_of(INEXACT[scale]))
         at.append(self.left_out.unknown)
-        prior.append(np.tile(never_known.prior(INEXACT[scale]), self.left_out.joints))
+        prior.append(np.tile(never_known.prior(max(INEXACT[scale])), self.left_out.joints))
         where = np.concatenate(at)
         predicted = self.left_out.of(where, np.concatenate(prior))
-        narrowed = self._narrowed(predicted) if INEXACT[scale] else 0.0
+        narrowed = self._narrowed(predicted) if scale else 0.0
         return State(members, scale, predicted, narrowed, self._score(predicted.likelihood, members) - narrowed)
 
     def _narrowed(self, predicted: Predicted) -> float:
@@ -101,23 +106,22 @@ class SetSearch:
 
     def fit(self, members: Sequence[int], scale: int, noise: Noise | None = None) -> Fit:
         """The fitted rows with a set."""
-        self.problem.scale = INEXACT[scale] or 1.0
-        return self.problem.fit([self.pool[i] for i in members], noise or self.noise, 0, inexact=INEXACT[scale] > 0.0)
+        self.problem.scale = INEXACT[scale or INEXACT.index((1.0, 1.0))]
+        return self.problem.fit([self.pool[i] for i in members], noise or self.noise, 0, inexact=scale > 0)
 
     def climb(self, state: State, thorough: bool = True) -> State:
         """The best set that single moves reach, then moves of several terms if it is to be thorough, then single ones again."""
         state = self._settled(state.members, state.scale) or self.state((), state.scale)
         for _ in range(_MOVES):
-            better = self._step(state, self.single(state)) or self._step(state, self._scaled(state))
+            better = self._step(state, self.single(state)) or self._step(state, [self._rescaled(state).move])
             if better is None and thorough:
-                moves = [*self._several(state), *((x.score, x.members, x.scale) for x in self.all_inexact(state))]
-                better = self._step(state, moves)
+                better = self._step(state, [*self._several(state), *(x.move for x in self.all_inexact(state))])
             if better is None:
                 break
             state = better
         return state
 
-    def _step(self, state: State, moves: list[tuple[float, tuple[int, ...], int]]) -> State | None:
+    def _step(self, state: State, moves: list[Move]) -> State | None:
         for score, members, scale in sorted(moves, reverse=True)[:_TRIED]:
             if score < state.score + _LEAST:
                 break
@@ -152,22 +156,24 @@ class SetSearch:
         fit = self.fit(members, scale)
         return [i for i in members if not self._allowed(fit, self.pool[i])]
 
-    def single(self, state: State) -> list[tuple[float, tuple[int, ...], int]]:
+    def single(self, state: State) -> list[Move]:
         """Score and members of each set that has one term more or less."""
         worth = self._worth_a_look(state)
         return [(self._score(x, m) - state.narrowed, m, state.scale) for m, x in self.neighbours(state, worth)]
 
-    def _scaled(self, state: State) -> list[tuple[float, tuple[int, ...], int]]:
-        """The set with links that are a step more or less inexact."""
-        scales = [s for s in (state.scale - 1, state.scale + 1) if 0 <= s < len(INEXACT)]
-        return [(self.state(state.members, scale).score, state.members, scale) for scale in scales]
-
     def all_inexact(self, state: State) -> list[State]:
-        """Sets in which all links are more inexact, at the best scale, in place of one that is wrong or of all that are."""
+        """Sets with the best scale of all links in place of one that is wrong, or of all that are."""
         links = {i for i in state.members if self.pool[i].effect.replaces_links}
         rest = {tuple(i for i in state.members if i not in gone) for gone in [*({i} for i in links), links]} - {state.members}
-        each = [[self.state(own, scale) for scale in range(state.scale + 1, len(INEXACT))] for own in rest]
-        return [max(states, key=lambda x: x.score) for states in each if states]
+        return [self._rescaled(self.state(members, state.scale)) for members in rest]
+
+    def _rescaled(self, state: State) -> State:
+        """The same set with the best inexactness of the links that steps lead to."""
+        best, before = state, None
+        while best is not before:
+            before = best
+            best = max([best, *(self.state(state.members, scale) for scale in BESIDE[best.scale])], key=lambda x: x.score)
+        return best
 
     def _worth_a_look(self, state: State) -> set[int]:
         """Terms that the most probable set may have more or less: the bound of what the rows gain does not say no."""
@@ -187,11 +193,7 @@ class SetSearch:
         return out
 
     def neighbours(self, state: State, among: Collection[int] | None = None) -> list[tuple[tuple[int, ...], FloatArray]]:
-        """Members and likelihood of each set that has one term more (in place of what excludes it) or less.
-
-        Args:
-            among: the terms that may come or go; None for all.
-        """
+        """Members and likelihood of each set that has one term more (in place of what excludes it) or less, ``among`` some."""
         out = []
         members = set(state.members)
         instead: dict[frozenset[int], list[int]] = {}
@@ -227,9 +229,8 @@ class SetSearch:
         parts = [np.arange(sizes[n], sizes[n + 1]) for n, k in enumerate(state.members) if k in gone]
         return np.concatenate(parts)
 
-    def _several(self, state: State) -> list[tuple[float, tuple[int, ...], int]]:
-        """Sets with an effect on all joints or on none, with one term in place of another or of two, two in place of one, and
-        without two."""
+    def _several(self, state: State) -> list[Move]:
+        """Sets with an effect on all joints or on none, one term in place of another or of two, two in place of one, less two."""
         moves = []
         members = set(state.members)
 
