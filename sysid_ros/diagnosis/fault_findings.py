@@ -81,14 +81,19 @@ def as_unit(findings: Sequence[Finding], joints: Sequence[str]) -> list[Finding]
 
 
 def with_scales(faults: Sequence[Fault], findings: Sequence[Finding], joints: Sequence[str]) -> tuple[list[Fault], list[Finding]]:
-    """Wrong gains that are left after currents were turned into torques belong to the factors of the currents."""
-    per_joint = [f for f in faults if f.effect.absorbs and all(v[1] is not None for v in f.values)]
-    if not per_joint:
+    """Wrong gains that are left after efforts were turned into torques belong to the factors of the unit, if each joint has its
+    own; gains of most joints say that each has."""
+    unit = next((f for f in faults if f.effect.absorbs), None)
+    if unit is None:
         return list(faults), list(findings)
-    unit = per_joint[0]
     gains = {p.joint: p for f in findings if unit.effect.takes(f.id) for p in f.parameters}
+    each = unit.values
+    if all(v[1] is None for v in each):
+        if 2 * len(gains) <= len(joints):
+            return list(faults), list(findings)
+        each = tuple((name, j, factor, what, std) for name, _, factor, what, std in each for j in range(len(joints)))
     values = []
-    for name, j, factor, what, std in unit.values:
+    for name, j, factor, what, std in each:
         assert j is not None
         if (p := gains.get(joints[j])) is not None and not isinstance(factor, str):
             factor, std = factor * p.value, factor * p.std
