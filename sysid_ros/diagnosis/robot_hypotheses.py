@@ -116,8 +116,9 @@ class Judgement:
             f"The URDF '{self.robot.name}' does not explain these torques as they are: it is another robot's, or the efforts are "
             "in another unit than N m, with a factor of its own on each joint (torque_unit), as currents are"
             f"{f': {told}' if told else ''}. On {silent} they hold nothing of the links' torque, so that no factor can be told "
-            "there: these channels are dead, or friction is all that they show. Publish joint torques in N m (current times "
-            "torque constant and gear ratio), or leave these joints out (joint_names)."
+            "there: these channels are dead, or friction is all that they show. Give the URDF of the robot that was recorded "
+            "(--urdf), publish joint torques in N m (current times torque constant and gear ratio), or leave these joints out "
+            "(joint_names)."
         )
 
 
