@@ -144,6 +144,12 @@ class OnlineSettings(Settings):
         0.1, "part of the known friction by which it may have changed since it was identified", "", 0.0, 2.0
     )
     friction_unknown: float = setting(0.1, "without a model, friction expected as a part of the effort limit", "", 0.0, 2.0)
+    link_mass_error: float = setting(
+        0.025, "without a model, error of the links' masses in the URDF, as a part of them; 0: they are exact", "", 0.0, 0.5
+    )
+    link_com_error: float = setting(
+        0.003, "without a model, error of each coordinate of the links' centres of mass in the URDF", "m", 0.0, 0.1
+    )
     stiction: float = setting(0.3, "torque that may hide in friction while the robot hardly moves", "N m", 0.0, 1e3)
     prior_mass_std: float = setting(2.0, "prior standard deviation of the payload's mass", "kg", 1e-3, 1e3)
     prior_first_moment_std: float = setting(0.3, "prior standard deviation of mass times centre of mass", "kg m", 1e-4, 1e3)

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from sysid_ros.estimators import kernels
 from sysid_ros.estimators.jump_search import JumpRule
 from sysid_ros.sample import FloatArray
 
@@ -64,6 +65,7 @@ class Estimator(ABC):
         p: number of parameters. m: number of rows of an update.
         watches_itself: True where it learns its noise and finds jumps by itself.
         jumps: how many jumps of the parameters it has found. found_after: updates from a jump until it is found.
+        misfits: updates in a row, so far, that are too far from what is known, and that no jump explains.
         noise_known: True once covariances rest on noise that the data have shown, or that was given.
         noise_variance: over a long run, of the residual of each row, shape (m,); NaN where nothing was learned of it.
         row_variance: of the residual of single rows, without what follows from their colour, shape (m,); NaN as above.
@@ -73,6 +75,7 @@ class Estimator(ABC):
     watches_itself: ClassVar[bool] = False
     found_after: ClassVar[int] = 0
     jumps: int = 0
+    misfits: int = 0
     before_jump: FloatArray = np.zeros(0)
     last_jump: FloatArray = np.zeros(0)
     _theta: FloatArray
@@ -105,6 +108,26 @@ class Estimator(ABC):
         if self._sensitivity.shape[1] == 0:
             return self._P.copy()
         return self._P + self._sensitivity @ self._sensitivity.T
+
+    def predict(self, Y: FloatArray, tau: FloatArray, extra_variance: FloatArray | None = None) -> tuple[float, float]:
+        """Of rows that are not taken in: normalised innovation ``nu' S^-1 nu / m`` with ``S = Y P Y' + R``, 1 in the mean where they
+        fit what is known, and logarithm of their likelihood; NaN where the noise of a row is not known.
+
+        Args:
+            Y: shape (m, p). tau, extra_variance: shape (m,).
+        """
+        extra = np.zeros(self.m) if extra_variance is None else extra_variance
+        square, logarithm = kernels.predict(Y, self.noise_covariance(), self.row_variance, extra, tau - Y @ self.theta)
+        return square / self.m, -0.5 * (square + logarithm)
+
+    @property
+    def sensitivity(self) -> FloatArray:
+        """What unit considered errors do to theta, shape (p, c); c = 0 where none are considered."""
+        return self._sensitivity.copy()
+
+    def noise_covariance(self) -> FloatArray:
+        """The part of the covariance that is not of the considered errors, shape (p, p)."""
+        return self._P.copy() if self._sensitivity.shape[1] else self.covariance()
 
     def _estimate(self, innovation: FloatArray, status: str, reason: str) -> Estimate:
         covariance = self.covariance() if self._sensitivity.shape[1] else self._P.copy()
@@ -139,6 +162,9 @@ class Estimator(ABC):
     def _consider(self, count: int) -> None:
         """Consider another number of errors; what the ones before did is forgotten."""
         self._sensitivity = np.zeros((self.p, count))
+
+    def undo_misfits(self) -> None:
+        """Go back to before the rows that count as ``misfits``; here nothing, as of an estimator that finds none."""
 
     def forget(self) -> None:
         """Forget the parameters that may jump, and keep what is known of the noise; here as :meth:`reset`."""

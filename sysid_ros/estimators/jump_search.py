@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,9 @@ class JumpRule:
         block: the parameters that may jump.
         least: change of the block's parameters of which one must be exceeded, shape (size of block,); infinite where it does
             not count.
-        memory: time after a jump during which old data are still in the rows [s].
+        memory: time after a jump during which old data are still in the rows [s]; 0 where whoever gives the rows takes care of it:
+            with the row that shows the jump the estimator goes back to before the run that it ends, and is left so; who calls may
+            let it :meth:`.Estimator.forget`, and gives it rows that hold nothing of the time before.
     """
 
     block: slice
@@ -26,8 +29,8 @@ class JumpRule:
 
 
 class JumpSearch:
-    """A run of innovations that are too large for what is known, fitted with a jump of the parameters that may jump (Willsky,
-    Jones 1976).
+    """A run of innovations that are too large for what is known, of which the newest are fitted with a jump of the parameters that
+    may jump (Willsky, Jones 1976).
 
     Args:
         rule: which parameters, and what counts. prior_variance: of all parameters, shape (p,).
@@ -60,23 +63,21 @@ class JumpSearch:
         self.hits += 1
         block = Y[:, self.rule.block]
         weighted = block / variance[:, None]
-        self._information += weighted.T @ block
-        self._coloured_information += (block / coloured[:, None]).T @ block
-        self._score += weighted.T @ innovation
-        self._statistic += float(innovation @ (innovation / variance))
+        coloured_information = (block / coloured[:, None]).T @ block
+        statistic = float(innovation @ (innovation / variance))
+        self._run.append((weighted.T @ block, coloured_information, weighted.T @ innovation, statistic))
         if self.hits < self.HITS:
             return None
-        change = np.asarray(np.linalg.solve(self._information + self._prior_information, self._score))
-        explained = float(change @ self._score) / self._statistic
-        significance = float(change @ self._coloured_information @ change)
-        self._clear()
+        information, coloured_sum, score = (np.sum([part[k] for part in self._run], axis=0) for k in range(3))
+        change = np.asarray(np.linalg.solve(information + self._prior_information, score))
+        explained = float(change @ score) / sum(part[3] for part in self._run)
+        significance = float(change @ coloured_sum @ change)
         large = bool(np.any(np.abs(change) > self.rule.least))
-        return change if explained >= self.EXPLAINED and significance >= self.SIGNIFICANT and large else None
+        if explained < self.EXPLAINED or significance < self.SIGNIFICANT or not large:
+            return None
+        self._clear()
+        return change
 
     def _clear(self) -> None:
-        size = len(self._prior_information)
         self.hits = 0
-        self._information = np.zeros((size, size))
-        self._coloured_information = np.zeros((size, size))
-        self._score = np.zeros(size)
-        self._statistic = 0.0
+        self._run: deque[tuple[FloatArray, FloatArray, FloatArray, float]] = deque(maxlen=self.HITS)

@@ -110,8 +110,10 @@ def innovate_and_update(
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def normalised_innovation(Y: FloatArray, P: FloatArray, spread: FloatArray, extra: FloatArray, innovation: FloatArray) -> float:
-    """``z = nu' S^-1 nu / m`` with ``S = Y P Y' + diag(spread + extra)``, by Cholesky; NaN where S is not positive definite."""
+def predict(
+    Y: FloatArray, P: FloatArray, spread: FloatArray, extra: FloatArray, innovation: FloatArray
+) -> tuple[float, float]:
+    """``nu' S^-1 nu`` and ``log det S`` with ``S = Y P Y' + diag(spread + extra)``, by Cholesky; NaN where S is not positive definite."""
     m, p = Y.shape
     S = np.empty((m, m))
     row = np.empty(p)
@@ -127,7 +129,7 @@ def normalised_innovation(Y: FloatArray, P: FloatArray, spread: FloatArray, extr
                 total += row[b] * Y[j, b]
             S[i, j] = total
         S[i, i] += spread[i] + extra[i]
-    z = 0.0
+    z, logarithm = 0.0, 0.0
     solved = np.empty(m)
     for i in range(m):
         for j in range(i):
@@ -141,11 +143,18 @@ def normalised_innovation(Y: FloatArray, P: FloatArray, spread: FloatArray, extr
             diagonal -= S[i, k] * S[i, k]
             rest -= S[i, k] * solved[k]
         if not diagonal > 0.0:
-            return np.nan
+            return np.nan, np.nan
         S[i, i] = np.sqrt(diagonal)
+        logarithm += np.log(diagonal)
         solved[i] = rest / S[i, i]
         z += solved[i] * solved[i]
-    return float(z / m)
+    return z, logarithm
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def normalised_innovation(Y: FloatArray, P: FloatArray, spread: FloatArray, extra: FloatArray, innovation: FloatArray) -> float:
+    """``z = nu' S^-1 nu / m``, see :func:`predict`."""
+    return float(predict(Y, P, spread, extra, innovation)[0] / innovation.size)
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]

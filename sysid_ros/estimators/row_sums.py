@@ -18,6 +18,7 @@ class RowSums:
         prior_variance: diagonal of P0, shape (p,). m: rows of an update.
 
     Attributes:
+        known: ``[L | h | H]``, shape (p, p + 1 + c).
         rows: ``[A_i | b_i | C_i]`` of each row, shape (m, p, p + 1 + c), to which :func:`variable_update.take_in` adds.
     """
 
@@ -29,23 +30,23 @@ class RowSums:
     def start(self, P: FloatArray, theta: FloatArray, S: FloatArray) -> None:
         """Begin from what is known: estimate (p,), covariance (p, p) and sensitivity (p, c)."""
         L = self._invert(P, self._std)
-        self._known = np.hstack([L, L @ np.column_stack([theta, -S])])
-        self.rows = np.zeros((self._m, *self._known.shape))
+        self.known = np.hstack([L, L @ np.column_stack([theta, -S])])
+        self.rows = np.zeros((self._m, *self.known.shape))
 
     def consider(self, c: int) -> None:
         """Make room for another number of considered errors; what the ones before did is forgotten."""
         kept = self._p + 1
-        self._known = np.hstack([self._known[:, :kept], np.zeros((self._p, c))])
+        self.known = np.hstack([self.known[:, :kept], np.zeros((self._p, c))])
         self.rows = np.concatenate([self.rows[:, :, :kept], np.zeros((self._m, self._p, c))], axis=2)
 
     def forget(self, P: FloatArray, theta: FloatArray, S: FloatArray, epsilon: float) -> None:
         """``P <- P + eps (P - P P0^-1 P)``, in place: a part eps of the information is exchanged for the prior around theta."""
-        _forget_towards_prior(P, self._prior_variance, epsilon, theta, S, self._known, self.rows)
+        _forget_towards_prior(P, self._prior_variance, epsilon, theta, S, self.known, self.rows)
 
     def solve(self, variance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Estimate (p,), covariance (p, p) and sensitivity (p, c) for rows of this noise, shape (m,)."""
         p = self._p
-        total = self._known.copy()
+        total = self.known.copy()
         for weight, rows in zip(1.0 / variance, self.rows, strict=True):
             total += weight * rows
         P = self._invert(total[:, :p], 1.0 / self._std)

@@ -15,6 +15,7 @@ from sysid_ros.estimators.variable_update import BLOCK_FULL, BROKEN_DOWN, NOT_OR
 from sysid_ros.sample import FloatArray
 
 _NOT_FINITE = "the rows hold values that are not finite, or absurd"
+_JUMPED = "the parameters have just jumped"
 _BROKEN_DOWN = "the recursion broke down and started again"
 
 
@@ -78,7 +79,8 @@ class VariableForgetting(Estimator):
         self._settling = 0
         self._burst = 0
         self._early: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-        self._early_jump = False
+        self._early_jump, self.misfits = False, 0
+        self._kept: tuple[FloatArray, ...] = ()
         self.jumps = 0
         self.before_jump = self.last_jump = np.zeros(self._jump.least.size)
 
@@ -104,8 +106,11 @@ class VariableForgetting(Estimator):
             done = self._take_in(Y, tau, extra, Z, innovation, self.THRESHOLD)
         if done == NOT_ORDINARY and kernels.innovate(Y, tau, self._theta, innovation):
             z = kernels.normalised_innovation(Y, self._P, self._levels[variable_update.SPREAD], extra, innovation)
+            jumps = self.jumps
             if self._is_idle(Y, innovation, extra, z, hold):
                 return self._estimate(innovation, "not_excited", "nothing excites the parameters; the estimate is held")
+            if self.jumps != jumps and self._jump.memory == 0.0:
+                return self._estimate(innovation, "warming_up", _JUMPED)
             outlier = z > self.THRESHOLD and not self._settling
             done = self._take_in(Y, tau, extra, Z, innovation, np.inf, z if outlier else 1.0)
         if done not in (TAKEN_IN, BLOCK_FULL):
@@ -129,7 +134,7 @@ class VariableForgetting(Estimator):
         if not self.noise.known:
             return self._estimate(innovation, "warming_up", "the noise of the torques is not known yet")
         if self._settling:
-            return self._estimate(innovation, "warming_up", "the parameters have just jumped")
+            return self._estimate(innovation, "warming_up", _JUMPED)
         return self._estimate(innovation, "ok", "")
 
     def _is_idle(self, Y: FloatArray, innovation: FloatArray, extra: FloatArray, z: float, hold: bool) -> bool:
@@ -213,15 +218,21 @@ class VariableForgetting(Estimator):
             return False
         if not z > self.THRESHOLD:
             self._search.miss()
+            self.misfits = self._search.hits
             return False
+        if self._search.hits == 0 and self._jump.memory == 0.0:
+            self._kept = tuple(x.copy() for x in (self._theta, self._P, self._sensitivity, self._sums.known, self._sums.rows))
         change = self._search.hit(Y, innovation, self._levels[variable_update.SPREAD] + extra, self._coloured_variance() + extra)
+        self.misfits = self._search.hits
         if change is None:
             return False
+        self.undo_misfits()
         self.jumps += 1
         self.before_jump, self.last_jump = self._theta[self._jump.block].copy(), change
-        self._settling = max(round(self._jump.memory / self._period), 1)
-        self._interrupt_noise()
-        self._begin_again()
+        if self._jump.memory > 0.0:
+            self._settling = max(round(self._jump.memory / self._period), 1)
+            self._interrupt_noise()
+            self._begin_again()
         return True
 
     def _coloured_variance(self) -> FloatArray:
@@ -233,10 +244,18 @@ class VariableForgetting(Estimator):
         )
         return variance
 
+    def undo_misfits(self) -> None:
+        if self._kept:
+            self._theta, self._P, self._sensitivity, self._sums.known, self._sums.rows = self._kept
+            self._kept = ()
+        self._search = JumpSearch(self._jump, self._prior_variance)
+        self.misfits = 0
+
     def forget(self) -> None:
         """Forget the parameters that may jump, and keep what is known of the noise."""
         self._theta[self._jump.block] = 0.0
-        self._settling = self._burst = 0
+        self._settling = 0
+        self._spread_count = min(self._spread_count, round(self.SPREAD_ANEW / self._period))
         self._search = JumpSearch(self._jump, self._prior_variance)
         self._interrupt_noise()
         self._begin_again()

@@ -29,7 +29,7 @@ class WatchedEstimator(Estimator):
 
     def __init__(self, inner: Estimator, problem: Problem) -> None:
         super().__init__(inner.p, inner.m)
-        self._inner, self._floor = inner, problem.floor
+        self._inner, self._floor, self._clean = inner, problem.floor, problem.jump.memory == 0.0
         self._watch = VariableForgetting.of(problem)
         self._see()
 
@@ -38,10 +38,15 @@ class WatchedEstimator(Estimator):
         watch = self._watch
         self.noise_known, self.noise_variance, self.row_variance = watch.noise_known, watch.noise_variance, watch.row_variance
         self.jumps, self.last_jump, self.before_jump = watch.jumps, watch.last_jump, watch.before_jump
+        self.misfits = watch.misfits
 
     def reset(self) -> None:
         self._inner.reset()
         self._watch.reset()
+        self._see()
+
+    def undo_misfits(self) -> None:
+        self._watch.undo_misfits()
         self._see()
 
     def forget(self) -> None:
@@ -55,6 +60,16 @@ class WatchedEstimator(Estimator):
     def covariance(self) -> FloatArray:
         return self._inner.covariance()
 
+    def predict(self, Y: FloatArray, tau: FloatArray, extra_variance: FloatArray | None = None) -> tuple[float, float]:
+        return self._watch.predict(Y, tau, extra_variance)
+
+    @property
+    def sensitivity(self) -> FloatArray:
+        return self._inner.sensitivity
+
+    def noise_covariance(self) -> FloatArray:
+        return self._inner.noise_covariance()
+
     def update(
         self,
         Y: FloatArray,
@@ -65,9 +80,12 @@ class WatchedEstimator(Estimator):
     ) -> Estimate:
         settling = self._watch.settling
         seen = self._watch.update(Y, tau, hold, extra_variance, considered)
-        if self._watch.jumps != self.jumps or (settling and not self._watch.settling):
+        jumped = self._watch.jumps != self.jumps
+        if (jumped and not self._clean) or (settling and not self._watch.settling):
             self._inner.forget()
         self._see()
+        if jumped and self._clean:
+            return Estimate(self.theta, self.covariance(), seen.innovation, seen.status, seen.reason)
         variance = self.noise_variance if extra_variance is None else self.noise_variance + extra_variance
         if seen.status == "outlier":
             variance = variance + seen.innovation**2

@@ -84,8 +84,8 @@ class TrunkRows:
         Y[:FREE, self._payload] = self._standing.push(np.ascontiguousarray(out[:, self._payload]), speed, trust > _TRUSTED)
         if self._bias is not None and trust > _TRUSTED:
             Y[FREE, self._bias], y[FREE] = vertical, excess
-        considered = np.zeros((self.rows, out.shape[1] - p - 5))
-        considered[:FREE] = out[:, p + 5 :]
+        considered = np.zeros((self.rows, out.shape[1] - p - 6))
+        considered[:FREE] = out[:, p + 6 :]
         values = {"Y": Y, "y": y, "speed": speed, "slow": np.zeros(self.rows), "tau": tau, "considered": considered}
         return values | {"acceleration": other[:-1, 1].copy(), "trust": trust}
 

@@ -12,6 +12,7 @@ from sysid_ros.exceptions import SettingsError
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.online.front_end import FrictionCorrection, FrontEnd
+from sysid_ros.online.link_inexactness import link_inexactness
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement, Sample
@@ -74,10 +75,14 @@ class FreeParameters:
             self._bias = AccelerometerBias(whole, frame=self.payload.frame)
             effects.append(self._bias)
             prior_std.append(np.full(3, settings.accelerometer_bias_std))
+        inexact = None
+        if base is None and known is None and settings.effort_type == "total":
+            inexact = link_inexactness(robot, settings.link_mass_error, settings.link_com_error)
         self.model = TorqueModel(
-            whole, effects, known_effects or [], settings.effort_type == "total", known.uncertainty if known else None
+            whole, effects, known_effects or [], settings.effort_type == "total", known.uncertainty if known else None, inexact=inexact
         )
         self.bias = self.model.slices[-1] if self._bias else None
+        self.friction_slice = self.model.slices[1] if self.friction in effects else slice(0, 0)
         self.prior_std = np.concatenate(prior_std)
 
     def _payload_prior(self) -> FloatArray:
@@ -127,7 +132,8 @@ class FreeParameters:
     def make_estimator(self, front_end: FrontEnd, floor: FloatArray) -> Estimator:
         """The estimator that the settings name, for rows of at least the variance ``floor``, shape (n,)."""
         s = self._settings
-        jump = JumpRule(PAYLOAD, np.array(_LEAST_JUMP), front_end.memory)
+        # an arm's rows are made anew after a change, see RowHistory
+        jump = JumpRule(PAYLOAD, np.array(_LEAST_JUMP), front_end.memory if self._base else 0.0)
         part = 1.0 if self._base is None else front_end.passed
         return make_estimator(s.estimator, Problem(self.prior_std, floor, front_end.period, s.forgetting_time, jump, part))
 

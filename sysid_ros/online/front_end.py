@@ -15,6 +15,7 @@ from sysid_ros.effects import Effect
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.stance_log import StanceLog
 from sysid_ros.floating.trunk_rows import TrunkRows
+from sysid_ros.online.row_history import RowHistory
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import TURNS
@@ -30,6 +31,8 @@ FIRST = 25
 """Measurements from which rate and noise of the torque are read before anything is estimated."""
 _LONGEST_STEP = 1.0
 """Longest time between measurements while the rate is not known [s]."""
+_FILLED = 0.98
+"""Part of the low-pass above which it counts as filled."""
 _SHORTEST_PERIOD = 5e-5
 """Measurements do not come faster, whatever their stamps say [s]."""
 _CHECK_EVERY = 300
@@ -154,8 +157,8 @@ class FrontEnd:
         self.rate = 1.0 / period
         derivative = CausalDerivative if base is None else FloatingDerivative
         self._derivative = derivative(n, period, window_half_width(self.rate), use_message_velocity)
-        self._raw = np.zeros((n, p + 5 + model.error.c))
-        self._columns, self._rest, self._considered = self._raw[:, :p], self._raw[:, p], self._raw[:, p + 5 :]
+        self._raw = np.zeros((n, p + 6 + model.error.c))
+        self._columns, self._rest, self._considered = self._raw[:, :p], self._raw[:, p], self._raw[:, p + 6 :]
         cutoff = min(cutoff_hz or default_cutoff(self.rate), 0.4 * self.rate)
         self._every = max(1, round(self.rate / update_rate))
         self.period = self._every * period
@@ -167,6 +170,11 @@ class FrontEnd:
         self.projection = self._trunk.projection if self._trunk else None
         self.rows = self._trunk.rows if self._trunk else n
         self._bank = self._trunk.bank if self._trunk else LowPassBank(self._raw.shape, cutoff, self.rate)
+        self._history: RowHistory | None = None
+        if self._trunk is None:
+            self._raw[:, p + 5] = 1.0
+            self._history = RowHistory((n, self._raw.shape[1]), model.slices[0], period, self._bank.sections)
+            self._rising = self._history.rise.size - 1
         self.passed = min(2.05 * cutoff * self.period, 1.0)
         self.memory, self.delay = self._bank.memory, self._bank.delay
         self._tick = -max(round(2.0 * self.memory * self.rate), self._every)
@@ -177,29 +185,67 @@ class FrontEnd:
         for sample in self._derivative.push(measurement):
             self._model.split_into(sample, self._columns, self._rest, self._considered)
             _fill_beside(self._raw, self._model.p + 1, sample.v, sample.a, sample.tau)
-            if self._trunk is None:
-                self._bank.push(self._raw)
+            if self._history is not None:
+                self._bank.push(self._raw * self._history.rise[self._rising])
+                self._rising = min(self._rising + 1, self._history.rise.size - 1)
             else:
-                assert isinstance(self._derivative, FloatingDerivative)
+                assert isinstance(self._derivative, FloatingDerivative) and self._trunk is not None
                 self._trunk.push(sample, self._raw, self._derivative.contacts(sample.t))
             self._tick += 1
-            if self._tick >= 0 and self._tick % self._every == 0:
+            is_due = self._tick >= 0 and self._tick % self._every == 0
+            if self._history is not None:
+                self._history.push(self._raw, sample, is_due)
+            if is_due:
                 due.append(self._rows(sample) if self._trunk is None else Rows(**self._trunk.due(), sample=sample))
         return due
+
+    def rest(self) -> None:
+        """Rows to come hold nothing of what has been; not of a floating base."""
+        if self._history is not None:
+            self._bank.rest()
+            self._history.clear()
+            self._rising = 0
+
+    def since_change(self, theta: FloatArray, variance: FloatArray, prior_variance: FloatArray) -> tuple[float, list[Rows]]:
+        """Where the first of the free effects has just changed: when [s], and the rows since then with nothing of the time before
+        in them, as those to come will be; none on a floating base.
+
+        Args:
+            theta: free parameters before the change, shape (p,). variance: of a single row, shape (n,). prior_variance: of the
+                parameters that changed.
+        """
+        if self._history is None:
+            return math.nan, []
+        first = self._history.onset(theta, variance, prior_variance)
+        since = self._history.since(first)
+        self._history.forget_before(first)
+        self._bank.rest()
+        rows = []
+        for raw, sample, is_due in since:
+            self._bank.push(raw)
+            if is_due:
+                rows.append(self._rows(sample))
+        return since[0][1].t if since else math.nan, rows
 
     def _rows(self, sample: Sample) -> Rows:
         """What the low-pass shows now, one row a joint."""
         p, out = self._model.p, self._bank.output
-        return Rows(
+        beside = out[:, p + 1 : p + 5]
+        if abs(filled := float(out[0, p + 5])) < _FILLED:  # means over what is in the filter, which is all of it but after a change
+            beside = beside / max(filled, 0.02)
+        rows = Rows(
             Y=np.ascontiguousarray(out[:, :p]),
             y=out[:, p].copy(),
-            speed=np.abs(out[:, p + 1]),
-            slow=np.abs(out[:, p + 4]),
-            acceleration=out[:, p + 2].copy(),
+            speed=np.abs(beside[:, 0]),
+            slow=np.abs(beside[:, 3]),
+            acceleration=beside[:, 1].copy(),
             tau=out[:, p + 3].copy(),
-            considered=np.ascontiguousarray(out[:, p + 5 :]),
+            considered=np.ascontiguousarray(out[:, p + 6 :]),
             sample=sample,
         )
+        assert self._history is not None
+        self._history.keep(rows.Y, rows.y)
+        return rows
 
 
 class FrictionCorrection(Effect):
@@ -224,8 +270,9 @@ class FrictionCorrection(Effect):
         force = tuple("N" if slides else "N m" for slides in robot.is_prismatic)
         self.units = (*force, *force, *("N s/m" if slides else "N m s/rad" for slides in robot.is_prismatic))
         self._settings = settings
+        stated = known is None and settings.effort_type == "total"
         nothing: FloatArray = np.zeros(robot.n)
-        self._coulomb = sum((np.abs(k.effect.as_dry_friction(k.theta)) for k in known or ()), nothing)
+        self._coulomb = sum((np.abs(k.effect.as_dry_friction(k.theta)) for k in known or ()), robot.friction if stated else nothing)
         self._viscous = np.abs(sum((k.effect.as_damping(k.theta) for k in known or ()), nothing))
         self.expected_std = self._drifted() if known is not None else self._unknown()
         joints = np.arange(robot.n)

@@ -5,6 +5,7 @@ The live node, the replay of a bag and a simulation all call the same :meth:`Onl
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import replace
 
@@ -14,13 +15,16 @@ from sysid_ros.estimators import Estimate, Estimator
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase, floating_base_of
 from sysid_ros.floating.stance_log import STANDS, STANDS_AGAIN, GroundContact, StanceLog
+from sysid_ros.online.change_trial import UNEXPLAINED, ChangeTrial, Verdict
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
 from sysid_ros.online.front_end import Cadence, FrontEnd, Rows
 from sysid_ros.online.payload_estimate import Judgement, PayloadEstimate, PayloadEvent
 from sysid_ros.online.payload_events import EventLog
+from sysid_ros.online.tare import Tare
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.inertial_parameters import project_into
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.urdf_bodies import reach
 from sysid_ros.sample import FREE, FloatArray, Measurement
 from sysid_ros.torque.model_file import ModelFile
 
@@ -67,7 +71,9 @@ class OnlineEstimation:
         self._log = EventLog(settings.no_payload_mass)
         notes = (*(known.notes(robot.urdf) if known else ()), *(self.base.notes if self.base else ()))
         self._warnings = {note: note for note in notes}
-        self._tare = np.zeros(10), np.zeros((10, 10))
+        self._tare = Tare()
+        self._trial: ChangeTrial | None = None
+        self._reach = reach(robot)
         self._observable_std = _OBSERVABLE * self._free.prior_std[PAYLOAD]
         self._enabled = True
         self.latest: PayloadEstimate | None = None
@@ -108,7 +114,7 @@ class OnlineEstimation:
 
     def reset(self, reason: str) -> None:
         """Forget payload, friction and noise, and start again."""
-        self.latest = self.estimator = self._judgement = None
+        self.latest = self.estimator = self._judgement = self._trial = None
         self._forget_filters()
         self._warnings["reset"] = f"The estimation was started again: {reason}."
 
@@ -122,9 +128,9 @@ class OnlineEstimation:
         """Take the present estimate as zero from now on, its covariance added to all that come. Says what was done."""
         if self.estimator is None or self.latest is None:
             return "There is no estimate yet, so nothing was tared."
-        theta, covariance = self.estimator.theta[PAYLOAD], self.estimator.covariance()[PAYLOAD, PAYLOAD]
-        self._tare = theta, covariance
-        return f"Tared at {theta[0]:.3f} kg (std {math.sqrt(covariance[0, 0]):.3f} kg)."
+        self._tare = Tare.of(self.estimator)
+        std = math.sqrt(self.estimator.covariance()[0, 0])
+        return f"Tared at {self._tare.theta[0]:.3f} kg (std {std:.3f} kg)."
 
     def step(self, measurement: Measurement) -> PayloadEstimate | None:
         """Take in one measurement; the estimate when one is due (``publish_rate``), else None. Never raises on a measurement."""
@@ -179,19 +185,17 @@ class OnlineEstimation:
             return self._held(rows, self._ground) if due and self._ground.lifted else None
         self._still = self._still + front_end.period if max(rows.speed.tolist()) < self.settings.standstill_velocity else 0.0
         hold = self._still > _STANDS and self.base is None
-        known, jumps, before, friction = estimator.noise_known, estimator.jumps, estimator.theta, self._free.friction
         if self._free.bias is not None:
-            self._free.carry(before)
-        extra = None if friction is None else friction.hidden_variance(rows.slow, rows.speed, before[PAYLOAD.stop :])
-        estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
-        self._outliers += estimate.status == "outlier"
-        if not hold and estimator.noise_known:
-            n = self._floor.size if self.base is None else FREE
-            judgement.check.add(rows.tau[:n], (rows.y - rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD])[:n])
-        if known and estimator.jumps != jumps:
-            delay = front_end.delay + estimator.found_after * front_end.period
-            mass = float(estimator.before_jump[0] - self._tare[0][0])
-            self._log.add(rows.sample.t - delay, mass, mass + float(estimator.last_jump[0]))
+            self._free.carry(estimator.theta)
+        trial = self._trial
+        if trial is not None:
+            trial.compare(rows.Y, rows.y, self._extra(rows, trial.before.theta), estimator)
+        if trial is not None and trial.force:
+            estimate = Estimate(estimator.theta, estimator.covariance(), rows.y - rows.Y @ estimator.theta, "outlier", "")
+        else:
+            estimate = self._update(rows, hold, estimator, judgement, front_end)
+        if self._trial is not None:
+            self._follow(self._trial, rows, front_end)
         if estimate.status == "not_finite":
             self._forget_filters()
             return None
@@ -200,6 +204,75 @@ class OnlineEstimation:
         self._next_publish = max(self._next_publish, rows.sample.t - front_end.period) + 1.0 / self.settings.publish_rate
         self.latest = self._publish(estimate, rows, t, judgement, front_end.projection)
         return self.latest
+
+    def _extra(self, rows: Rows, theta: FloatArray) -> FloatArray | None:
+        """Variance of the rows that dry friction adds."""
+        friction = self._free.friction
+        return None if friction is None else friction.hidden_variance(rows.slow, rows.speed, theta[self._free.friction_slice])
+
+    def _update(self, rows: Rows, hold: bool, estimator: Estimator, judgement: Judgement, front_end: FrontEnd) -> Estimate:
+        """Take in a row; where that shows a change, all rows since then without what came before it."""
+        known, jumps = estimator.noise_known, estimator.jumps
+        extra = self._extra(rows, estimator.theta)
+        estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
+        self._outliers += estimate.status == "outlier"
+        if not hold and estimator.noise_known:
+            n = self._floor.size if self.base is None else FREE
+            judgement.check.add(rows.tau[:n], (rows.y - rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD])[:n])
+        if estimator.jumps == jumps:
+            if known and self.base is None and self._trial is None and estimator.misfits * front_end.period > UNEXPLAINED:
+                t = rows.sample.t - estimator.misfits * front_end.period
+                estimator.undo_misfits()
+                self._trial = self._try(copy.deepcopy(estimator), t, float(estimator.theta[0] - self._tare.theta[0]), front_end, True)
+                self._log.force(t, self._trial.mass)
+            return estimate
+        mass = float(estimator.before_jump[0] - self._tare.theta[0])
+        after = mass + float(estimator.last_jump[0])
+        before = copy.deepcopy(estimator) if known and self._trial is None else None
+        variance = self._free.prior_std[PAYLOAD] ** 2
+        t, since = front_end.since_change(estimator.theta, estimator.row_variance + (0.0 if extra is None else extra), variance)
+        if self.base is None:
+            estimator.forget()
+        if self._trial is not None:
+            self._trial.jumped(t)
+        elif since and before is not None:
+            self._trial = self._try(before, t, mass, front_end)
+        for made_anew in since:
+            if self._trial is not None:
+                self._trial.compare(made_anew.Y, made_anew.y, self._extra(made_anew, self._trial.before.theta), estimator)
+            estimate = estimator.update(
+                made_anew.Y, made_anew.y, hold, self._extra(made_anew, estimator.theta), made_anew.considered
+            )
+        if not known:
+            return estimate
+        if not since:
+            t = rows.sample.t - front_end.delay - estimator.found_after * front_end.period
+        self._log.add(t, mass, after)
+        return estimate
+
+    def _try(self, before: Estimator, t: float, mass: float, front_end: FrontEnd, force: bool = False) -> ChangeTrial:
+        return ChangeTrial(before, t, mass, self._reach, front_end.period, front_end.passed, force)
+
+    def _follow(self, trial: ChangeTrial, rows: Rows, front_end: FrontEnd) -> None:
+        """Whether what has changed is a body, by the newest row."""
+        assert self.estimator is not None
+        was_force = trial.force
+        verdict = trial.judge(rows.sample.t, self.estimator, self._tare)
+        if verdict is Verdict.BODY:
+            self._trial = None
+        elif verdict is Verdict.FORCE and not was_force:
+            self.estimator = copy.deepcopy(trial.before)
+            self._log.force(trial.t, trial.mass)
+        elif verdict is Verdict.PASSED:
+            if not was_force:
+                self._log.force(trial.t, trial.mass)
+            self.estimator, self._trial = trial.before, None
+            front_end.rest()
+        elif verdict is Verdict.AGAIN:
+            self.estimator = copy.deepcopy(trial.before)
+            self.estimator.forget()
+            self._trial = self._try(trial.before, rows.sample.t, trial.mass, front_end)
+            front_end.rest()
 
     def _on_ground(self, rows: Rows, front_end: FrontEnd, ground: GroundContact) -> bool:
         """Whether a row is used; False while the feet do not carry the robot, or it has just been set down."""
@@ -224,8 +297,9 @@ class OnlineEstimation:
         self, estimate: Estimate, rows: Rows, t: float, judgement: Judgement, projection: ContactProjection | None
     ) -> PayloadEstimate:
         assert self.estimator is not None
-        theta: FloatArray = estimate.theta[PAYLOAD] - self._tare[0]
-        covariance = estimate.covariance[PAYLOAD, PAYLOAD] + self._tare[1]
+        theta: FloatArray = estimate.theta[PAYLOAD] - self._tare.theta
+        noise, model = self._tare.covariances(self.estimator)
+        covariance = noise + model
         if self.base is not None:
             covariance[0, 0] += self._doubt(float(theta[0]), self.base) ** 2
         std = np.sqrt(covariance.diagonal())
@@ -233,10 +307,18 @@ class OnlineEstimation:
         self._warnings.pop("inconsistent", None)
         if status == "inconsistent":
             self._warnings["inconsistent"] = reason
-            self._log.clear()
+        elif self._trial is not None and self._trial.force:
+            since = t - self._trial.t
+            status, reason = "inconsistent", f"A force that no carried body makes acts on the robot, since {since:.1f} s; the payload is held."
+        elif self._trial is not None and status in ("ok", "no_payload"):
+            status, reason = "warming_up", f"Something changed {t - self._trial.t:.1f} s ago; whether it is a body is not known yet. Keep moving."
         if status == "ok":
             nearest = np.empty(10)
-            distance = project_into(theta, covariance, nearest)
+            # what the noise explains is not laid on the considered errors, which would draw the mass along
+            for metric in (noise, covariance):
+                distance = project_into(theta, metric, nearest)
+                if distance <= _NOT_A_BODY:
+                    break
             theta = nearest if distance > 0.0 else theta
             if not distance <= _NOT_A_BODY:
                 status, reason = "not_physical", "No body of positive density has these parameters, whatever the noise."
@@ -258,5 +340,5 @@ class OnlineEstimation:
         """By how much the mass is wrong if what the accelerometer shows beyond gravity is a bias that is not estimated [kg]."""
         if self._stances is None or self._stances.bias_is_free:
             return 0.0
-        own = 0.0 if self._tare[1].any() else base.mass
+        own = 0.0 if self._tare.taken else base.mass
         return (own + max(mass, 0.0)) * self._stances.excess / self._gravity

@@ -60,9 +60,11 @@ class EventLog:
         if before is not None and abs(mass - before) > max(self._empty, 4.0 * std):
             self.add(t, before, mass)
 
-    def clear(self) -> None:
-        """What was found does not hold: the model beneath it is wrong."""
-        self.events.clear()
+    def force(self, t: float, mass: float) -> None:
+        """What was found since ``t`` [s] was no body but a force that passes; what is carried [kg] stays what it was."""
+        self.events = [e for e in self.events if e.t < t - self._same]
+        self.events.append(PayloadEvent(t, "external_force", mass, mass))
+        self.open_until = 0.0
 
     def _kind(self, before: float, after: float) -> str:
         if after < -self._empty:

@@ -231,14 +231,17 @@ class LowPassBank:
         cutoff_hz: cut-off [Hz].
         rate: samples a second [Hz].
         order: even order.
+
+    Attributes:
+        sections: of the filter, shape (order / 2, 6). output: filtered channels.
     """
 
     def __init__(self, shape: tuple[int, ...], cutoff_hz: float, rate: float, order: int = 4) -> None:
         self.cutoff_hz = cutoff_hz
-        self._sections = butterworth_sections(order, cutoff_hz, rate)
-        self._steady = np.stack([1.0 - self._sections[:, 0], self._sections[:, 2] - self._sections[:, 5]], axis=1)
+        self.sections = butterworth_sections(order, cutoff_hz, rate)
+        self._steady = np.stack([1.0 - self.sections[:, 0], self.sections[:, 2] - self.sections[:, 5]], axis=1)
         size = math.prod(shape)
-        self._state = np.zeros((len(self._sections), 2, size))
+        self._state = np.zeros((len(self.sections), 2, size))
         self.output: FloatArray = np.zeros(shape)
         self._flat = self.output.reshape(-1)
         self._primed = False
@@ -259,8 +262,13 @@ class LowPassBank:
         if not self._primed:
             self._state[:] = self._steady[:, :, None] * flat
             self._primed = True
-        _filter(self._sections, self._state, flat, self._flat)
+        _filter(self.sections, self._state, flat, self._flat)
         return self.output
+
+    def rest(self) -> None:
+        """Forget all, as if every input before had been zero."""
+        self._state[:] = 0.0
+        self._primed = True
 
     def reset(self) -> None:
         """Forget all: the next input primes the filter."""

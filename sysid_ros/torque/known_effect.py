@@ -35,6 +35,7 @@ class KnownError:
         robot: the arm.
         known: its known effects.
         directions: L, shape (number of known parameters, c), rows in the order of the effects; None where it is not known.
+        links: the same of the URDF's link inertials, shape (10 n, c), where they are what is known.
 
     Attributes:
         c: number of directions.
@@ -43,18 +44,20 @@ class KnownError:
         ModelFileError: L does not fit the effects.
     """
 
-    def __init__(self, robot: RobotModel, known: Sequence[KnownEffect], directions: FloatArray | None) -> None:
+    def __init__(self, robot: RobotModel, known: Sequence[KnownEffect], directions: FloatArray | None, links: FloatArray | None = None) -> None:
         count = sum(k.effect.p for k in known)
         if directions is not None and directions.shape[0] != count:
             raise ModelFileError(
                 f"the model's uncertainty has {directions.shape[0]} rows, its effects have {count} parameters. "
                 "Write the model again with 'sysid identify'."
             )
-        self.c = 0 if directions is None else directions.shape[1]
-        self._links = np.zeros((10 * robot.n, self.c))
         self._others: list[tuple[Effect, FloatArray]] = []
         if directions is None:
+            self._links = np.zeros((10 * robot.n, 0)) if links is None else links
+            self.c = self._links.shape[1]
             return
+        self.c = directions.shape[1]
+        self._links = np.zeros((10 * robot.n, self.c))
         start = 0
         for k in known:
             rows = directions[start : start + k.effect.p]

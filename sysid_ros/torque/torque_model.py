@@ -41,6 +41,7 @@ class TorqueModel:
             ``links`` is False, the URDF's links and its ``<dynamics>`` (damping, friction) are known.
         links: False where the measured torque is already free of the robot's own torque.
         uncertainty: of the known effects, see :class:`sysid_ros.torque.known_effect.KnownError`.
+        inexact: of the URDF's links where they are known, directions of the error of their inertials, shape (10 n, c).
         turns: speed at which the dry friction of the URDF's ``<dynamics>`` has turned, which no URDF says, shape () or (n,)
             [rad/s].
 
@@ -60,6 +61,7 @@ class TorqueModel:
         links: bool = True,
         uncertainty: FloatArray | None = None,
         turns: float | FloatArray = TURNS,
+        inexact: FloatArray | None = None,
     ) -> None:
         self.robot = robot
         self.free = tuple(free)
@@ -81,7 +83,7 @@ class TorqueModel:
         self._rubs, self._turns = bool(np.any(robot.damping) or np.any(robot.friction)), turns
         correction = sum((k.effect.as_links(k.theta).ravel() for k in replaced), np.zeros(10 * robot.n))
         self._correction = correction if self._urdf_links and np.any(correction) else None
-        self.error = KnownError(robot, self.known, uncertainty if self._urdf_links else None)
+        self.error = KnownError(robot, self.known, uncertainty if self._urdf_links else None, inexact if self._dynamics else None)
         self._others = tuple(k for k in self.known if not k.effect.replaces_links)
 
     # What a robot's description could hold of all that is known: the URDF's own, where it is known, and the effects' sums.
@@ -147,16 +149,16 @@ class TorqueModel:
 
     def _known_torque(self, sample: Sample, considered: FloatArray | None) -> FloatArray:
         robot = self.robot
-        tau = robot.rnea(sample.q, sample.v, sample.a)
+        asked = self._urdf_links and (self._correction is not None or (considered is not None and self.error.c > 0))
+        regressor = robot.regressor(sample.q, sample.v, sample.a) if asked else None
+        tau = robot.rnea(sample.q, sample.v, sample.a)  # last: the effects' columns read what it leaves
         if not self._urdf_links:
             tau[:] = 0.0
-        elif self._correction is not None or self.error.c > 0:
-            regressor = robot.regressor(sample.q, sample.v, sample.a)
+        elif regressor is not None:
             if self._correction is not None:
                 tau += regressor @ self._correction
             if considered is not None:
                 self.error.fill(sample, regressor, considered)
-            robot.rnea(sample.q, sample.v, sample.a)
         if self._dynamics and self._rubs:
             tau += robot.damping * sample.v + robot.friction * smoothed_sign(sample.v, self._turns)
         for k in self._others:

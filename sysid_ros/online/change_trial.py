@@ -1,0 +1,118 @@
+"""ChangeTrial: whether a jump of the estimate was a body that is carried from then on, or a force that passes."""
+
+from __future__ import annotations
+
+from collections import deque
+from enum import Enum
+
+import numpy as np
+
+from sysid_ros.estimators import Estimator
+from sysid_ros.online.free_parameters import PAYLOAD
+from sysid_ros.online.tare import Tare
+from sysid_ros.robot.inertial_parameters import project_into
+from sysid_ros.sample import FloatArray
+
+_FITS = 4.0
+"""Normalised innovation up to which a row fits, as in :class:`.variable_forgetting.VariableForgetting`."""
+_YOUNG = 0.1
+"""Before so long nothing is judged [s]."""
+_RETURNED = 0.15
+"""What was known before fits again for so long: longer than the low-pass remembers [s]."""
+_LIKELIER = 3.0
+"""Logarithm of how much likelier it must be than what is estimated since: 20 to 1."""
+_JUMPS = 4
+"""So many jumps before one has settled are no body: what is carried does not change all the time."""
+_STAYS = 0.5
+"""So long without another jump, a body that is well known is one [s]."""
+_LONGEST = 3.0
+"""What nothing has spoken against for so long is a body; a force that has not passed after so long may be one [s]."""
+_NO_BODY = 29.6
+"""99.9 % quantile of chi-squared with 10 degrees of freedom."""
+
+
+UNEXPLAINED = 0.15
+"""Rows that do not fit what is known, and that no jump explains, are a force after so long [s]."""
+
+
+class Verdict(Enum):
+    """OPEN: not known yet. BODY: it is carried. FORCE: it is no body; it acts still. PASSED: what was before is again. AGAIN: a force
+    that stays is tried as a body once more."""
+
+    OPEN = 0
+    BODY = 1
+    FORCE = 2
+    PASSED = 3
+    AGAIN = 4
+
+
+class ChangeTrial:
+    """Keeps what was known before a jump beside what is estimated since, and compares both with what comes.
+
+    A body has a positive mass, its centre of mass within ``reach``, and an inertia; its torque follows the motion, so that no
+    further jump is needed; and it stays. A force does none of these in the long run: a push that ends leaves rows that fit what
+    was known before it.
+
+    Args:
+        before: the estimator as it was before the jump. t: of the jump [s]. mass: carried before it [kg]. reach: how far from the
+            frame a centre of mass can be [m]. period: time between rows [s]. part: of them that is
+            independent. force: no jump of a body explained it.
+
+    Attributes:
+        before, t, mass: as given. force: True once it is known to be no body.
+    """
+
+    def __init__(
+        self, before: Estimator, t: float, mass: float, reach: float, period: float, part: float, force: bool = False
+    ) -> None:
+        self.before, self.t, self.mass, self._reach = before, t, mass, reach
+        self.force = force
+        self._jumps, self._newest, self._force_since = 1, t, t
+        self._impossible_since = np.inf
+        self._part = part
+        self._compared: deque[tuple[float, float]] = deque(maxlen=max(round(_RETURNED / period), 2))
+
+    def jumped(self, t: float) -> None:
+        """Another jump was found at ``t`` [s]."""
+        self._jumps, self._newest = self._jumps + 1, t
+        self._impossible_since = np.inf
+        self._compared.clear()
+
+    def compare(self, Y: FloatArray, y: FloatArray, extra: FloatArray | None, estimator: Estimator) -> None:
+        """How likely a row is, shapes (m, p) and (m,), after what was before and after what ``estimator`` has learned since, which
+        has not seen it; with ``extra`` variance (m,)."""
+        misfit, likely = self.before.predict(Y, y, extra)
+        self._compared.append((misfit, np.inf if self.force else likely - estimator.predict(Y, y, extra)[1]))
+
+    def judge(self, t: float, estimator: Estimator, tare: Tare) -> Verdict:
+        """What is known at ``t`` [s], after the estimator has taken in the row that was compared."""
+        compared = np.array(self._compared)
+        if len(compared) == self._compared.maxlen and np.all(compared[:, 0] <= _FITS):
+            if self._part * float(np.sum(compared[:, 1])) > _LIKELIER:
+                return Verdict.PASSED
+        if self.force:
+            return Verdict.AGAIN if t - self._force_since > _LONGEST else Verdict.FORCE
+        if t - self._newest < _YOUNG:
+            return Verdict.OPEN
+        self._impossible_since = np.inf if self._possible(estimator, tare) else min(self._impossible_since, t)
+        if self._jumps >= _JUMPS or t - self._impossible_since >= _RETURNED:
+            self.force, self._force_since = True, t
+            return Verdict.FORCE
+        settled = t - self._newest >= _STAYS and self._well_known(estimator)
+        return Verdict.BODY if settled or t - self._newest >= _LONGEST else Verdict.OPEN
+
+    def _possible(self, estimator: Estimator, tare: Tare) -> bool:
+        """Whether some body has the parameters that are estimated."""
+        noise, model = tare.covariances(estimator)
+        theta, covariance = estimator.theta[PAYLOAD] - tare.theta, noise + model
+        if not project_into(theta, covariance, np.empty(10)) <= _NO_BODY:
+            return False
+        std = np.sqrt(covariance.diagonal())
+        heaviest = max(theta[0] + 3.0 * std[0], 0.0)
+        return bool(np.all(np.abs(theta[1:4]) - 3.0 * std[1:4] <= heaviest * self._reach))
+
+    def _well_known(self, estimator: Estimator) -> bool:
+        """Whether mass and centre of mass are known so well that a force would show."""
+        theta, std = estimator.theta[PAYLOAD], np.sqrt(estimator.noise_covariance().diagonal())[PAYLOAD]
+        mass = max(abs(float(theta[0])), 0.3)
+        return bool(std[0] <= 0.05 * mass and np.all(std[1:4] <= 0.03 * mass))

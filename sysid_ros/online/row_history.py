@@ -1,0 +1,126 @@
+"""RowHistory: the last moments before the low-pass, so that rows can be made again without what came before a change."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numba import njit
+
+from sysid_ros.sample import FloatArray, Sample
+
+_SPAN = 0.4
+"""How far back it reaches [s]."""
+_STEP = 0.005
+"""Between the times at which a change is looked for [s]."""
+_RISE = 0.05
+"""For so long after a change w rises [s]."""
+_NEWEST = 3
+"""A change is at least so many steps old."""
+
+
+class RowHistory:
+    """A low-pass remembers what was before a change for an eighth of a second and more. It is linear, so that
+
+        F(w tau) = F(w Y) theta + F(w e),    w = 0 before the change and 1 after it,
+
+    holds as the equation without w does, and holds nothing of the time before (Willsky, Jones 1976 find a change so; here it is
+    also what the estimate starts anew from).
+
+    Args:
+        shape: of the channels, (n, c). block: columns of the parameters that change. period: of the measurements [s].
+        sections: of the low-pass, shape (k, 6).
+
+    Attributes:
+        rise: w after a change, as a factor on each of the samples after it, the last one for all to come.
+    """
+
+    def __init__(self, shape: tuple[int, int], block: slice, period: float, sections: FloatArray) -> None:
+        self._size, self._block, self._sections = max(round(_SPAN / period), 8), block, sections
+        self._ring = np.zeros((self._size, *shape))
+        self._samples: deque[tuple[Sample, bool]] = deque(maxlen=self._size)
+        self._updates: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=self._size)
+        self._count, self._step = 0, max(round(_STEP / period), 1)
+        rise = np.arange(round(_RISE / period) + 1) + 0.5
+        self.rise: FloatArray = 0.5 - 0.5 * np.cos(np.pi * np.minimum(rise * period / _RISE, 1.0))
+
+    def push(self, raw: FloatArray, sample: Sample, due: bool) -> None:
+        """Take in the channels before the low-pass, and whether a row was due at that sample."""
+        self._ring[self._count % self._size] = raw
+        self._count += 1
+        self._samples.append((sample, due))
+
+    def keep(self, Y: FloatArray, y: FloatArray) -> None:
+        """Take in a row that was due, after the low-pass."""
+        self._updates.append((Y, y))
+
+    def clear(self) -> None:
+        """Nothing of what has been is looked at again."""
+        self._samples.clear()
+        self._updates.clear()
+
+    def forget_before(self, index: int) -> None:
+        """What came before a change, at an index of :meth:`onset`, is not looked at again."""
+        for _ in range(index):
+            self._samples.popleft()
+
+    def onset(self, theta: FloatArray, variance: FloatArray, prior_variance: FloatArray) -> int:
+        """Index, in what is kept, of the first channels after the change that explains the newest rows best.
+
+        Args:
+            theta: parameters before it, shape (p,). variance: of a single row, shape (m,). prior_variance: of the block, shape (b,).
+        """
+        kept = len(self._samples)
+        due = np.array([k for k, (_, d) in enumerate(self._samples) if d], dtype=np.int64)
+        rows = list(self._updates)[-due.size :]
+        due = due[due.size - len(rows) :]
+        e = np.array([y - Y @ theta for Y, y in rows])
+        raw = np.ascontiguousarray(self._recent()[:, :, self._block])
+        starts = np.arange(kept - _NEWEST * self._step, 0, -self._step)
+        gains = np.empty(starts.size)
+        for i, start in enumerate(starts):
+            columns = _windowed(raw, self._sections, start, due)
+            weighted = columns / variance[:, None]
+            information = np.einsum("kma,kmb->ab", weighted, columns) + np.diag(1.0 / prior_variance)
+            score = np.einsum("kma,km->a", weighted, e)
+            gains[i] = score @ np.linalg.solve(information, score)
+        return int(starts[int(np.argmax(gains))]) + self._step
+
+    def since(self, index: int) -> list[tuple[FloatArray, Sample, bool]]:
+        """``w`` times the channels, sample, and whether a row was due, from an index on.
+
+        w rises smoothly: where second differences of noisy positions were cut off, their noise would no longer cancel in the low-pass.
+        """
+        recent = self._recent()[index:]
+        beginning = min(len(recent), self.rise.size)
+        recent[:beginning] *= self.rise[:beginning, None, None]
+        return [(recent[k], *pair) for k, pair in enumerate(list(self._samples)[index:])]
+
+    def _recent(self) -> FloatArray:
+        kept = len(self._samples)
+        return self._ring[np.arange(self._count - kept, self._count) % self._size]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _windowed(raw: FloatArray, sections: FloatArray, start: int, due: FloatArray) -> FloatArray:
+    """Channels (N, m, b) through the low-pass from rest, zero before ``start``, at the indices ``due`` (k,): shape (k, m, b)."""
+    N, m, b = raw.shape
+    state = np.zeros((sections.shape[0], 2, m, b))
+    out = np.zeros((due.size, m, b))
+    at = 0
+    while at < due.size and due[at] < start:
+        at += 1
+    for k in range(start, N):
+        for i in range(m):
+            for j in range(b):
+                u = raw[k, i, j]
+                for s in range(sections.shape[0]):
+                    y = sections[s, 0] * u + state[s, 0, i, j]
+                    state[s, 0, i, j] = sections[s, 1] * u - sections[s, 4] * y + state[s, 1, i, j]
+                    state[s, 1, i, j] = sections[s, 2] * u - sections[s, 5] * y
+                    u = y
+                if at < due.size and due[at] == k:
+                    out[at, i, j] = u
+        if at < due.size and due[at] == k:
+            at += 1
+    return out
