@@ -125,6 +125,11 @@ class Estimator(ABC):
         """What unit considered errors do to theta, shape (p, c); c = 0 where none are considered."""
         return self._sensitivity.copy()
 
+    @property
+    def variance_of_parameters(self) -> FloatArray:
+        """Diagonal of :meth:`noise_covariance`, shape (p,)."""
+        return np.array(self.noise_covariance().diagonal())
+
     def noise_covariance(self) -> FloatArray:
         """The part of the covariance that is not of the considered errors, shape (p, p)."""
         return self._P.copy() if self._sensitivity.shape[1] else self.covariance()

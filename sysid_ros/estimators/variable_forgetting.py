@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
+from scipy import special
 
 from sysid_ros.estimators import kernels, variable_update
 from sysid_ros.estimators.estimator import Estimate, Estimator, Problem
@@ -218,12 +219,12 @@ class VariableForgetting(Estimator):
             return False
         if not z > self.THRESHOLD:
             self._search.miss()
-            self.misfits = self._search.hits
+            self.misfits = 0
             return False
         if self._search.hits == 0 and self._jump.memory == 0.0:
             self._kept = tuple(x.copy() for x in (self._theta, self._P, self._sensitivity, self._sums.known, self._sums.rows))
         change = self._search.hit(Y, innovation, self._levels[variable_update.SPREAD] + extra, self._coloured_variance() + extra)
-        self.misfits = self._search.hits
+        self.misfits = self.misfits + 1 if z > self._unlikely() else 0
         if change is None:
             return False
         self.undo_misfits()
@@ -235,6 +236,11 @@ class VariableForgetting(Estimator):
             self._begin_again()
         return True
 
+    def _unlikely(self) -> float:
+        """Normalised innovation that noise, as well as it is known, exceeds once in a million (Fisher's F)."""
+        independent = max(self._spread_count * self._period / self.INDEPENDENT, 1.0)
+        return max(float(special.fdtri(self.m, independent, 1.0 - 1e-6)), self.THRESHOLD)
+
     def _coloured_variance(self) -> FloatArray:
         """Long-run variance of the rows; while it is not known, as if what is left kept its value for a block, shape (m,)."""
         if self.noise.known:
@@ -243,6 +249,10 @@ class VariableForgetting(Estimator):
             self.noise.variance, self._levels[variable_update.SPREAD] * self.noise.BLOCKS[0] / self._period
         )
         return variance
+
+    @property
+    def variance_of_parameters(self) -> FloatArray:
+        return self._P.diagonal()
 
     def undo_misfits(self) -> None:
         if self._kept:

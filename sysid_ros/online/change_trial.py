@@ -9,16 +9,17 @@ import numpy as np
 
 from sysid_ros.estimators import Estimator
 from sysid_ros.online.free_parameters import PAYLOAD
+from sysid_ros.online.front_end import FrontEnd
 from sysid_ros.online.tare import Tare
 from sysid_ros.robot.inertial_parameters import project_into
 from sysid_ros.sample import FloatArray
 
 _FITS = 4.0
 """Normalised innovation up to which a row fits, as in :class:`.variable_forgetting.VariableForgetting`."""
-_YOUNG = 0.1
-"""Before so long nothing is judged [s]."""
-_RETURNED = 0.15
-"""What was known before fits again for so long: longer than the low-pass remembers [s]."""
+_YOUNG = 0.8
+"""Before so long nothing is judged [memories of the low-pass]."""
+_RETURNED = 1.2
+"""What was known before fits again for so long: longer than the low-pass remembers [its memories]."""
 _LIKELIER = 3.0
 """Logarithm of how much likelier it must be than what is estimated since: 20 to 1."""
 _JUMPS = 4
@@ -29,10 +30,6 @@ _LONGEST = 3.0
 """What nothing has spoken against for so long is a body; a force that has not passed after so long may be one [s]."""
 _NO_BODY = 29.6
 """99.9 % quantile of chi-squared with 10 degrees of freedom."""
-
-
-UNEXPLAINED = 0.15
-"""Rows that do not fit what is known, and that no jump explains, are a force after so long [s]."""
 
 
 class Verdict(Enum):
@@ -55,22 +52,19 @@ class ChangeTrial:
 
     Args:
         before: the estimator as it was before the jump. t: of the jump [s]. mass: carried before it [kg]. reach: how far from the
-            frame a centre of mass can be [m]. period: time between rows [s]. part: of them that is
-            independent. force: no jump of a body explained it.
+            frame a centre of mass can be [m]. front_end: that the rows come from.
 
     Attributes:
         before, t, mass: as given. force: True once it is known to be no body.
     """
 
-    def __init__(
-        self, before: Estimator, t: float, mass: float, reach: float, period: float, part: float, force: bool = False
-    ) -> None:
+    def __init__(self, before: Estimator, t: float, mass: float, reach: float, front_end: FrontEnd) -> None:
         self.before, self.t, self.mass, self._reach = before, t, mass, reach
-        self.force = force
+        self.force = False
         self._jumps, self._newest, self._force_since = 1, t, t
         self._impossible_since = np.inf
-        self._part = part
-        self._compared: deque[tuple[float, float]] = deque(maxlen=max(round(_RETURNED / period), 2))
+        self._part, self._young, self._returned = front_end.passed, _YOUNG * front_end.memory, _RETURNED * front_end.memory
+        self._compared: deque[tuple[float, float]] = deque(maxlen=max(round(self._returned / front_end.period), 2))
 
     def jumped(self, t: float) -> None:
         """Another jump was found at ``t`` [s]."""
@@ -92,10 +86,10 @@ class ChangeTrial:
                 return Verdict.PASSED
         if self.force:
             return Verdict.AGAIN if t - self._force_since > _LONGEST else Verdict.FORCE
-        if t - self._newest < _YOUNG:
+        if t - self._newest < self._young:
             return Verdict.OPEN
         self._impossible_since = np.inf if self._possible(estimator, tare) else min(self._impossible_since, t)
-        if self._jumps >= _JUMPS or t - self._impossible_since >= _RETURNED:
+        if self._jumps >= _JUMPS or t - self._impossible_since >= self._returned:
             self.force, self._force_since = True, t
             return Verdict.FORCE
         settled = t - self._newest >= _STAYS and self._well_known(estimator)

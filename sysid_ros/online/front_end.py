@@ -1,28 +1,20 @@
-"""Cadence: how fast measurements come; FrontEnd: from them to filtered rows of the equation at the estimator's rate, with the
-columns of :class:`FrictionCorrection` among them."""
+"""Cadence: how fast measurements come; FrontEnd: from them to filtered rows of the equation at the estimator's rate."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numba import njit
 
-from sysid_ros.effects import Effect
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.stance_log import StanceLog
 from sysid_ros.floating.trunk_rows import TrunkRows
 from sysid_ros.online.row_history import RowHistory
-from sysid_ros.online_settings import OnlineSettings
-from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.robot.smoothed_sign import TURNS
 from sysid_ros.sample import FloatArray, Measurement, Sample
-from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank, default_cutoff, window_half_width
+from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank, default_cutoff, position_noise, window_half_width
 from sysid_ros.signals.floating_derivative import FloatingDerivative
-from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel
 
 _SLOW = 0.06
@@ -36,7 +28,9 @@ _FILLED = 0.98
 _SHORTEST_PERIOD = 5e-5
 """Measurements do not come faster, whatever their stamps say [s]."""
 _CHECK_EVERY = 300
-"""Measurements after which the rate is looked at again."""
+"""Measurements after which rate and noise of the positions are looked at again."""
+_FINER = 0.8
+"""A cut-off that is right below so much of the one at work takes its place."""
 _LONGEST_FILL = 10.5
 """Longest step that is interpolated over [periods]."""
 
@@ -105,6 +99,7 @@ class Rows:
         tau: measured torque, shape (n,) [N m].
         considered: torque of the errors of what is known, shape (n, c) [N m], see :class:`.known_effect.KnownError`.
         sample: the newest sample that went in, not filtered.
+        fresh: True where the low-pass has not been filled for long, as after a change.
         trust: part of the row from when the feet of a floating base carried it, 0 to 1; 1 on an arm.
     """
 
@@ -117,6 +112,7 @@ class Rows:
     considered: FloatArray
     sample: Sample
     trust: float = 1.0
+    fresh: bool = False
 
 
 class FrontEnd:
@@ -128,7 +124,8 @@ class FrontEnd:
         model: what is known and what is free.
         period: usual time between measurements [s].
         update_rate: rows a second at most [Hz].
-        cutoff_hz: of the low-pass [Hz]; 0 for the default of the rate.
+        cutoff_hz: of the low-pass [Hz]; 0 for what suits rate and noise of the positions.
+        noise: of the positions, root mean square over the joints [rad].
         use_message_velocity: velocity from the messages instead of from the positions.
         base: the robot of ``model`` where it floats. standstill, stances, gravity, bias: as of :class:`TrunkRows`.
 
@@ -136,6 +133,7 @@ class FrontEnd:
         projection: of a floating base, else None. rows: of an update.
         passed: variance of a row over the long-run variance of the rows, for white noise.
         rate: measurements a second [Hz]. period: time between rows [s].
+        noise: of the positions, as it was last measured [rad]. too_fast: True where the low-pass lets too much of it pass.
         memory: time after which a measurement has left the rows [s]. delay: of the rows behind their sample [s].
     """
 
@@ -151,6 +149,7 @@ class FrontEnd:
         stances: StanceLog | None = None,
         gravity: float = 9.81,
         bias: slice | None = None,
+        noise: float = 0.0,
     ) -> None:
         self._model = model
         n, p = model.robot.n, model.p
@@ -159,7 +158,10 @@ class FrontEnd:
         self._derivative = derivative(n, period, window_half_width(self.rate), use_message_velocity)
         self._raw = np.zeros((n, p + 6 + model.error.c))
         self._columns, self._rest, self._considered = self._raw[:, :p], self._raw[:, p], self._raw[:, p + 6 :]
-        cutoff = min(cutoff_hz or default_cutoff(self.rate), 0.4 * self.rate)
+        cutoff = min(cutoff_hz or default_cutoff(self.rate, noise), 0.4 * self.rate)
+        self._cutoff, self._adapts, self.noise = cutoff, not cutoff_hz and base is None, noise
+        self._positions: list[FloatArray] = []
+        self._fresh = 0
         self._every = max(1, round(self.rate / update_rate))
         self.period = self._every * period
         self._trunk: TrunkRows | None = None
@@ -173,7 +175,7 @@ class FrontEnd:
         self._history: RowHistory | None = None
         if self._trunk is None:
             self._raw[:, p + 5] = 1.0
-            self._history = RowHistory((n, self._raw.shape[1]), model.slices[0], period, self._bank.sections)
+            self._history = RowHistory((n, self._raw.shape[1]), model.slices[0], period, self._bank)
             self._rising = self._history.rise.size - 1
         self.passed = min(2.05 * cutoff * self.period, 1.0)
         self.memory, self.delay = self._bank.memory, self._bank.delay
@@ -182,6 +184,10 @@ class FrontEnd:
     def push(self, measurement: Measurement) -> list[Rows]:
         """Rows that are due: none while the filters fill and between updates, seldom more than one."""
         due = []
+        if self._adapts:
+            self._positions.append(measurement.q)
+            if len(self._positions) == _CHECK_EVERY:
+                self.noise, self._positions = position_noise(np.array(self._positions)), []
         for sample in self._derivative.push(measurement):
             self._model.split_into(sample, self._columns, self._rest, self._considered)
             _fill_beside(self._raw, self._model.p + 1, sample.v, sample.a, sample.tau)
@@ -198,6 +204,11 @@ class FrontEnd:
             if is_due:
                 due.append(self._rows(sample) if self._trunk is None else Rows(**self._trunk.due(), sample=sample))
         return due
+
+    @property
+    def too_fast(self) -> bool:
+        """See the class."""
+        return self._adapts and default_cutoff(self.rate, self.noise) < _FINER * self._cutoff
 
     def rest(self) -> None:
         """Rows to come hold nothing of what has been; not of a floating base."""
@@ -220,6 +231,7 @@ class FrontEnd:
         since = self._history.since(first)
         self._history.forget_before(first)
         self._bank.rest()
+        self._rising = min(len(since), self._history.rise.size - 1)
         rows = []
         for raw, sample, is_due in since:
             self._bank.push(raw)
@@ -231,7 +243,9 @@ class FrontEnd:
         """What the low-pass shows now, one row a joint."""
         p, out = self._model.p, self._bank.output
         beside = out[:, p + 1 : p + 5]
-        if abs(filled := float(out[0, p + 5])) < _FILLED:  # means over what is in the filter, which is all of it but after a change
+        filled = float(out[0, p + 5])
+        self._fresh = round(self.memory / self.period) if filled < _FILLED else max(self._fresh - 1, 0)
+        if filled < _FILLED:  # means over what is in the filter, which is all of it but after a change
             beside = beside / max(filled, 0.02)
         rows = Rows(
             Y=np.ascontiguousarray(out[:, :p]),
@@ -242,75 +256,11 @@ class FrontEnd:
             tau=out[:, p + 3].copy(),
             considered=np.ascontiguousarray(out[:, p + 6 :]),
             sample=sample,
+            fresh=self._fresh > 0,
         )
         assert self._history is not None
         self._history.keep(rows.Y, rows.y)
         return rows
-
-
-class FrictionCorrection(Effect):
-    """``tau_j = offset_j + Fc_j tanh(v_j / width) + b_j v_j``: what has changed since the arm was identified, or all of
-    it where it never was. The three as one effect, because its columns are written at the robot's rate.
-
-    Args:
-        robot: the model. settings: how large the change may be, what counts as slow. known: effects that are known, or None where
-            no model is.
-
-    Attributes:
-        expected_std: before any data, of offset, Coulomb and viscous friction, shape (3 n,): small beside a known model, of the
-            size of the effort limits without one.
-    """
-
-    id: ClassVar[str] = "friction_correction"
-    label: ClassVar[str] = "correction of offset and friction"
-
-    def __init__(self, robot: RobotModel, settings: OnlineSettings, known: Sequence[KnownEffect] | None) -> None:
-        super().__init__(robot)
-        self.parameter_names = tuple(f"{symbol}[{joint}]" for symbol in ("offset", "Fc", "b") for joint in robot.joint_names)
-        force = tuple("N" if slides else "N m" for slides in robot.is_prismatic)
-        self.units = (*force, *force, *("N s/m" if slides else "N m s/rad" for slides in robot.is_prismatic))
-        self._settings = settings
-        stated = known is None and settings.effort_type == "total"
-        nothing: FloatArray = np.zeros(robot.n)
-        self._coulomb = sum((np.abs(k.effect.as_dry_friction(k.theta)) for k in known or ()), robot.friction if stated else nothing)
-        self._viscous = np.abs(sum((k.effect.as_damping(k.theta) for k in known or ()), nothing))
-        self.expected_std = self._drifted() if known is not None else self._unknown()
-        joints = np.arange(robot.n)
-        self._rows, self._columns = np.tile(joints, 3), np.arange(3 * robot.n)
-        self._curves = np.ones((3, robot.n))
-
-    def _unknown(self) -> FloatArray:
-        limit = self.robot.effort_limit
-        size = self._settings.friction_unknown * np.where(np.isfinite(limit), limit, 50.0)
-        return np.concatenate([0.2 * size, size, 2.0 * size])
-
-    def _drifted(self) -> FloatArray:
-        least, drift = np.full(self.robot.n, 0.1), self._settings.friction_drift
-        return np.concatenate([0.5 * drift * self._coulomb + least, drift * self._coulomb + least, drift * self._viscous + least])
-
-    def fill(self, sample: Sample, out: FloatArray) -> None:
-        curves = self._curves
-        np.tanh(sample.v / TURNS, out=curves[1])
-        curves[2] = sample.v
-        out[self._rows, self._columns] = curves.ravel()
-
-    def as_dry_friction(self, theta: FloatArray) -> FloatArray:
-        n = self.robot.n
-        return theta[n : 2 * n]
-
-    def hidden_variance(self, slow: FloatArray, speed: FloatArray, theta: FloatArray) -> FloatArray:
-        """Variance of the torque that may hide in dry friction near standstill, where no model holds, shape (n,) [(N m)^2].
-
-        Args:
-            slow: part of a row from when each joint hardly moved, shape (n,). speed: of each joint, shape (n,) [rad/s].
-            theta: its parameters as they are estimated now, shape (3 n,), or none where they are not.
-        """
-        n = self.robot.n
-        coulomb = np.abs(self._coulomb + theta[n : 2 * n]) if theta.size else self._coulomb
-        extra: FloatArray = (0.5 * coulomb * slow) ** 2
-        if max(speed.tolist()) < self._settings.low_velocity:
-            extra += self._settings.stiction**2
-        return extra
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]

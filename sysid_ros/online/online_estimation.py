@@ -15,7 +15,7 @@ from sysid_ros.estimators import Estimate, Estimator
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase, floating_base_of
 from sysid_ros.floating.stance_log import STANDS, STANDS_AGAIN, GroundContact, StanceLog
-from sysid_ros.online.change_trial import UNEXPLAINED, ChangeTrial, Verdict
+from sysid_ros.online.change_trial import ChangeTrial, Verdict
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
 from sysid_ros.online.front_end import Cadence, FrontEnd, Rows
 from sysid_ros.online.payload_estimate import Judgement, PayloadEstimate, PayloadEvent
@@ -26,12 +26,15 @@ from sysid_ros.robot.inertial_parameters import project_into
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.urdf_bodies import reach
 from sysid_ros.sample import FREE, FloatArray, Measurement
+from sysid_ros.signals.causal_filters import position_noise
 from sysid_ros.torque.model_file import ModelFile
 
 _STANDS = 0.15
 """Time below the standstill velocity after which the robot stands [s]."""
 _OBSERVABLE = 0.3
 """Part of a parameter's prior standard deviation below which it is the motion that determines it."""
+_UNEXPLAINED = 1.2
+"""Rows that no jump explains are a change all the same after so long [memories of the low-pass]."""
 _NOT_A_BODY = 29.6
 """99.9 % quantile of chi-squared with 10 degrees of freedom."""
 
@@ -82,6 +85,7 @@ class OnlineEstimation:
         self._floor: FloatArray = np.zeros(0)
         self._next_publish = -math.inf
         self._front_end: FrontEnd | None = None
+        self._noise: float | None = None
         self._cadence = Cadence(settings.max_gap)
         self._still = 0.0
         self._ground = GroundContact(settings.sensor_timeout) if self.base else None
@@ -141,6 +145,9 @@ class OnlineEstimation:
         first = [measurement] if self._front_end is not None else self._cadence.first(measurement)
         if first and self._front_end is None:
             self._front_end = self._make_front_end(first)
+        elif self._front_end is not None and self._front_end.too_fast:
+            self._noise = self._front_end.noise
+            self._front_end = self._make_front_end(first)
         published = None
         for m in first:
             for rows in self._front_end.push(m) if self._front_end is not None else ():
@@ -155,9 +162,10 @@ class OnlineEstimation:
 
     def _make_front_end(self, measurements: list[Measurement]) -> FrontEnd:
         s = self.settings
+        noise = position_noise(np.array([m.q for m in measurements])) if self._noise is None else self._noise
         front_end = FrontEnd(
             self._free.model, self._cadence.period, s.update_rate, s.cutoff_hz, s.velocity_source == "message", self.base,
-            s.standstill_velocity, self._stances, self._gravity, self._free.bias,
+            s.standstill_velocity, self._stances, self._gravity, self._free.bias, noise,
         )  # fmt: skip
         if front_end.rate < 20.0:
             self._warnings["rate"] = (
@@ -189,7 +197,7 @@ class OnlineEstimation:
             self._free.carry(estimator.theta)
         trial = self._trial
         if trial is not None:
-            trial.compare(rows.Y, rows.y, self._extra(rows, trial.before.theta), estimator)
+            trial.compare(rows.Y, rows.y, self._extra(rows, trial.before, front_end), estimator)
         if trial is not None and trial.force:
             estimate = Estimate(estimator.theta, estimator.covariance(), rows.y - rows.Y @ estimator.theta, "outlier", "")
         else:
@@ -205,53 +213,57 @@ class OnlineEstimation:
         self.latest = self._publish(estimate, rows, t, judgement, front_end.projection)
         return self.latest
 
-    def _extra(self, rows: Rows, theta: FloatArray) -> FloatArray | None:
-        """Variance of the rows that dry friction adds."""
+    def _extra(self, rows: Rows, estimator: Estimator, front_end: FrontEnd) -> FloatArray | None:
+        """Variance of the rows beside their noise, shape (m,): what dry friction hides; and of rows soon after a change as if what
+        single rows show were white, because noise whose long-run variance is small cancels only in the long run."""
         friction = self._free.friction
-        return None if friction is None else friction.hidden_variance(rows.slow, rows.speed, theta[self._free.friction_slice])
+        if friction is None:
+            return None
+        own = self._free.friction_slice
+        extra = friction.hidden_variance(rows.slow, rows.speed, estimator.theta[own], estimator.variance_of_parameters[own])
+        if rows.fresh and estimator.noise_known:
+            extra = extra + np.maximum(estimator.row_variance / front_end.passed - estimator.noise_variance, 0.0)
+        return extra
 
     def _update(self, rows: Rows, hold: bool, estimator: Estimator, judgement: Judgement, front_end: FrontEnd) -> Estimate:
         """Take in a row; where that shows a change, all rows since then without what came before it."""
         known, jumps = estimator.noise_known, estimator.jumps
-        extra = self._extra(rows, estimator.theta)
+        extra = self._extra(rows, estimator, front_end)
         estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
         self._outliers += estimate.status == "outlier"
         if not hold and estimator.noise_known:
             n = self._floor.size if self.base is None else FREE
             judgement.check.add(rows.tau[:n], (rows.y - rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD])[:n])
-        if estimator.jumps == jumps:
-            if known and self.base is None and self._trial is None and estimator.misfits * front_end.period > UNEXPLAINED:
-                t = rows.sample.t - estimator.misfits * front_end.period
-                estimator.undo_misfits()
-                self._trial = self._try(copy.deepcopy(estimator), t, float(estimator.theta[0] - self._tare.theta[0]), front_end, True)
-                self._log.force(t, self._trial.mass)
+        jumped, period = estimator.jumps != jumps, front_end.period
+        if not jumped and (self.base is not None or estimator.misfits * period < _UNEXPLAINED * front_end.memory):
             return estimate
-        mass = float(estimator.before_jump[0] - self._tare.theta[0])
-        after = mass + float(estimator.last_jump[0])
-        before = copy.deepcopy(estimator) if known and self._trial is None else None
-        variance = self._free.prior_std[PAYLOAD] ** 2
-        t, since = front_end.since_change(estimator.theta, estimator.row_variance + (0.0 if extra is None else extra), variance)
-        if self.base is None:
-            estimator.forget()
-        if self._trial is not None:
+        if self.base is not None:
+            self._log_jump(estimator, known, rows.sample.t - front_end.delay - estimator.found_after * period)
+            return estimate
+        if not jumped:
+            estimator.undo_misfits()
+        before, variance = copy.deepcopy(estimator), estimator.row_variance + (0.0 if extra is None else extra)
+        t, since = front_end.since_change(estimator.theta, variance, self._free.prior_std[PAYLOAD] ** 2)
+        estimator.forget()
+        if known and self._trial is None:
+            self._trial = self._try(before, t, float(before.theta[0] - self._tare.theta[0]), front_end)
+        elif self._trial is not None:
             self._trial.jumped(t)
-        elif since and before is not None:
-            self._trial = self._try(before, t, mass, front_end)
-        for made_anew in since:
+        for anew in since:
             if self._trial is not None:
-                self._trial.compare(made_anew.Y, made_anew.y, self._extra(made_anew, self._trial.before.theta), estimator)
-            estimate = estimator.update(
-                made_anew.Y, made_anew.y, hold, self._extra(made_anew, estimator.theta), made_anew.considered
-            )
-        if not known:
-            return estimate
-        if not since:
-            t = rows.sample.t - front_end.delay - estimator.found_after * front_end.period
-        self._log.add(t, mass, after)
+                self._trial.compare(anew.Y, anew.y, self._extra(anew, self._trial.before, front_end), estimator)
+            estimate = estimator.update(anew.Y, anew.y, hold, self._extra(anew, estimator, front_end), anew.considered)
+        if known:
+            self._log.add(t, float(before.theta[0] - self._tare.theta[0]), float(estimator.theta[0] - self._tare.theta[0]))
         return estimate
 
-    def _try(self, before: Estimator, t: float, mass: float, front_end: FrontEnd, force: bool = False) -> ChangeTrial:
-        return ChangeTrial(before, t, mass, self._reach, front_end.period, front_end.passed, force)
+    def _log_jump(self, estimator: Estimator, known: bool, t: float) -> None:
+        if known:
+            mass = float(estimator.before_jump[0] - self._tare.theta[0])
+            self._log.add(t, mass, mass + float(estimator.last_jump[0]))
+
+    def _try(self, before: Estimator, t: float, mass: float, front_end: FrontEnd) -> ChangeTrial:
+        return ChangeTrial(before, t, mass, self._reach, front_end)
 
     def _follow(self, trial: ChangeTrial, rows: Rows, front_end: FrontEnd) -> None:
         """Whether what has changed is a body, by the newest row."""

@@ -8,13 +8,14 @@ import numpy as np
 from numba import njit
 
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.signals.causal_filters import LowPassBank
 
-_SPAN = 0.4
-"""How far back it reaches [s]."""
-_STEP = 0.005
-"""Between the times at which a change is looked for [s]."""
-_RISE = 0.05
-"""For so long after a change w rises [s]."""
+_SPAN = 4.0
+"""How far back it reaches, in periods of the cut-off."""
+_STEP = 0.05
+"""Between the times at which a change is looked for [periods of the cut-off]."""
+_RISE = 0.5
+"""For so long after a change w rises [periods of the cut-off]."""
 _NEWEST = 3
 """A change is at least so many steps old."""
 
@@ -29,20 +30,21 @@ class RowHistory:
 
     Args:
         shape: of the channels, (n, c). block: columns of the parameters that change. period: of the measurements [s].
-        sections: of the low-pass, shape (k, 6).
+        bank: the low-pass.
 
     Attributes:
         rise: w after a change, as a factor on each of the samples after it, the last one for all to come.
     """
 
-    def __init__(self, shape: tuple[int, int], block: slice, period: float, sections: FloatArray) -> None:
-        self._size, self._block, self._sections = max(round(_SPAN / period), 8), block, sections
+    def __init__(self, shape: tuple[int, int], block: slice, period: float, bank: LowPassBank) -> None:
+        own = 1.0 / (bank.cutoff_hz * period)
+        self._size, self._block, self._sections = max(round(_SPAN * own), 8), block, bank.sections
         self._ring = np.zeros((self._size, *shape))
         self._samples: deque[tuple[Sample, bool]] = deque(maxlen=self._size)
         self._updates: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=self._size)
-        self._count, self._step = 0, max(round(_STEP / period), 1)
-        rise = np.arange(round(_RISE / period) + 1) + 0.5
-        self.rise: FloatArray = 0.5 - 0.5 * np.cos(np.pi * np.minimum(rise * period / _RISE, 1.0))
+        self._count, self._step = 0, max(round(_STEP * own), 1)
+        rise = (np.arange(round(_RISE * own) + 1) + 0.5) / (_RISE * own)
+        self.rise: FloatArray = 0.5 - 0.5 * np.cos(np.pi * np.minimum(rise, 1.0))
 
     def push(self, raw: FloatArray, sample: Sample, due: bool) -> None:
         """Take in the channels before the low-pass, and whether a row was due at that sample."""
