@@ -25,8 +25,9 @@ def register(name: str, estimator: type[Estimator]) -> None:
 
 def make_estimator(name: str, problem: Problem) -> Estimator:
     """The estimator of that name for a problem; it learns its noise and finds jumps, by itself or by being watched."""
-    estimator = ESTIMATORS[name].of(problem)
-    return estimator if estimator.watches_itself else WatchedEstimator(estimator, problem)
+    if ESTIMATORS[name].watches_itself:
+        return ESTIMATORS[name].of(problem)
+    return WatchedEstimator(ESTIMATORS[name].of(problem), problem)
 
 
 __all__ = [

@@ -43,6 +43,7 @@ class Problem:
         forgetting_time: time constant of what is forgotten [s].
         jump: which parameters may jump.
         part: least variance of a single row as a part of ``floor``, which is that of the mean of many: what a low-pass leaves.
+        extra_colour: for how many rows what is added to the noise of one by ``extra_variance`` stays the same.
     """
 
     prior_std: FloatArray
@@ -51,6 +52,7 @@ class Problem:
     forgetting_time: float
     jump: JumpRule
     part: float = 1.0
+    extra_colour: float = 1.0
 
 
 class Estimator(ABC):
@@ -152,7 +154,8 @@ class Estimator(ABC):
         Args:
             Y: shape (m, p). tau: shape (m,).
             hold: True where nothing excites the parameters: the covariance neither shrinks nor grows.
-            extra_variance: added to the noise of each row, shape (m,).
+            extra_variance: added to the noise of each row, shape (m,); to that of the mean of many :attr:`Problem.extra_colour`
+                times as much.
             considered: Z, shape (m, c), where z ~ N(0, 1) is an error of what is taken as known. It is not estimated, but what it
                 does to theta is in the covariance.
         """

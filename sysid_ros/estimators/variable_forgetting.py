@@ -55,7 +55,7 @@ class VariableForgetting(Estimator):
         super().__init__(len(problem.prior_std), len(problem.floor))
         self._prior_variance = np.asarray(problem.prior_std, dtype=float) ** 2
         self._floor = np.asarray(problem.floor, dtype=float)
-        self._part, self._period, self._jump = problem.part, problem.period, problem.jump
+        self._part, self._period, self._jump, self._colour = problem.part, problem.period, problem.jump, problem.extra_colour
         self._epsilon = min(self.FORGET_EVERY * problem.period / problem.forgetting_time, 0.5)
         self._no_extra = np.zeros(self.m)
         self.reset()
@@ -164,7 +164,7 @@ class VariableForgetting(Estimator):
         done: int = variable_update.take_in(
             Y, tau, extra, Z, self._theta, self._P, self._sensitivity, self._sums.rows, self._levels,
             blocks.total, blocks.starts, blocks.known, blocks.progress,
-            innovation, threshold, inflation, rate, count * self._period > self.CLIP_AFTER,
+            innovation, threshold, inflation, rate, count * self._period > self.CLIP_AFTER, self._colour,
         )  # fmt: skip
         if rate > 0.0 and done in (TAKEN_IN, BLOCK_FULL):
             self._spread_count += 1

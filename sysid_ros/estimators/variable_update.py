@@ -111,6 +111,7 @@ def take_in(
     inflation: float,
     rate: float,
     clip: bool,
+    colour: float,
 ) -> int:
     """One update, ``tau = Y theta + Z z + noise``: the measurement update with all that the rows say of the noise.
 
@@ -122,6 +123,7 @@ def take_in(
         innovation: written, shape (m,).
         threshold: rows of which the normalised innovation is larger are left alone.
         inflation: factor on the noise of the rows; those of more than 1 tell nothing of the noise.
+        colour: factor on ``extra`` in the noise of the mean of many rows.
         rate, clip: see :func:`learn_spread`; a rate of 0 where nothing is learned of the noise.
 
     Returns:
@@ -138,7 +140,7 @@ def take_in(
         full = add_to_blocks(Y, tau, spread, extra, theta, P, total, starts, known, progress)
     weight, variance = np.empty(m), np.empty(m)
     for i in range(m):
-        variance[i] = (levels[NOISE, i] + extra[i]) * inflation
+        variance[i] = (levels[NOISE, i] + colour * extra[i]) * inflation
         weight[i] = levels[NOISE, i] / variance[i]
     joseph_update_considering(theta, P, Y, tau, variance, S, Z)
     accumulate_row_sums(Y, tau, Z, weight, sums)

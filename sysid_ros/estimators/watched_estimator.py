@@ -29,7 +29,8 @@ class WatchedEstimator(Estimator):
 
     def __init__(self, inner: Estimator, problem: Problem) -> None:
         super().__init__(inner.p, inner.m)
-        self._inner, self._floor, self._clean = inner, problem.floor, problem.jump.memory == 0.0
+        self._inner, self._floor, self._colour = inner, problem.floor, problem.extra_colour
+        self._clean = problem.jump.memory == 0.0
         self._watch = VariableForgetting.of(problem)
         self._see()
 
@@ -86,7 +87,7 @@ class WatchedEstimator(Estimator):
         self._see()
         if jumped and self._clean:
             return Estimate(self.theta, self.covariance(), seen.innovation, seen.status, seen.reason)
-        variance = self.noise_variance if extra_variance is None else self.noise_variance + extra_variance
+        variance = self.noise_variance if extra_variance is None else self.noise_variance + self._colour * extra_variance
         if seen.status == "outlier":
             variance = variance + seen.innovation**2
         extra = np.maximum(variance - self._floor, 0.0)

@@ -33,14 +33,15 @@ _NO_BODY = 29.6
 
 
 class Verdict(Enum):
-    """OPEN: not known yet. BODY: it is carried. FORCE: it is no body; it acts still. PASSED: what was before is again. AGAIN: a force
-    that stays is tried as a body once more."""
+    """OPEN: not known yet. BODY: it is carried. DOUBT: it is none as the time of the change was taken; that is looked for again.
+    FORCE: it is no body; it acts still. PASSED: what was before is again. AGAIN: a force that stays is tried as a body once more."""
 
     OPEN = 0
     BODY = 1
     FORCE = 2
     PASSED = 3
     AGAIN = 4
+    DOUBT = 5
 
 
 class ChangeTrial:
@@ -60,7 +61,7 @@ class ChangeTrial:
 
     def __init__(self, before: Estimator, t: float, mass: float, reach: float, front_end: FrontEnd) -> None:
         self.before, self.t, self.mass, self._reach = before, t, mass, reach
-        self.force = False
+        self.force = self._doubted = False
         self._jumps, self._newest, self._force_since = 1, t, t
         self._impossible_since = np.inf
         self._part, self._young, self._returned = front_end.passed, _YOUNG * front_end.memory, _RETURNED * front_end.memory
@@ -90,10 +91,13 @@ class ChangeTrial:
             return Verdict.OPEN
         self._impossible_since = np.inf if self._possible(estimator, tare) else min(self._impossible_since, t)
         if self._jumps >= _JUMPS or t - self._impossible_since >= self._returned:
+            if not self._doubted:
+                self._doubted, self._jumps = True, 0
+                return Verdict.DOUBT
             self.force, self._force_since = True, t
             return Verdict.FORCE
-        settled = t - self._newest >= _STAYS and self._well_known(estimator)
-        return Verdict.BODY if settled or t - self._newest >= _LONGEST else Verdict.OPEN
+        settled = t - self._newest >= (_STAYS if self._well_known(estimator) else _LONGEST)
+        return Verdict.BODY if settled and self._impossible_since > t else Verdict.OPEN
 
     def _possible(self, estimator: Estimator, tare: Tare) -> bool:
         """Whether some body has the parameters that are estimated."""

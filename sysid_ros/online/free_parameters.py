@@ -25,6 +25,8 @@ PAYLOAD = slice(0, 10)
 
 _LEAST_JUMP = (0.03, 5e-3, 5e-3, 5e-3) + (math.inf,) * 6
 """Change of mass [kg] or first moment [kg m] of which one must be exceeded to count as a change of the payload."""
+_STAYS = 0.5
+"""For so long dry friction at standstill is wrong by the same torque [s]."""
 _CARRIED = 0.16
 """Least prior standard deviation of what a robot on legs carries, as a part of its own mass."""
 _SIZE = 0.11
@@ -44,6 +46,7 @@ class FreeParameters:
         payload: the effect whose columns come first. bias: where that of the accelerometer stands, None where it is not free.
         friction: of an arm; its parameters, if they are free, come after the payload's. None of a floating base.
         model: known and free effects.
+        extra_colour: as of :class:`.Problem`, of the estimator that was made last.
         trunk_noise: of a floating base, once :meth:`noise_density` has run: density of the noise of the legs' torques, shape
             (n,), and what the six rows have beside, shape (6,).
         prior_std: standard deviation of the free parameters before any data, shape (p,).
@@ -71,6 +74,7 @@ class FreeParameters:
             effects.append(self.friction)
             prior_std.append(self.friction.expected_std)
         self._bias: AccelerometerBias | None = None
+        self.extra_colour = 1.0
         self.trunk_noise: tuple[FloatArray, FloatArray] | None = None
         if base is not None and settings.accelerometer_bias_std > 0.0:
             self._bias = AccelerometerBias(whole, frame=self.payload.frame)
@@ -136,7 +140,8 @@ class FreeParameters:
         # an arm's rows are made anew after a change, see RowHistory
         jump = JumpRule(PAYLOAD, np.array(_LEAST_JUMP), front_end.memory if self._base else 0.0)
         part = 1.0 if self._base is None else front_end.passed
-        return make_estimator(s.estimator, Problem(self.prior_std, floor, front_end.period, s.forgetting_time, jump, part))
+        self.extra_colour = colour = 1.0 if self._base else max(_STAYS / front_end.period, 1.0)
+        return make_estimator(s.estimator, Problem(self.prior_std, floor, front_end.period, s.forgetting_time, jump, part, colour))
 
 
 def white_noise_variance(measurements: list[Measurement]) -> FloatArray:

@@ -206,6 +206,11 @@ class FrontEnd:
         return due
 
     @property
+    def makes_anew(self) -> bool:
+        """Whether rows can be made again since a change, as of an arm."""
+        return self._history is not None
+
+    @property
     def too_fast(self) -> bool:
         """See the class."""
         return self._adapts and default_cutoff(self.rate, self.noise) < _FINER * self._cutoff

@@ -5,7 +5,6 @@ The live node, the replay of a bag and a simulation all call the same :meth:`Onl
 
 from __future__ import annotations
 
-import copy
 import math
 from dataclasses import replace
 
@@ -15,7 +14,7 @@ from sysid_ros.estimators import Estimate, Estimator
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase, floating_base_of
 from sysid_ros.floating.stance_log import STANDS, STANDS_AGAIN, GroundContact, StanceLog
-from sysid_ros.online.change_trial import ChangeTrial, Verdict
+from sysid_ros.online.change_watch import ChangeWatch
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
 from sysid_ros.online.front_end import Cadence, FrontEnd, Rows
 from sysid_ros.online.payload_estimate import Judgement, PayloadEstimate, PayloadEvent
@@ -24,7 +23,6 @@ from sysid_ros.online.tare import Tare
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.inertial_parameters import project_into
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.robot.urdf_bodies import reach
 from sysid_ros.sample import FREE, FloatArray, Measurement
 from sysid_ros.signals.causal_filters import position_noise
 from sysid_ros.torque.model_file import ModelFile
@@ -33,8 +31,6 @@ _STANDS = 0.15
 """Time below the standstill velocity after which the robot stands [s]."""
 _OBSERVABLE = 0.3
 """Part of a parameter's prior standard deviation below which it is the motion that determines it."""
-_UNEXPLAINED = 1.2
-"""Rows that no jump explains are a change all the same after so long [memories of the low-pass]."""
 _NOT_A_BODY = 29.6
 """99.9 % quantile of chi-squared with 10 degrees of freedom."""
 
@@ -74,9 +70,7 @@ class OnlineEstimation:
         self._log = EventLog(settings.no_payload_mass)
         notes = (*(known.notes(robot.urdf) if known else ()), *(self.base.notes if self.base else ()))
         self._warnings = {note: note for note in notes}
-        self._tare = Tare()
-        self._trial: ChangeTrial | None = None
-        self._reach = reach(robot)
+        self._changes = ChangeWatch(self._free, self._log)
         self._observable_std = _OBSERVABLE * self._free.prior_std[PAYLOAD]
         self._enabled = True
         self.latest: PayloadEstimate | None = None
@@ -118,7 +112,7 @@ class OnlineEstimation:
 
     def reset(self, reason: str) -> None:
         """Forget payload, friction and noise, and start again."""
-        self.latest = self.estimator = self._judgement = self._trial = None
+        self.latest = self.estimator = self._judgement = self._changes.trial = None
         self._forget_filters()
         self._warnings["reset"] = f"The estimation was started again: {reason}."
 
@@ -132,9 +126,9 @@ class OnlineEstimation:
         """Take the present estimate as zero from now on, its covariance added to all that come. Says what was done."""
         if self.estimator is None or self.latest is None:
             return "There is no estimate yet, so nothing was tared."
-        self._tare = Tare.of(self.estimator)
+        self._changes.tare = Tare.of(self.estimator)
         std = math.sqrt(self.estimator.covariance()[0, 0])
-        return f"Tared at {self._tare.theta[0]:.3f} kg (std {std:.3f} kg)."
+        return f"Tared at {self._changes.tare.theta[0]:.3f} kg (std {std:.3f} kg)."
 
     def step(self, measurement: Measurement) -> PayloadEstimate | None:
         """Take in one measurement; the estimate when one is due (``publish_rate``), else None. Never raises on a measurement."""
@@ -195,15 +189,11 @@ class OnlineEstimation:
         hold = self._still > _STANDS and self.base is None
         if self._free.bias is not None:
             self._free.carry(estimator.theta)
-        trial = self._trial
-        if trial is not None:
-            trial.compare(rows.Y, rows.y, self._extra(rows, trial.before, front_end), estimator)
-        if trial is not None and trial.force:
-            estimate = Estimate(estimator.theta, estimator.covariance(), rows.y - rows.Y @ estimator.theta, "outlier", "")
-        else:
-            estimate = self._update(rows, hold, estimator, judgement, front_end)
-        if self._trial is not None:
-            self._follow(self._trial, rows, front_end)
+        self.estimator, estimate = self._changes.take(rows, hold, estimator, front_end)
+        self._outliers += estimate.status == "outlier"
+        if not hold and self.estimator.noise_known:
+            n = self._floor.size if self.base is None else FREE
+            judgement.check.add(rows.tau[:n], (rows.y - rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD])[:n])
         if estimate.status == "not_finite":
             self._forget_filters()
             return None
@@ -212,79 +202,6 @@ class OnlineEstimation:
         self._next_publish = max(self._next_publish, rows.sample.t - front_end.period) + 1.0 / self.settings.publish_rate
         self.latest = self._publish(estimate, rows, t, judgement, front_end.projection)
         return self.latest
-
-    def _extra(self, rows: Rows, estimator: Estimator, front_end: FrontEnd) -> FloatArray | None:
-        """Variance of the rows beside their noise, shape (m,): what dry friction hides; and of rows soon after a change as if what
-        single rows show were white, because noise whose long-run variance is small cancels only in the long run."""
-        friction = self._free.friction
-        if friction is None:
-            return None
-        own = self._free.friction_slice
-        extra = friction.hidden_variance(rows.slow, rows.speed, estimator.theta[own], estimator.variance_of_parameters[own])
-        if rows.fresh and estimator.noise_known:
-            extra = extra + np.maximum(estimator.row_variance / front_end.passed - estimator.noise_variance, 0.0)
-        return extra
-
-    def _update(self, rows: Rows, hold: bool, estimator: Estimator, judgement: Judgement, front_end: FrontEnd) -> Estimate:
-        """Take in a row; where that shows a change, all rows since then without what came before it."""
-        known, jumps = estimator.noise_known, estimator.jumps
-        extra = self._extra(rows, estimator, front_end)
-        estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
-        self._outliers += estimate.status == "outlier"
-        if not hold and estimator.noise_known:
-            n = self._floor.size if self.base is None else FREE
-            judgement.check.add(rows.tau[:n], (rows.y - rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD])[:n])
-        jumped, period = estimator.jumps != jumps, front_end.period
-        if not jumped and (self.base is not None or estimator.misfits * period < _UNEXPLAINED * front_end.memory):
-            return estimate
-        if self.base is not None:
-            self._log_jump(estimator, known, rows.sample.t - front_end.delay - estimator.found_after * period)
-            return estimate
-        if not jumped:
-            estimator.undo_misfits()
-        before, variance = copy.deepcopy(estimator), estimator.row_variance + (0.0 if extra is None else extra)
-        t, since = front_end.since_change(estimator.theta, variance, self._free.prior_std[PAYLOAD] ** 2)
-        estimator.forget()
-        if known and self._trial is None:
-            self._trial = self._try(before, t, float(before.theta[0] - self._tare.theta[0]), front_end)
-        elif self._trial is not None:
-            self._trial.jumped(t)
-        for anew in since:
-            if self._trial is not None:
-                self._trial.compare(anew.Y, anew.y, self._extra(anew, self._trial.before, front_end), estimator)
-            estimate = estimator.update(anew.Y, anew.y, hold, self._extra(anew, estimator, front_end), anew.considered)
-        if known:
-            self._log.add(t, float(before.theta[0] - self._tare.theta[0]), float(estimator.theta[0] - self._tare.theta[0]))
-        return estimate
-
-    def _log_jump(self, estimator: Estimator, known: bool, t: float) -> None:
-        if known:
-            mass = float(estimator.before_jump[0] - self._tare.theta[0])
-            self._log.add(t, mass, mass + float(estimator.last_jump[0]))
-
-    def _try(self, before: Estimator, t: float, mass: float, front_end: FrontEnd) -> ChangeTrial:
-        return ChangeTrial(before, t, mass, self._reach, front_end)
-
-    def _follow(self, trial: ChangeTrial, rows: Rows, front_end: FrontEnd) -> None:
-        """Whether what has changed is a body, by the newest row."""
-        assert self.estimator is not None
-        was_force = trial.force
-        verdict = trial.judge(rows.sample.t, self.estimator, self._tare)
-        if verdict is Verdict.BODY:
-            self._trial = None
-        elif verdict is Verdict.FORCE and not was_force:
-            self.estimator = copy.deepcopy(trial.before)
-            self._log.force(trial.t, trial.mass)
-        elif verdict is Verdict.PASSED:
-            if not was_force:
-                self._log.force(trial.t, trial.mass)
-            self.estimator, self._trial = trial.before, None
-            front_end.rest()
-        elif verdict is Verdict.AGAIN:
-            self.estimator = copy.deepcopy(trial.before)
-            self.estimator.forget()
-            self._trial = self._try(trial.before, rows.sample.t, trial.mass, front_end)
-            front_end.rest()
 
     def _on_ground(self, rows: Rows, front_end: FrontEnd, ground: GroundContact) -> bool:
         """Whether a row is used; False while the feet do not carry the robot, or it has just been set down."""
@@ -309,8 +226,8 @@ class OnlineEstimation:
         self, estimate: Estimate, rows: Rows, t: float, judgement: Judgement, projection: ContactProjection | None
     ) -> PayloadEstimate:
         assert self.estimator is not None
-        theta: FloatArray = estimate.theta[PAYLOAD] - self._tare.theta
-        noise, model = self._tare.covariances(self.estimator)
+        theta: FloatArray = estimate.theta[PAYLOAD] - self._changes.tare.theta
+        noise, model = self._changes.tare.covariances(self.estimator)
         covariance = noise + model
         if self.base is not None:
             covariance[0, 0] += self._doubt(float(theta[0]), self.base) ** 2
@@ -319,11 +236,7 @@ class OnlineEstimation:
         self._warnings.pop("inconsistent", None)
         if status == "inconsistent":
             self._warnings["inconsistent"] = reason
-        elif self._trial is not None and self._trial.force:
-            since = t - self._trial.t
-            status, reason = "inconsistent", f"A force that no carried body makes acts on the robot, since {since:.1f} s; the payload is held."
-        elif self._trial is not None and status in ("ok", "no_payload"):
-            status, reason = "warming_up", f"Something changed {t - self._trial.t:.1f} s ago; whether it is a body is not known yet. Keep moving."
+        status, reason = self._changes.status(t, status, reason)
         if status == "ok":
             nearest = np.empty(10)
             # what the noise explains is not laid on the considered errors, which would draw the mass along
@@ -352,5 +265,5 @@ class OnlineEstimation:
         """By how much the mass is wrong if what the accelerometer shows beyond gravity is a bias that is not estimated [kg]."""
         if self._stances is None or self._stances.bias_is_free:
             return 0.0
-        own = 0.0 if self._tare.taken else base.mass
+        own = 0.0 if self._changes.tare.taken else base.mass
         return (own + max(mass, 0.0)) * self._stances.excess / self._gravity

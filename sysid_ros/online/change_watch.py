@@ -1,0 +1,139 @@
+"""ChangeWatch: takes rows into the estimator, finds changes of the payload, and keeps forces that pass out of the estimate."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+
+from sysid_ros.estimators import Estimate, Estimator
+from sysid_ros.online.change_trial import ChangeTrial, Verdict
+from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
+from sysid_ros.online.front_end import FrontEnd, Rows
+from sysid_ros.online.payload_events import EventLog
+from sysid_ros.online.tare import Tare
+from sysid_ros.robot.urdf_bodies import reach
+from sysid_ros.sample import FloatArray
+
+_UNEXPLAINED = 1.2
+"""Rows that do not fit, and that no jump explains, are a change all the same after so long [memories of the low-pass]."""
+
+
+class ChangeWatch:
+    """Between the rows and the estimator.
+
+    Where the estimator finds a jump, or does not find what makes the rows misfit, an arm's rows since then are made again without
+    what came before (:class:`.RowHistory`), what is carried starts anew from them, and a :class:`.ChangeTrial` keeps what was known
+    before. Where that turns out to be no body, it is put back, and nothing is learned until it fits again.
+
+    Args:
+        free: what is estimated. log: takes the events.
+
+    Attributes:
+        tare: taken from what is estimated. trial: of the newest change, while it is not known what it was.
+    """
+
+    def __init__(self, free: FreeParameters, log: EventLog) -> None:
+        self._free, self._log = free, log
+        self._reach = reach(free.model.robot)
+        self.tare = Tare()
+        self.trial: ChangeTrial | None = None
+
+    def take(self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd) -> tuple[Estimator, Estimate]:
+        """Take in a row; the estimator that goes on, and what it says. ``hold``: nothing excites the parameters."""
+        if self.trial is not None:
+            self.trial.compare(rows.Y, rows.y, self._extra(rows, self.trial.before, front_end), estimator)
+        if self.trial is not None and self.trial.force:
+            innovation = rows.y - rows.Y @ estimator.theta
+            estimate = Estimate(estimator.theta, estimator.covariance(), innovation, "outlier", "a force acts on the robot")
+        else:
+            estimate = self._update(rows, hold, estimator, front_end)
+        if self.trial is not None:
+            estimator = self._follow(self.trial, rows.sample.t, hold, estimator, front_end)
+        return estimator, estimate
+
+    def status(self, t: float, status: str, reason: str) -> tuple[str, str]:
+        """What is said at ``t`` [s] in place of a status and its reason while something has changed."""
+        if self.trial is None or status not in ("ok", "no_payload", "warming_up"):
+            return status, reason
+        since = f"{t - self.trial.t:.1f} s"
+        if self.trial.force:
+            return "inconsistent", f"A force that no carried body makes acts on the robot, since {since}; the payload is held."
+        return "warming_up", f"Something changed {since} ago; whether it is a body is not known yet. Keep moving."
+
+    def _extra(self, rows: Rows, estimator: Estimator, front_end: FrontEnd) -> FloatArray | None:
+        """Variance of the rows beside their noise, shape (m,): what dry friction hides; and of rows soon after a change as if what
+        single rows show were white, because noise whose long-run variance is small cancels only in the long run."""
+        friction = self._free.friction
+        if friction is None:
+            return None
+        own = self._free.friction_slice
+        extra = friction.hidden_variance(rows.slow, rows.speed, estimator.theta[own], estimator.variance_of_parameters[own])
+        if rows.fresh and estimator.noise_known:
+            white = estimator.row_variance / front_end.passed
+            extra = extra + np.maximum(white - estimator.noise_variance, 0.0) / self._free.extra_colour
+        return extra
+
+    def _update(self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd) -> Estimate:
+        known, jumps, period = estimator.noise_known, estimator.jumps, front_end.period
+        estimate = estimator.update(rows.Y, rows.y, hold, self._extra(rows, estimator, front_end), rows.considered)
+        jumped = estimator.jumps != jumps
+        if not front_end.makes_anew:
+            if jumped and known:
+                mass = self._mass_before(estimator.before_jump)
+                t = rows.sample.t - front_end.delay - estimator.found_after * period
+                self._log.add(t, mass, mass + float(estimator.last_jump[0]))
+            return estimate
+        if not jumped and estimator.misfits * period < _UNEXPLAINED * front_end.memory:
+            return estimate
+        if not jumped:
+            estimator.undo_misfits()
+        before = copy.deepcopy(estimator)
+        t, since = self._begin_anew(before, estimator, hold, front_end)
+        if known and self.trial is None:
+            self.trial = ChangeTrial(before, t, self._mass_before(before.theta), self._reach, front_end)
+        elif self.trial is not None:
+            self.trial.jumped(t)
+        if known:
+            self._log.add(t, self._mass_before(before.theta), self._mass_before(estimator.theta))
+        return since or estimate
+
+    def _mass_before(self, theta: FloatArray) -> float:
+        return float(theta[0] - self.tare.theta[0])
+
+    def _begin_anew(self, before: Estimator, estimator: Estimator, hold: bool, front_end: FrontEnd) -> tuple[float, Estimate | None]:
+        """Let the estimator forget what is carried, and learn it from the rows since the change: when that was [s], and what the
+        estimator says of the last of them. ``before``: as it was before the change."""
+        prior_variance = self._free.prior_std[PAYLOAD] ** 2
+        t, since = front_end.since_change(before.theta, before.row_variance, prior_variance)
+        estimator.forget()
+        estimate = None
+        for rows in since:
+            if self.trial is not None:
+                self.trial.compare(rows.Y, rows.y, self._extra(rows, self.trial.before, front_end), estimator)
+            estimate = estimator.update(rows.Y, rows.y, hold, self._extra(rows, estimator, front_end), rows.considered)
+        return t, estimate
+
+    def _follow(self, trial: ChangeTrial, t: float, hold: bool, estimator: Estimator, front_end: FrontEnd) -> Estimator:
+        """Whether what has changed is a body, after a row of ``t`` [s]; the estimator that goes on."""
+        was_force = trial.force
+        verdict = trial.judge(t, estimator, self.tare)
+        if verdict is Verdict.BODY:
+            self.trial = None
+        elif verdict is Verdict.DOUBT:
+            estimator = copy.deepcopy(trial.before)
+            trial.jumped(self._begin_anew(trial.before, estimator, hold, front_end)[0])
+        elif verdict is Verdict.FORCE and not was_force:
+            estimator = copy.deepcopy(trial.before)
+            self._log.force(trial.t, trial.mass)
+        elif verdict is Verdict.PASSED:
+            if not was_force:
+                self._log.force(trial.t, trial.mass)
+            estimator, self.trial = trial.before, None
+            front_end.rest()
+        elif verdict is Verdict.AGAIN:
+            estimator = copy.deepcopy(trial.before)
+            estimator.forget()
+            self.trial = ChangeTrial(trial.before, t, trial.mass, self._reach, front_end)
+            front_end.rest()
+        return estimator
