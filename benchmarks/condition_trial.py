@@ -108,8 +108,8 @@ class Outcome:
     Attributes:
         mass: of the payload [kg]. errors: of the mass at :data:`LATENCIES`, relative. com_error: 5 s after the pick [m].
         covered: whether mass, and each coordinate of the com, is inside its 95 % interval at 2 s and 5 s.
-        nees: of the ten parameters over 10, at 2 s and 5 s. normalised: error of the mass over its own std at 5 s. std: of the mass
-            at 5 s [kg]. bound: Cramer-Rao bound of the ten parameters' std at 5 s, from true regressors.
+        nees: of the ten parameters over 10, at 2 s and 5 s. normalised, std: error of the mass over its own std at 5 s, and
+            that [kg]. bound: Cramer-Rao bound of the ten parameters' std at 5 s, from true regressors.
         ok, bad: estimates that said ``ok``, and those of them beyond three standard deviations.
         worst: largest of these normalised errors. missed, false: events. late: from the pick to the event [s].
         within: time from pick until the mass is within 5 % for good [s]; NaN where it is not. statuses: how often each was.
@@ -251,7 +251,9 @@ def run(name: str, seed: int, settings: OnlineSettings | None = None, keep: bool
     direction /= np.linalg.norm(direction)
     hangs = np.zeros((len(t), 3))
     if c.rod:
-        place = np.array([pin.updateFramePlacement(model.model, geometry, frame).translation.copy() for _ in _at(model, geometry, q)])
+        place = np.array(
+            [pin.updateFramePlacement(model.model, geometry, frame).translation.copy() for _ in _at(model, geometry, q)]
+        )
         hangs = _swings(place, t, mass, c.rod)
     columns = np.empty((len(t), model.n, 10))
     for k, at in enumerate(t):
@@ -354,7 +356,7 @@ def _score(
     left = [(e, at) for e, at in zip(estimation.events, found, strict=True) if e.kind != "external_force"]
     pushed = [at for e, at in zip(estimation.events, found, strict=True) if e.kind == "external_force"]
     for change in changes:
-        near = [pair for pair in left if -0.1 <= pair[0].t - change and pair[1] - change <= NEAR]
+        near = [pair for pair in left if pair[0].t - change >= -0.1 and pair[1] - change <= NEAR]
         if not near:
             out.missed += 1
             continue

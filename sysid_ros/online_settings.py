@@ -150,6 +150,13 @@ class OnlineSettings(Settings):
     link_com_error: float = setting(
         0.003, "without a model, error of each coordinate of the links' centres of mass in the URDF", "m", 0.0, 0.1
     )
+    base_lean_std: float = setting(
+        0.02,
+        "prior standard deviation of how far an arm's base leans, about two axes; 0: not at all",
+        "rad",
+        0.0,
+        0.5,
+    )
     stiction: float = setting(0.3, "torque that may hide in friction while the robot hardly moves", "N m", 0.0, 1e3)
     prior_mass_std: float = setting(2.0, "prior standard deviation of the payload's mass", "kg", 1e-3, 1e3)
     prior_first_moment_std: float = setting(0.3, "prior standard deviation of mass times centre of mass", "kg m", 1e-4, 1e3)

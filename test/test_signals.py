@@ -11,11 +11,11 @@ from sysid_ros.signals.causal_filters import (
     CausalDerivative,
     LowPassBank,
     butterworth_sections,
-    default_cutoff,
     slope_weights,
     value_weights,
     window_half_width,
 )
+from sysid_ros.signals.cutoff import default_cutoff
 
 PERIOD = 0.004
 

@@ -89,6 +89,7 @@ class Estimator(ABC):
     def __init__(self, p: int, m: int) -> None:
         self.p, self.m = p, m
         self._nothing_considered = np.empty((m, 0))
+        self._sensitivity = np.zeros((p, 0))
         self.noise_known = True
         self.noise_variance: FloatArray = np.full(m, np.nan)
         self.row_variance: FloatArray = np.full(m, np.nan)
@@ -112,8 +113,8 @@ class Estimator(ABC):
         return self._P + self._sensitivity @ self._sensitivity.T
 
     def predict(self, Y: FloatArray, tau: FloatArray, extra_variance: FloatArray | None = None) -> tuple[float, float]:
-        """Of rows that are not taken in: normalised innovation ``nu' S^-1 nu / m`` with ``S = Y P Y' + R``, 1 in the mean where they
-        fit what is known, and logarithm of their likelihood; NaN where the noise of a row is not known.
+        """Of rows that are not taken in: normalised innovation ``nu' S^-1 nu / m`` with ``S = Y P Y' + R``, 1 in the mean where
+        they fit what is known, and logarithm of their likelihood; NaN where the noise of a row is not known.
 
         Args:
             Y: shape (m, p). tau, extra_variance: shape (m,).
@@ -127,10 +128,9 @@ class Estimator(ABC):
         """What unit considered errors do to theta, shape (p, c); c = 0 where none are considered."""
         return self._sensitivity.copy()
 
-    @property
-    def variance_of_parameters(self) -> FloatArray:
-        """Diagonal of :meth:`noise_covariance`, shape (p,)."""
-        return np.array(self.noise_covariance().diagonal())
+    def marginal(self, where: slice) -> tuple[FloatArray, FloatArray]:
+        """Some of the parameters, and their variance but for what the considered errors make, shapes (k,)."""
+        return self.theta[where], np.array(self.noise_covariance().diagonal()[where])
 
     def noise_covariance(self) -> FloatArray:
         """The part of the covariance that is not of the considered errors, shape (p, p)."""
@@ -171,7 +171,10 @@ class Estimator(ABC):
         """Consider another number of errors; what the ones before did is forgotten."""
         self._sensitivity = np.zeros((self.p, count))
 
-    def undo_misfits(self) -> None:
+    def fix(self, where: slice, std: float) -> None:  # noqa: B027 - one that goes on estimating them is right too
+        """From now on the parameters ``where`` are known to be zero to within ``std``; here nothing."""
+
+    def undo_misfits(self) -> None:  # noqa: B027 - one that finds none has nothing to do
         """Go back to before the rows that count as ``misfits``; here nothing, as of an estimator that finds none."""
 
     def forget(self) -> None:

@@ -18,9 +18,9 @@ class JumpRule:
         block: the parameters that may jump.
         least: change of the block's parameters of which one must be exceeded, shape (size of block,); infinite where it does
             not count.
-        memory: time after a jump during which old data are still in the rows [s]; 0 where whoever gives the rows takes care of it:
-            with the row that shows the jump the estimator goes back to before the run that it ends, and is left so; who calls may
-            let it :meth:`.Estimator.forget`, and gives it rows that hold nothing of the time before.
+        memory: time after a jump during which old data are still in the rows [s]; 0 where whoever gives the rows takes care of
+            it: with the row that shows the jump the estimator goes back to before the run that it ends, and is left so; who calls
+            may let it :meth:`.Estimator.forget`, and gives it rows that hold nothing of the time before.
     """
 
     block: slice
@@ -29,8 +29,8 @@ class JumpRule:
 
 
 class JumpSearch:
-    """A run of innovations that are too large for what is known, of which the newest are fitted with a jump of the parameters that
-    may jump (Willsky, Jones 1976).
+    """A run of innovations that are too large for what is known, of which the newest are fitted with a jump of the parameters
+    that may jump (Willsky, Jones 1976).
 
     Args:
         rule: which parameters, and what counts. prior_variance: of all parameters, shape (p,).
@@ -66,9 +66,9 @@ class JumpSearch:
         coloured_information = (block / coloured[:, None]).T @ block
         statistic = float(innovation @ (innovation / variance))
         self._run.append((weighted.T @ block, coloured_information, weighted.T @ innovation, statistic))
-        if self.hits < self.HITS:
+        if not self.HITS <= self.hits <= 2 * self.HITS:  # a run that goes on is no jump
             return None
-        information, coloured_sum, score = (np.sum([part[k] for part in self._run], axis=0) for k in range(3))
+        information, coloured_sum, score = (sum(parts) for parts in list(zip(*self._run, strict=True))[:3])
         change = np.asarray(np.linalg.solve(information + self._prior_information, score))
         explained = float(change @ score) / sum(part[3] for part in self._run)
         significance = float(change @ coloured_sum @ change)

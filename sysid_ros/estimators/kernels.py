@@ -110,10 +110,9 @@ def innovate_and_update(
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def predict(
-    Y: FloatArray, P: FloatArray, spread: FloatArray, extra: FloatArray, innovation: FloatArray
-) -> tuple[float, float]:
-    """``nu' S^-1 nu`` and ``log det S`` with ``S = Y P Y' + diag(spread + extra)``, by Cholesky; NaN where S is not positive definite."""
+def predict(Y: FloatArray, P: FloatArray, spread: FloatArray, extra: FloatArray, innovation: FloatArray) -> tuple[float, float]:
+    """``nu' S^-1 nu`` and ``log det S`` with ``S = Y P Y' + diag(spread + extra)``, by Cholesky; NaN where S is not positive
+    definite."""
     m, p = Y.shape
     S = np.empty((m, m))
     row = np.empty(p)

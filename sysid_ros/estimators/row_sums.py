@@ -23,13 +23,13 @@ class RowSums:
     """
 
     def __init__(self, prior_variance: FloatArray, m: int) -> None:
-        self._prior_variance, self._std = prior_variance, np.sqrt(prior_variance)
+        self._prior_variance = prior_variance
         self._p, self._m = prior_variance.size, m
         self.start(np.diag(prior_variance), np.zeros(self._p), np.zeros((self._p, 0)))
 
     def start(self, P: FloatArray, theta: FloatArray, S: FloatArray) -> None:
         """Begin from what is known: estimate (p,), covariance (p, p) and sensitivity (p, c)."""
-        L = self._invert(P, self._std)
+        L = self._invert(P, np.sqrt(self._prior_variance))
         self.known = np.hstack([L, L @ np.column_stack([theta, -S])])
         self.rows = np.zeros((self._m, *self.known.shape))
 
@@ -49,7 +49,7 @@ class RowSums:
         total = self.known.copy()
         for weight, rows in zip(1.0 / variance, self.rows, strict=True):
             total += weight * rows
-        P = self._invert(total[:, :p], 1.0 / self._std)
+        P = self._invert(total[:, :p], 1.0 / np.sqrt(self._prior_variance))
         return P @ total[:, p].copy(), P, -P @ total[:, p + 1 :]
 
     @staticmethod

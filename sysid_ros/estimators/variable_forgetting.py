@@ -250,9 +250,20 @@ class VariableForgetting(Estimator):
         )
         return variance
 
-    @property
-    def variance_of_parameters(self) -> FloatArray:
-        return self._P.diagonal()
+    def marginal(self, where: slice) -> tuple[FloatArray, FloatArray]:
+        return self._theta[where], self._P.diagonal()[where]
+
+    def fix(self, where: slice, std: float) -> None:
+        rows = np.eye(self.p)[where]
+        nothing = (
+            np.zeros(len(rows)),
+            np.full(len(rows), std**2),
+            self._sensitivity,
+            np.zeros((len(rows), self._sensitivity.shape[1])),
+        )
+        kernels.joseph_update_considering(self._theta, self._P, rows, *nothing)
+        self._prior_variance[where] = std**2
+        self._sums.start(self._P, self._theta, self._sensitivity)
 
     def undo_misfits(self) -> None:
         if self._kept:

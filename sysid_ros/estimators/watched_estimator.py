@@ -46,6 +46,10 @@ class WatchedEstimator(Estimator):
         self._watch.reset()
         self._see()
 
+    def fix(self, where: slice, std: float) -> None:
+        self._inner.fix(where, std)
+        self._watch.fix(where, std)
+
     def undo_misfits(self) -> None:
         self._watch.undo_misfits()
         self._see()

@@ -14,7 +14,7 @@ from sysid_ros.exceptions import DataError
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement
-from sysid_ros.signals.causal_filters import default_cutoff
+from sysid_ros.signals.cutoff import default_cutoff
 from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.zero_phase import GaussianLowPass, KinematicFilter, SmoothMotion
 from sysid_ros.torque.torque_model import TorqueModel

@@ -10,7 +10,7 @@ import numpy as np
 from sysid_ros.identification.result import CutOff
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
-from sysid_ros.signals.causal_filters import default_cutoff
+from sysid_ros.signals.cutoff import default_cutoff
 from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.zero_phase import on_even_grid
 

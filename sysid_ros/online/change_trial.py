@@ -34,7 +34,8 @@ _NO_BODY = 29.6
 
 class Verdict(Enum):
     """OPEN: not known yet. BODY: it is carried. DOUBT: it is none as the time of the change was taken; that is looked for again.
-    FORCE: it is no body; it acts still. PASSED: what was before is again. AGAIN: a force that stays is tried as a body once more."""
+    FORCE: it is no body; it acts still. PASSED: what was before is again. AGAIN: a force that stays is tried as a body once
+    more."""
 
     OPEN = 0
     BODY = 1
@@ -74,17 +75,17 @@ class ChangeTrial:
         self._compared.clear()
 
     def compare(self, Y: FloatArray, y: FloatArray, extra: FloatArray | None, estimator: Estimator) -> None:
-        """How likely a row is, shapes (m, p) and (m,), after what was before and after what ``estimator`` has learned since, which
-        has not seen it; with ``extra`` variance (m,)."""
+        """How likely a row is, shapes (m, p) and (m,), after what was before and after what ``estimator`` has learned since,
+        which has not seen it; with ``extra`` variance (m,)."""
         misfit, likely = self.before.predict(Y, y, extra)
         self._compared.append((misfit, np.inf if self.force else likely - estimator.predict(Y, y, extra)[1]))
 
     def judge(self, t: float, estimator: Estimator, tare: Tare) -> Verdict:
         """What is known at ``t`` [s], after the estimator has taken in the row that was compared."""
         compared = np.array(self._compared)
-        if len(compared) == self._compared.maxlen and np.all(compared[:, 0] <= _FITS):
-            if self._part * float(np.sum(compared[:, 1])) > _LIKELIER:
-                return Verdict.PASSED
+        fits = len(compared) == self._compared.maxlen and bool(np.all(compared[:, 0] <= _FITS))
+        if fits and self._part * float(np.sum(compared[:, 1])) > _LIKELIER:
+            return Verdict.PASSED
         if self.force:
             return Verdict.AGAIN if t - self._force_since > _LONGEST else Verdict.FORCE
         if t - self._newest < self._young:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import copy
 
-import numpy as np
-
 from sysid_ros.estimators import Estimate, Estimator
 from sysid_ros.online.change_trial import ChangeTrial, Verdict
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
-from sysid_ros.online.front_end import FrontEnd, Rows
+from sysid_ros.online.front_end import FrontEnd
 from sysid_ros.online.payload_events import EventLog
+from sysid_ros.online.rows import Rows
 from sysid_ros.online.tare import Tare
 from sysid_ros.robot.urdf_bodies import reach
 from sysid_ros.sample import FloatArray
@@ -23,8 +22,8 @@ class ChangeWatch:
     """Between the rows and the estimator.
 
     Where the estimator finds a jump, or does not find what makes the rows misfit, an arm's rows since then are made again without
-    what came before (:class:`.RowHistory`), what is carried starts anew from them, and a :class:`.ChangeTrial` keeps what was known
-    before. Where that turns out to be no body, it is put back, and nothing is learned until it fits again.
+    what came before (:class:`.RowHistory`), what is carried starts anew from them, and a :class:`.ChangeTrial` keeps what was
+    known before. Where that turns out to be no body, it is put back, and nothing is learned until it fits again.
 
     Args:
         free: what is estimated. log: takes the events.
@@ -40,17 +39,20 @@ class ChangeWatch:
         self.trial: ChangeTrial | None = None
 
     def take(self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd) -> tuple[Estimator, Estimate]:
-        """Take in a row; the estimator that goes on, and what it says. ``hold``: nothing excites the parameters."""
-        if self.trial is not None:
-            self.trial.compare(rows.Y, rows.y, self._extra(rows, self.trial.before, front_end), estimator)
-        if self.trial is not None and self.trial.force:
+        """Take in a row while there is a trial; the estimator that goes on, and what it says. ``hold``: nothing excites the
+        parameters."""
+        assert self.trial is not None
+        self.trial.compare(rows.Y, rows.y, self._free.extra_variance(rows, self.trial.before, front_end.passed), estimator)
+        if self.trial.force:
             innovation = rows.y - rows.Y @ estimator.theta
             estimate = Estimate(estimator.theta, estimator.covariance(), innovation, "outlier", "a force acts on the robot")
         else:
-            estimate = self._update(rows, hold, estimator, front_end)
-        if self.trial is not None:
-            estimator = self._follow(self.trial, rows.sample.t, hold, estimator, front_end)
-        return estimator, estimate
+            known, jumps = estimator.noise_known, estimator.jumps
+            extra = self._free.extra_variance(rows, estimator, front_end.passed)
+            estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
+            if estimator.jumps != jumps or estimator.misfits:
+                estimate = self.changed(rows, hold, estimator, front_end, estimate, estimator.jumps != jumps, known)
+        return self._follow(self.trial, rows.sample.t, hold, estimator, front_end), estimate
 
     def status(self, t: float, status: str, reason: str) -> tuple[str, str]:
         """What is said at ``t`` [s] in place of a status and its reason while something has changed."""
@@ -61,23 +63,15 @@ class ChangeWatch:
             return "inconsistent", f"A force that no carried body makes acts on the robot, since {since}; the payload is held."
         return "warming_up", f"Something changed {since} ago; whether it is a body is not known yet. Keep moving."
 
-    def _extra(self, rows: Rows, estimator: Estimator, front_end: FrontEnd) -> FloatArray | None:
-        """Variance of the rows beside their noise, shape (m,): what dry friction hides; and of rows soon after a change as if what
-        single rows show were white, because noise whose long-run variance is small cancels only in the long run."""
-        friction = self._free.friction
-        if friction is None:
-            return None
-        own = self._free.friction_slice
-        extra = friction.hidden_variance(rows.slow, rows.speed, estimator.theta[own], estimator.variance_of_parameters[own])
-        if rows.fresh and estimator.noise_known:
-            white = estimator.row_variance / front_end.passed
-            extra = extra + np.maximum(white - estimator.noise_variance, 0.0) / self._free.extra_colour
-        return extra
+    def changed(
+        self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd, estimate: Estimate, jumped: bool, known: bool
+    ) -> Estimate:
+        """After a row that shows a jump, or one of a run that does not fit: look what has changed; the estimate then.
 
-    def _update(self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd) -> Estimate:
-        known, jumps, period = estimator.noise_known, estimator.jumps, front_end.period
-        estimate = estimator.update(rows.Y, rows.y, hold, self._extra(rows, estimator, front_end), rows.considered)
-        jumped = estimator.jumps != jumps
+        Args:
+            estimate: of the row. jumped: the estimator found a jump. known: it knew the noise before the row.
+        """
+        period = front_end.period
         if not front_end.makes_anew:
             if jumped and known:
                 mass = self._mass_before(estimator.before_jump)
@@ -101,7 +95,9 @@ class ChangeWatch:
     def _mass_before(self, theta: FloatArray) -> float:
         return float(theta[0] - self.tare.theta[0])
 
-    def _begin_anew(self, before: Estimator, estimator: Estimator, hold: bool, front_end: FrontEnd) -> tuple[float, Estimate | None]:
+    def _begin_anew(
+        self, before: Estimator, estimator: Estimator, hold: bool, front_end: FrontEnd
+    ) -> tuple[float, Estimate | None]:
         """Let the estimator forget what is carried, and learn it from the rows since the change: when that was [s], and what the
         estimator says of the last of them. ``before``: as it was before the change."""
         prior_variance = self._free.prior_std[PAYLOAD] ** 2
@@ -110,8 +106,12 @@ class ChangeWatch:
         estimate = None
         for rows in since:
             if self.trial is not None:
-                self.trial.compare(rows.Y, rows.y, self._extra(rows, self.trial.before, front_end), estimator)
-            estimate = estimator.update(rows.Y, rows.y, hold, self._extra(rows, estimator, front_end), rows.considered)
+                self.trial.compare(
+                    rows.Y, rows.y, self._free.extra_variance(rows, self.trial.before, front_end.passed), estimator
+                )
+            estimate = estimator.update(
+                rows.Y, rows.y, hold, self._free.extra_variance(rows, estimator, front_end.passed), rows.considered
+            )
         return t, estimate
 
     def _follow(self, trial: ChangeTrial, t: float, hold: bool, estimator: Estimator, front_end: FrontEnd) -> Estimator:

@@ -11,9 +11,10 @@ from sysid_ros.estimators import Estimator, JumpRule, Problem, make_estimator
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase
-from sysid_ros.online.friction_correction import FrictionCorrection
-from sysid_ros.online.front_end import FrontEnd
+from sysid_ros.online.base_lean import BaseLean
+from sysid_ros.online.front_end import FrictionCorrection, FrontEnd
 from sysid_ros.online.link_inexactness import link_inexactness
+from sysid_ros.online.rows import Rows
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement, Sample
@@ -27,6 +28,8 @@ _LEAST_JUMP = (0.03, 5e-3, 5e-3, 5e-3) + (math.inf,) * 6
 """Change of mass [kg] or first moment [kg m] of which one must be exceeded to count as a change of the payload."""
 _STAYS = 0.5
 """For so long dry friction at standstill is wrong by the same torque [s]."""
+_LEVEL = 1e-4
+"""What a base leans by that is level, as a part of the prior standard deviation."""
 _CARRIED = 0.16
 """Least prior standard deviation of what a robot on legs carries, as a part of its own mass."""
 _SIZE = 0.11
@@ -44,6 +47,8 @@ class FreeParameters:
 
     Attributes:
         payload: the effect whose columns come first. bias: where that of the accelerometer stands, None where it is not free.
+        lean: of an arm's base, where it is free. lean_slice: where its two parameters stand. leaning: whether that is to be
+            asked still. friction_slice: where those of friction stand. carried: whether an effect needs to know the payload.
         friction: of an arm; its parameters, if they are free, come after the payload's. None of a floating base.
         model: known and free effects.
         extra_colour: as of :class:`.Problem`, of the estimator that was made last.
@@ -73,6 +78,11 @@ class FreeParameters:
         if self.friction is not None and settings.estimate_friction:
             effects.append(self.friction)
             prior_std.append(self.friction.expected_std)
+        self.lean: BaseLean | None = None
+        if base is None and settings.effort_type == "total" and settings.base_lean_std > 0.0 and np.any(robot.gravity):
+            self.lean = BaseLean(robot, self.payload.frame_index)
+            effects.append(self.lean)
+            prior_std.append(np.full(2, settings.base_lean_std))
         self._bias: AccelerometerBias | None = None
         self.extra_colour = 1.0
         self.trunk_noise: tuple[FloatArray, FloatArray] | None = None
@@ -84,9 +94,17 @@ class FreeParameters:
         if base is None and known is None and settings.effort_type == "total":
             inexact = link_inexactness(robot, settings.link_mass_error, settings.link_com_error)
         self.model = TorqueModel(
-            whole, effects, known_effects or [], settings.effort_type == "total", known.uncertainty if known else None, inexact=inexact
+            whole,
+            effects,
+            known_effects or [],
+            settings.effort_type == "total",
+            known.uncertainty if known else None,
+            inexact=inexact,
         )
+        self.leaning = self.lean is not None
+        self.carried = self.leaning or self._bias is not None
         self.bias = self.model.slices[-1] if self._bias else None
+        self.lean_slice = self.model.slices[effects.index(self.lean)] if self.lean else slice(0, 0)
         self.friction_slice = self.model.slices[1] if self.friction in effects else slice(0, 0)
         self.prior_std = np.concatenate(prior_std)
 
@@ -99,10 +117,37 @@ class FreeParameters:
         least = np.array([mass] + [mass * size] * 3 + [mass * size**2] * 6)
         return np.asarray(np.maximum(prior, least))
 
+    def settle_lean(self, estimator: Estimator) -> str:
+        """Ask whether the base leans; a sentence if it does. Not to be asked any more once it is level, see ``leaning``."""
+        assert self.lean is not None
+        where, std = self.lean_slice, self._settings.base_lean_std
+        said = self.lean.settle(estimator.theta[where], estimator.covariance()[where, where], std)
+        if self.lean.level:
+            estimator.fix(where, _LEVEL * std)
+            self.model.leave_out(self.lean)
+            self.leaning, self.carried = False, False
+        return said
+
     def carry(self, theta: FloatArray) -> None:
-        """Take in what is known of the free parameters now, shape (p,): a bias of the accelerometer concerns the payload too."""
-        if self._bias is not None:
-            self._bias.load = theta[PAYLOAD].copy()
+        """Take in what is known of the free parameters now, shape (p,): a bias of the accelerometer, and a base that leans,
+        concern the payload too."""
+        for effect in (self._bias, self.lean):
+            if effect is not None:
+                effect.load = theta[PAYLOAD].copy()
+
+    def extra_variance(self, rows: Rows, estimator: Estimator, passed: float) -> FloatArray | None:
+        """Variance of the rows beside their noise, shape (n,): what dry friction hides; and of rows soon after a change as if
+        what single rows show were white, because noise whose long-run variance is small cancels only in the long run.
+
+        Args:
+            estimator: that takes them in. passed: as of :class:`.FrontEnd`.
+        """
+        if self.friction is None:
+            return None
+        extra = self.friction.hidden_variance(rows.slow, rows.speed, *estimator.marginal(self.friction_slice))
+        if rows.fresh and estimator.noise_known:
+            extra += np.maximum(estimator.row_variance / passed - estimator.noise_variance, 0.0) / self.extra_colour
+        return extra
 
     def noise_density(self, measurements: list[Measurement], sample_period: float) -> FloatArray:
         """Least spectral density of the torque noise, shape (n,) [(N m)^2 s].
@@ -141,7 +186,9 @@ class FreeParameters:
         jump = JumpRule(PAYLOAD, np.array(_LEAST_JUMP), front_end.memory if self._base else 0.0)
         part = 1.0 if self._base is None else front_end.passed
         self.extra_colour = colour = 1.0 if self._base else max(_STAYS / front_end.period, 1.0)
-        return make_estimator(s.estimator, Problem(self.prior_std, floor, front_end.period, s.forgetting_time, jump, part, colour))
+        return make_estimator(
+            s.estimator, Problem(self.prior_std, floor, front_end.period, s.forgetting_time, jump, part, colour)
+        )
 
 
 def white_noise_variance(measurements: list[Measurement]) -> FloatArray:

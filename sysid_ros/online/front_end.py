@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from sysid_ros.effects import Effect
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.stance_log import StanceLog
 from sysid_ros.floating.trunk_rows import TrunkRows
 from sysid_ros.online.row_history import RowHistory
+from sysid_ros.online.rows import Rows
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import TURNS
 from sysid_ros.sample import FloatArray, Measurement, Sample
-from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank, default_cutoff, position_noise, window_half_width
+from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank, fill_beside, window_half_width
+from sysid_ros.signals.cutoff import default_cutoff, position_noise
 from sysid_ros.signals.floating_derivative import FloatingDerivative
+from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel
 
-_SLOW = 0.06
-"""Speed of a joint below which dry friction is not what a model says [rad/s]."""
 FIRST = 25
 """Measurements from which rate and noise of the torque are read before anything is estimated."""
 _LONGEST_STEP = 1.0
@@ -86,35 +91,6 @@ class Cadence:
         return 0.6 < faster < 1.4
 
 
-@dataclass(frozen=True, slots=True)
-class Rows:
-    """``y = Y theta + noise`` after the low-pass, one row a joint.
-
-    Attributes:
-        Y: columns of the free effects, shape (n, p).
-        y: torque left for them, shape (n,) [N m].
-        speed: absolute joint velocities, shape (n,) [rad/s].
-        slow: part of the row from when the joint hardly moved, where dry friction is not what a model says, shape (n,), 0 to 1.
-        acceleration: shape (n,) [rad/s^2].
-        tau: measured torque, shape (n,) [N m].
-        considered: torque of the errors of what is known, shape (n, c) [N m], see :class:`.known_effect.KnownError`.
-        sample: the newest sample that went in, not filtered.
-        fresh: True where the low-pass has not been filled for long, as after a change.
-        trust: part of the row from when the feet of a floating base carried it, 0 to 1; 1 on an arm.
-    """
-
-    Y: FloatArray
-    y: FloatArray
-    speed: FloatArray
-    slow: FloatArray
-    acceleration: FloatArray
-    tau: FloatArray
-    considered: FloatArray
-    sample: Sample
-    trust: float = 1.0
-    fresh: bool = False
-
-
 class FrontEnd:
     """Derivative, split into known and free, the low-pass on both sides, and every k-th of it.
 
@@ -133,6 +109,7 @@ class FrontEnd:
         projection: of a floating base, else None. rows: of an update.
         passed: variance of a row over the long-run variance of the rows, for white noise.
         rate: measurements a second [Hz]. period: time between rows [s].
+        makes_anew: whether rows can be made again since a change, as of an arm.
         noise: of the positions, as it was last measured [rad]. too_fast: True where the low-pass lets too much of it pass.
         memory: time after which a measurement has left the rows [s]. delay: of the rows behind their sample [s].
     """
@@ -160,8 +137,7 @@ class FrontEnd:
         self._columns, self._rest, self._considered = self._raw[:, :p], self._raw[:, p], self._raw[:, p + 6 :]
         cutoff = min(cutoff_hz or default_cutoff(self.rate, noise), 0.4 * self.rate)
         self._cutoff, self._adapts, self.noise = cutoff, not cutoff_hz and base is None, noise
-        self._positions: list[FloatArray] = []
-        self._fresh = 0
+        self._fresh, self.too_fast, self._positions = 0, False, list[FloatArray]()
         self._every = max(1, round(self.rate / update_rate))
         self.period = self._every * period
         self._trunk: TrunkRows | None = None
@@ -176,44 +152,37 @@ class FrontEnd:
         if self._trunk is None:
             self._raw[:, p + 5] = 1.0
             self._history = RowHistory((n, self._raw.shape[1]), model.slices[0], period, self._bank)
-            self._rising = self._history.rise.size - 1
+            self._rising = -1
+        self.makes_anew = self._history is not None
         self.passed = min(2.05 * cutoff * self.period, 1.0)
         self.memory, self.delay = self._bank.memory, self._bank.delay
         self._tick = -max(round(2.0 * self.memory * self.rate), self._every)
 
     def push(self, measurement: Measurement) -> list[Rows]:
         """Rows that are due: none while the filters fill and between updates, seldom more than one."""
-        due = []
+        due: list[Rows] = []
         if self._adapts:
             self._positions.append(measurement.q)
             if len(self._positions) == _CHECK_EVERY:
                 self.noise, self._positions = position_noise(np.array(self._positions)), []
+                self.too_fast = default_cutoff(self.rate, self.noise) < _FINER * self._cutoff
         for sample in self._derivative.push(measurement):
             self._model.split_into(sample, self._columns, self._rest, self._considered)
-            _fill_beside(self._raw, self._model.p + 1, sample.v, sample.a, sample.tau)
-            if self._history is not None:
-                self._bank.push(self._raw * self._history.rise[self._rising])
-                self._rising = min(self._rising + 1, self._history.rise.size - 1)
-            else:
-                assert isinstance(self._derivative, FloatingDerivative) and self._trunk is not None
-                self._trunk.push(sample, self._raw, self._derivative.contacts(sample.t))
+            fill_beside(self._raw, self._model.p + 1, sample.v, sample.a, sample.tau)
             self._tick += 1
             is_due = self._tick >= 0 and self._tick % self._every == 0
-            if self._history is not None:
-                self._history.push(self._raw, sample, is_due)
+            if (history := self._history) is not None:
+                self._bank.push(self._raw if self._rising < 0 else self._raw * history.rise[self._rising])
+                self._rising = self._rising + 1 if 0 <= self._rising < history.rise.size - 1 else -1
+                history.ring[history.count % history.size] = self._raw
+                history.count += 1
+                history.samples.append((sample, is_due))
+            elif self._trunk is not None:
+                assert isinstance(self._derivative, FloatingDerivative)
+                self._trunk.push(sample, self._raw, self._derivative.contacts(sample.t))
             if is_due:
                 due.append(self._rows(sample) if self._trunk is None else Rows(**self._trunk.due(), sample=sample))
         return due
-
-    @property
-    def makes_anew(self) -> bool:
-        """Whether rows can be made again since a change, as of an arm."""
-        return self._history is not None
-
-    @property
-    def too_fast(self) -> bool:
-        """See the class."""
-        return self._adapts and default_cutoff(self.rate, self.noise) < _FINER * self._cutoff
 
     def rest(self) -> None:
         """Rows to come hold nothing of what has been; not of a floating base."""
@@ -224,25 +193,18 @@ class FrontEnd:
 
     def since_change(self, theta: FloatArray, variance: FloatArray, prior_variance: FloatArray) -> tuple[float, list[Rows]]:
         """Where the first of the free effects has just changed: when [s], and the rows since then with nothing of the time before
-        in them, as those to come will be; none on a floating base.
+        in them, as those to come will be; not of a floating base.
 
         Args:
             theta: free parameters before the change, shape (p,). variance: of a single row, shape (n,). prior_variance: of the
                 parameters that changed.
         """
-        if self._history is None:
-            return math.nan, []
-        first = self._history.onset(theta, variance, prior_variance)
-        since = self._history.since(first)
-        self._history.forget_before(first)
-        self._bank.rest()
-        self._rising = min(len(since), self._history.rise.size - 1)
-        rows = []
-        for raw, sample, is_due in since:
-            self._bank.push(raw)
-            if is_due:
-                rows.append(self._rows(sample))
-        return since[0][1].t if since else math.nan, rows
+        assert self._history is not None
+        replayed = self._history.replay(self._history.onset(theta, variance, prior_variance))
+        rows = [self._rows(sample) for sample in replayed]
+        since = self._history.samples
+        self._rising = len(since) if len(since) < self._history.rise.size else -1
+        return since[0][0].t, rows
 
     def _rows(self, sample: Sample) -> Rows:
         """What the low-pass shows now, one row a joint."""
@@ -264,15 +226,75 @@ class FrontEnd:
             fresh=self._fresh > 0,
         )
         assert self._history is not None
-        self._history.keep(rows.Y, rows.y)
+        self._history.updates.append((rows.Y, rows.y))
         return rows
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _fill_beside(raw: FloatArray, first: int, v: FloatArray, a: FloatArray, tau: FloatArray) -> None:
-    """The channels beside the equation: v, a, tau and how far each joint is from moving, in four columns from ``first`` on."""
-    for j in range(v.size):
-        raw[j, first] = v[j]
-        raw[j, first + 1] = a[j]
-        raw[j, first + 2] = tau[j]
-        raw[j, first + 3] = max(1.0 - abs(v[j]) / _SLOW, 0.0)
+class FrictionCorrection(Effect):
+    """``tau_j = offset_j + Fc_j tanh(v_j / width) + b_j v_j``: what has changed since the arm was identified, or all of
+    it where it never was. The three as one effect, because its columns are written at the robot's rate.
+
+    Args:
+        robot: the model. settings: how large the change may be, what counts as slow. known: effects that are known, or None where
+            no model is.
+
+    Attributes:
+        expected_std: before any data, of offset, Coulomb and viscous friction, shape (3 n,): small beside a known model, of the
+            size of the effort limits without one.
+    """
+
+    id: ClassVar[str] = "friction_correction"
+    label: ClassVar[str] = "correction of offset and friction"
+
+    def __init__(self, robot: RobotModel, settings: OnlineSettings, known: Sequence[KnownEffect] | None) -> None:
+        super().__init__(robot)
+        self.parameter_names = tuple(f"{symbol}[{joint}]" for symbol in ("offset", "Fc", "b") for joint in robot.joint_names)
+        force = tuple("N" if slides else "N m" for slides in robot.is_prismatic)
+        self.units = (*force, *force, *("N s/m" if slides else "N m s/rad" for slides in robot.is_prismatic))
+        self._settings = settings
+        stated = known is None and settings.effort_type == "total"
+        nothing: FloatArray = np.zeros(robot.n)
+        self._coulomb = sum(
+            (np.abs(k.effect.as_dry_friction(k.theta)) for k in known or ()), robot.friction if stated else nothing
+        )
+        self._viscous = np.abs(sum((k.effect.as_damping(k.theta) for k in known or ()), nothing))
+        self.expected_std = self._drifted() if known is not None else self._unknown()
+        joints = np.arange(robot.n)
+        self._rows, self._columns = np.tile(joints, 3), np.arange(3 * robot.n)
+        self._curves = np.ones((3, robot.n))
+
+    def _unknown(self) -> FloatArray:
+        limit = self.robot.effort_limit
+        size = self._settings.friction_unknown * np.where(np.isfinite(limit), limit, 50.0)
+        return np.concatenate([0.2 * size, size, 2.0 * size])
+
+    def _drifted(self) -> FloatArray:
+        least, drift = np.full(self.robot.n, 0.1), self._settings.friction_drift
+        return np.concatenate([0.5 * drift * self._coulomb + least, drift * self._coulomb + least, drift * self._viscous + least])
+
+    def fill(self, sample: Sample, out: FloatArray) -> None:
+        curves = self._curves
+        np.tanh(sample.v / TURNS, out=curves[1])
+        curves[2] = sample.v
+        out[self._rows, self._columns] = curves.ravel()
+
+    def as_dry_friction(self, theta: FloatArray) -> FloatArray:
+        n = self.robot.n
+        return theta[n : 2 * n]
+
+    def hidden_variance(self, slow: FloatArray, speed: FloatArray, theta: FloatArray, variance: FloatArray) -> FloatArray:
+        """Variance of the torque that may hide in dry friction near standstill, where no model holds, shape (n,) [(N m)^2].
+
+        Args:
+            slow: part of a row from when each joint hardly moved, shape (n,). speed: of each joint, shape (n,) [rad/s].
+            theta, variance: its parameters as they are estimated now and how uncertain they are, shape (3 n,) each, or none where
+                they are not estimated.
+        """
+        n = self.robot.n
+        coulomb = self._coulomb**2
+        if theta.size:
+            coulomb = (self._coulomb + theta[n : 2 * n]) ** 2 + variance[n : 2 * n]
+        extra: FloatArray = coulomb * (0.5 * slow) ** 2
+        if max(speed.tolist()) < self._settings.low_velocity:
+            extra += self._settings.stiction**2
+        return extra

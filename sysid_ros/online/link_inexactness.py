@@ -17,10 +17,10 @@ _LEFT_OUT = 1e-3
 def link_inexactness(robot: RobotModel, mass: float, com: float) -> FloatArray:
     """Directions L, shape (10 n, c), of what a URDF of usual inexactness is wrong by: ``error of pi = L z``, ``z ~ N(0, 1)``.
 
-    The mass of each link, and with it all its ten parameters, is wrong by ``mass``; its centre of mass by ``com`` on each axis. Of
-    the directions that this makes, which no motion can tell apart in part (base parameters: Mayeda, Yoshida, Osuka 1990), those are
-    kept, rotated to principal ones, that make all but a thousandth of the variance of the torque on random motions; each joint's
-    torque counts relative to what it usually is.
+    The mass of each link, and with it all its ten parameters, is wrong by ``mass``; its centre of mass by ``com`` on each axis.
+    Of the directions that this makes, which no motion can tell apart in part (base parameters: Mayeda, Yoshida, Osuka 1990),
+    those are kept, rotated to principal ones, that make all but a thousandth of the variance of the torque on random motions;
+    each joint's torque counts relative to what it usually is.
 
     Args:
         robot: the arm, whose URDF gives the links.

@@ -16,15 +16,16 @@ from sysid_ros.floating.floating_base import FloatingBase, floating_base_of
 from sysid_ros.floating.stance_log import STANDS, STANDS_AGAIN, GroundContact, StanceLog
 from sysid_ros.online.change_watch import ChangeWatch
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
-from sysid_ros.online.front_end import Cadence, FrontEnd, Rows
+from sysid_ros.online.front_end import Cadence, FrontEnd
 from sysid_ros.online.payload_estimate import Judgement, PayloadEstimate, PayloadEvent
 from sysid_ros.online.payload_events import EventLog
+from sysid_ros.online.rows import Rows
 from sysid_ros.online.tare import Tare
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.inertial_parameters import project_into
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FREE, FloatArray, Measurement
-from sysid_ros.signals.causal_filters import position_noise
+from sysid_ros.signals.cutoff import position_noise
 from sysid_ros.torque.model_file import ModelFile
 
 _STANDS = 0.15
@@ -93,7 +94,7 @@ class OnlineEstimation:
     @property
     def warnings(self) -> list[str]:
         """What the user should know, one sentence or a few each."""
-        return [*self._warnings.values(), *(self._stances.warnings if self._stances else ())]
+        return [*filter(None, self._warnings.values()), *(self._stances.warnings if self._stances else ())]
 
     @property
     def stance_counts(self) -> dict[str, int]:
@@ -187,11 +188,15 @@ class OnlineEstimation:
             return self._held(rows, self._ground) if due and self._ground.lifted else None
         self._still = self._still + front_end.period if max(rows.speed.tolist()) < self.settings.standstill_velocity else 0.0
         hold = self._still > _STANDS and self.base is None
-        if self._free.bias is not None:
+        if self._free.carried:
             self._free.carry(estimator.theta)
-        self.estimator, estimate = self._changes.take(rows, hold, estimator, front_end)
+        if self._changes.trial is None:
+            estimate = self._update(rows, hold, estimator, front_end)
+        else:
+            estimator, estimate = self._changes.take(rows, hold, estimator, front_end)
+            self.estimator = estimator
         self._outliers += estimate.status == "outlier"
-        if not hold and self.estimator.noise_known:
+        if not hold and estimator.noise_known:
             n = self._floor.size if self.base is None else FREE
             judgement.check.add(rows.tau[:n], (rows.y - rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD])[:n])
         if estimate.status == "not_finite":
@@ -202,6 +207,18 @@ class OnlineEstimation:
         self._next_publish = max(self._next_publish, rows.sample.t - front_end.period) + 1.0 / self.settings.publish_rate
         self.latest = self._publish(estimate, rows, t, judgement, front_end.projection)
         return self.latest
+
+    def _update(self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd) -> Estimate:
+        """Let the estimator take in a row, and have it looked into where that shows a change."""
+        known, jumps, extra, friction = estimator.noise_known, estimator.jumps, None, self._free.friction
+        if rows.fresh:
+            extra = self._free.extra_variance(rows, estimator, front_end.passed)
+        elif friction is not None:  # the same in fewer steps
+            extra = friction.hidden_variance(rows.slow, rows.speed, *estimator.marginal(self._free.friction_slice))
+        estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
+        if estimator.jumps != jumps or estimator.misfits:
+            return self._changes.changed(rows, hold, estimator, front_end, estimate, estimator.jumps != jumps, known)
+        return estimate
 
     def _on_ground(self, rows: Rows, front_end: FrontEnd, ground: GroundContact) -> bool:
         """Whether a row is used; False while the feet do not carry the robot, or it has just been set down."""
@@ -227,19 +244,24 @@ class OnlineEstimation:
     ) -> PayloadEstimate:
         assert self.estimator is not None
         theta: FloatArray = estimate.theta[PAYLOAD] - self._changes.tare.theta
-        noise, model = self._changes.tare.covariances(self.estimator)
-        covariance = noise + model
+        covariance = estimate.covariance[PAYLOAD, PAYLOAD]
+        if self._changes.tare.taken:
+            covariance = sum(self._changes.tare.covariances(self.estimator), np.zeros((10, 10)))
         if self.base is not None:
             covariance[0, 0] += self._doubt(float(theta[0]), self.base) ** 2
         std = np.sqrt(covariance.diagonal())
+        if self._free.leaning and self.estimator.noise_known and self._changes.trial is None:
+            self._warnings["lean"] = self._free.settle_lean(self.estimator)
         status, reason = judgement.status(estimate, self.estimator, float(theta[0]), float(std[0]))
         self._warnings.pop("inconsistent", None)
         if status == "inconsistent":
             self._warnings["inconsistent"] = reason
-        status, reason = self._changes.status(t, status, reason)
+        if self._changes.trial is not None:
+            status, reason = self._changes.status(t, status, reason)
         if status == "ok":
             nearest = np.empty(10)
             # what the noise explains is not laid on the considered errors, which would draw the mass along
+            noise = self.estimator.noise_covariance()[PAYLOAD, PAYLOAD] + self._changes.tare.noise
             for metric in (noise, covariance):
                 distance = project_into(theta, metric, nearest)
                 if distance <= _NOT_A_BODY:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 
 import numpy as np
 from numba import njit
@@ -33,48 +34,38 @@ class RowHistory:
         bank: the low-pass.
 
     Attributes:
+        ring, size, count: the channels before the low-pass, of which the newest ``size`` stand in the ring, shape (size, n, c),
+            each at its number modulo ``size``; whoever pushes them writes there. samples: theirs, and whether a row was due.
+        updates: Y and y of the rows that were due, after the low-pass.
         rise: w after a change, as a factor on each of the samples after it, the last one for all to come.
     """
 
     def __init__(self, shape: tuple[int, int], block: slice, period: float, bank: LowPassBank) -> None:
         own = 1.0 / (bank.cutoff_hz * period)
-        self._size, self._block, self._sections = max(round(_SPAN * own), 8), block, bank.sections
-        self._ring = np.zeros((self._size, *shape))
-        self._samples: deque[tuple[Sample, bool]] = deque(maxlen=self._size)
-        self._updates: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=self._size)
-        self._count, self._step = 0, max(round(_STEP * own), 1)
+        self.size, self._block, self._sections = max(round(_SPAN * own), 8), block, bank.sections
+        self._bank = bank
+        self.ring = np.zeros((self.size, *shape))
+        self.samples: deque[tuple[Sample, bool]] = deque(maxlen=self.size)
+        self.updates: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=self.size)
+        self.count, self._step = 0, max(round(_STEP * own), 1)
         rise = (np.arange(round(_RISE * own) + 1) + 0.5) / (_RISE * own)
         self.rise: FloatArray = 0.5 - 0.5 * np.cos(np.pi * np.minimum(rise, 1.0))
 
-    def push(self, raw: FloatArray, sample: Sample, due: bool) -> None:
-        """Take in the channels before the low-pass, and whether a row was due at that sample."""
-        self._ring[self._count % self._size] = raw
-        self._count += 1
-        self._samples.append((sample, due))
-
-    def keep(self, Y: FloatArray, y: FloatArray) -> None:
-        """Take in a row that was due, after the low-pass."""
-        self._updates.append((Y, y))
-
     def clear(self) -> None:
         """Nothing of what has been is looked at again."""
-        self._samples.clear()
-        self._updates.clear()
-
-    def forget_before(self, index: int) -> None:
-        """What came before a change, at an index of :meth:`onset`, is not looked at again."""
-        for _ in range(index):
-            self._samples.popleft()
+        self.samples.clear()
+        self.updates.clear()
 
     def onset(self, theta: FloatArray, variance: FloatArray, prior_variance: FloatArray) -> int:
         """Index, in what is kept, of the first channels after the change that explains the newest rows best.
 
         Args:
-            theta: parameters before it, shape (p,). variance: of a single row, shape (m,). prior_variance: of the block, shape (b,).
+            theta: parameters before it, shape (p,). variance: of a single row, shape (m,).
+            prior_variance: of the block, shape (b,).
         """
-        kept = len(self._samples)
-        due = np.array([k for k, (_, d) in enumerate(self._samples) if d], dtype=np.int64)
-        rows = list(self._updates)[-due.size :]
+        kept = len(self.samples)
+        due = np.array([k for k, (_, d) in enumerate(self.samples) if d], dtype=np.int64)
+        rows = list(self.updates)[-due.size :]
         due = due[due.size - len(rows) :]
         e = np.array([y - Y @ theta for Y, y in rows])
         raw = np.ascontiguousarray(self._recent()[:, :, self._block])
@@ -88,19 +79,25 @@ class RowHistory:
             gains[i] = score @ np.linalg.solve(information, score)
         return int(starts[int(np.argmax(gains))]) + self._step
 
-    def since(self, index: int) -> list[tuple[FloatArray, Sample, bool]]:
-        """``w`` times the channels, sample, and whether a row was due, from an index on.
+    def replay(self, first: int) -> Iterator[Sample]:
+        """Let the low-pass, from rest, take in ``w`` times the channels since an index; a sample whenever a row is due then.
 
-        w rises smoothly: where second differences of noisy positions were cut off, their noise would no longer cancel in the low-pass.
+        w rises smoothly: where second differences of noisy positions were cut off, their noise would no longer cancel.
         """
-        recent = self._recent()[index:]
+        recent = self._recent()[first:]
+        for _ in range(first):
+            self.samples.popleft()
         beginning = min(len(recent), self.rise.size)
         recent[:beginning] *= self.rise[:beginning, None, None]
-        return [(recent[k], *pair) for k, pair in enumerate(list(self._samples)[index:])]
+        self._bank.rest()
+        for raw, (sample, due) in zip(recent, list(self.samples), strict=True):
+            self._bank.push(raw)
+            if due:
+                yield sample
 
     def _recent(self) -> FloatArray:
-        kept = len(self._samples)
-        return self._ring[np.arange(self._count - kept, self._count) % self._size]
+        kept = len(self.samples)
+        return self.ring[np.arange(self.count - kept, self.count) % self.size]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]

@@ -10,7 +10,7 @@ import numpy as np
 from sysid_ros.effects import Effect
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.sample import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,38 +38,34 @@ class KnownError:
         links: the same of the URDF's link inertials, shape (10 n, c), where they are what is known.
 
     Attributes:
-        c: number of directions.
+        c: number of directions. links: L of the link inertials, shape (10 n, c). others: other effects with their rows of L.
 
     Raises:
         ModelFileError: L does not fit the effects.
     """
 
-    def __init__(self, robot: RobotModel, known: Sequence[KnownEffect], directions: FloatArray | None, links: FloatArray | None = None) -> None:
+    def __init__(
+        self, robot: RobotModel, known: Sequence[KnownEffect], directions: FloatArray | None, links: FloatArray | None = None
+    ) -> None:
         count = sum(k.effect.p for k in known)
         if directions is not None and directions.shape[0] != count:
             raise ModelFileError(
                 f"the model's uncertainty has {directions.shape[0]} rows, its effects have {count} parameters. "
                 "Write the model again with 'sysid identify'."
             )
-        self._others: list[tuple[Effect, FloatArray]] = []
+        self.others: list[tuple[Effect, FloatArray]] = []
         if directions is None:
-            self._links = np.zeros((10 * robot.n, 0)) if links is None else links
-            self.c = self._links.shape[1]
+            self.links = np.zeros((10 * robot.n, 0)) if links is None else links
+            self.c = self.links.shape[1]
             return
         self.c = directions.shape[1]
-        self._links = np.zeros((10 * robot.n, self.c))
+        self.links = np.zeros((10 * robot.n, self.c))
         start = 0
         for k in known:
             rows = directions[start : start + k.effect.p]
             start += k.effect.p
             if k.effect.replaces_links:
                 nothing = k.effect.as_links(np.zeros(k.effect.p))
-                self._links += np.stack([(k.effect.as_links(d) - nothing).ravel() for d in rows.T], axis=1)
+                self.links += np.stack([(k.effect.as_links(d) - nothing).ravel() for d in rows.T], axis=1)
             else:
-                self._others.append((k.effect, rows))
-
-    def fill(self, sample: Sample, regressor: FloatArray, out: FloatArray) -> None:
-        """Write Z into ``out`` of shape (n, c), given the links' regressor (n, 10 n) at the sample."""
-        out[:] = regressor @ self._links
-        for effect, rows in self._others:
-            effect.add_spread(sample, rows, out)
+                self.others.append((k.effect, rows))

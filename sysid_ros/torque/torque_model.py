@@ -71,6 +71,7 @@ class TorqueModel:
                 raise SysidError(f"effect '{k.effect.id}' has {k.effect.p} parameters, {k.theta.size} were given.")
         ends = list(accumulate((e.p for e in self.free), initial=0))
         self.slices = tuple(slice(a, b) for a, b in pairwise(ends))
+        self._filled = list(zip(self.free, self.slices, strict=True))
         self.p = ends[-1]
         self.parameter_names = tuple(name for e in self.free for name in e.parameter_names)
         self.units = tuple(unit for e in self.free for unit in e.units)
@@ -149,16 +150,18 @@ class TorqueModel:
 
     def _known_torque(self, sample: Sample, considered: FloatArray | None) -> FloatArray:
         robot = self.robot
-        asked = self._urdf_links and (self._correction is not None or (considered is not None and self.error.c > 0))
-        regressor = robot.regressor(sample.q, sample.v, sample.a) if asked else None
-        tau = robot.rnea(sample.q, sample.v, sample.a)  # last: the effects' columns read what it leaves
-        if not self._urdf_links:
-            tau[:] = 0.0
-        elif regressor is not None:
+        if self._urdf_links and (self._correction is not None or (considered is not None and self.error.c > 0)):
+            tau, regressor = robot.rnea_and_regressor(sample.q, sample.v, sample.a)
             if self._correction is not None:
                 tau += regressor @ self._correction
             if considered is not None:
-                self.error.fill(sample, regressor, considered)
+                np.matmul(regressor, self.error.links, out=considered)
+                for effect, rows in self.error.others:
+                    effect.add_spread(sample, rows, considered)
+        else:
+            tau = robot.rnea(sample.q, sample.v, sample.a)
+            if not self._urdf_links:
+                tau[:] = 0.0
         if self._dynamics and self._rubs:
             tau += robot.damping * sample.v + robot.friction * smoothed_sign(sample.v, self._turns)
         for k in self._others:
@@ -179,8 +182,12 @@ class TorqueModel:
             considered: takes what the uncertainty of the known effects does, shape (n, ``error.c``).
         """
         np.subtract(sample.tau, self._known_torque(sample, considered), out=rest)
-        for effect, where in zip(self.free, self.slices, strict=True):
+        for effect, where in self._filled:
             effect.fill(sample, columns[:, where])
+
+    def leave_out(self, effect: Effect) -> None:
+        """The columns of a free effect are not needed any more: :meth:`split_into` leaves them alone."""
+        self._filled = [(other, where) for other, where in self._filled if other is not effect]
 
 
 def _from_link_to_message(k: KnownEffect) -> tuple[bool, int, bool]:

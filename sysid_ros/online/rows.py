@@ -1,0 +1,36 @@
+"""Rows: what the front end gives to the estimator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sysid_ros.sample import FloatArray, Sample
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """``y = Y theta + noise`` after the low-pass, one row a joint.
+
+    Attributes:
+        Y: columns of the free effects, shape (n, p).
+        y: torque left for them, shape (n,) [N m].
+        speed: absolute joint velocities, shape (n,) [rad/s].
+        slow: part of the row from when the joint hardly moved, where dry friction is not what a model says, shape (n,), 0 to 1.
+        acceleration: shape (n,) [rad/s^2].
+        tau: measured torque, shape (n,) [N m].
+        considered: torque of the errors of what is known, shape (n, c) [N m], see :class:`.known_effect.KnownError`.
+        sample: the newest sample that went in, not filtered.
+        fresh: True where the low-pass has not been filled for long, as after a change.
+        trust: part of the row from when the feet of a floating base carried it, 0 to 1; 1 on an arm.
+    """
+
+    Y: FloatArray
+    y: FloatArray
+    speed: FloatArray
+    slow: FloatArray
+    acceleration: FloatArray
+    tau: FloatArray
+    considered: FloatArray
+    sample: Sample
+    trust: float = 1.0
+    fresh: bool = False
