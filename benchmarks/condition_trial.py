@@ -187,7 +187,7 @@ def _swings(place: FloatArray, t: FloatArray, mass: float, rod: float) -> FloatA
         free = gravity - drive[k] - 0.5 * speed
         tension = free @ along + speed @ speed / rod
         acceleration = free - tension * along
-        force[k] = mass * (tension + 0.0) * along
+        force[k] = mass * tension * along
         speed = speed + h * acceleration
         relative = relative + h * speed
         relative *= rod / np.linalg.norm(relative)
@@ -235,7 +235,6 @@ def run(name: str, seed: int, settings: OnlineSettings | None = None, keep: bool
     body = pin.Inertia(mass, size * rng.uniform(-1.6, 1.6, 3), 2.0 * mass * size**2 * np.diag([0.5, 0.7, 0.9]))
     whole, half = body.toDynamicParameters(), 0.5 * body.toDynamicParameters()
     frame = model.frame_id(model.default_frame)
-    placement = model.model.frames[frame]
     true = _true_arm(model, rng, c)
 
     def carried(at: float) -> FloatArray:
@@ -251,10 +250,7 @@ def run(name: str, seed: int, settings: OnlineSettings | None = None, keep: bool
     direction /= np.linalg.norm(direction)
     hangs = np.zeros((len(t), 3))
     if c.rod:
-        place = np.array(
-            [pin.updateFramePlacement(model.model, geometry, frame).translation.copy() for _ in _at(model, geometry, q)]
-        )
-        hangs = _swings(place, t, mass, c.rod)
+        hangs = _swings(_along(model, frame, q), t, mass, c.rod)
     columns = np.empty((len(t), model.n, 10))
     for k, at in enumerate(t):
         loads[k] = carried(at)
@@ -288,13 +284,17 @@ def run(name: str, seed: int, settings: OnlineSettings | None = None, keep: bool
     outcome.bound = _bound(columns, v, t, c, model).tolist()
     if keep:
         outcome.trace = [(at, float(e.theta[0]), e.mass_std, e.status, float(carried(at)[0])) for at, e in estimates]
-    del placement
     return outcome
 
 
-def _at(model: RobotModel, data: Any, q: FloatArray) -> Any:
-    for posture in q:
-        yield pin.forwardKinematics(model.model, data, posture)
+def _along(model: RobotModel, frame: int, q: FloatArray) -> FloatArray:
+    """Where the frame's origin is, shape (N, 3) [m]."""
+    data = model.model.createData()
+    places = np.empty((len(q), 3))
+    for k, posture in enumerate(q):
+        pin.forwardKinematics(model.model, data, posture)
+        places[k] = pin.updateFramePlacement(model.model, data, frame).translation
+    return places
 
 
 def _estimate(

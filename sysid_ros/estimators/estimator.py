@@ -171,6 +171,9 @@ class Estimator(ABC):
         """Consider another number of errors; what the ones before did is forgotten."""
         self._sensitivity = np.zeros((self.p, count))
 
+    def widen(self, factor: float) -> None:  # noqa: B027 - one whose noise is given keeps it
+        """The noise of the rows is ``factor`` times the variance that was learned; here nothing."""
+
     def fix(self, where: slice, std: float) -> None:  # noqa: B027 - one that goes on estimating them is right too
         """From now on the parameters ``where`` are known to be zero to within ``std``; here nothing."""
 

@@ -82,6 +82,11 @@ class LongRunVariance:
         self.variance = np.maximum(chosen, self.floor)
         return True
 
+    def widen(self, factor: float) -> None:
+        """What was learned so far counts as ``factor`` times as much."""
+        self._power *= factor
+        self.variance = self.variance * factor
+
     def interrupt(self) -> None:
         """Drop the blocks in progress: the residuals to come do not follow the ones before."""
         self._sums[:] = 0.0

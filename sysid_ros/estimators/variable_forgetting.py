@@ -253,6 +253,12 @@ class VariableForgetting(Estimator):
     def marginal(self, where: slice) -> tuple[FloatArray, FloatArray]:
         return self._theta[where], self._P.diagonal()[where]
 
+    def widen(self, factor: float) -> None:
+        self.noise.widen(factor)
+        self.noise_variance = self.noise.variance
+        self._levels[variable_update.SPREAD] *= factor
+        self._levels[variable_update.NOISE] = self.noise.variance
+
     def fix(self, where: slice, std: float) -> None:
         rows = np.eye(self.p)[where]
         nothing = (

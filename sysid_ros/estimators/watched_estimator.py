@@ -46,6 +46,10 @@ class WatchedEstimator(Estimator):
         self._watch.reset()
         self._see()
 
+    def widen(self, factor: float) -> None:
+        self._watch.widen(factor)
+        self._see()
+
     def fix(self, where: slice, std: float) -> None:
         self._inner.fix(where, std)
         self._watch.fix(where, std)

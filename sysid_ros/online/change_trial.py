@@ -54,13 +54,26 @@ class ChangeTrial:
 
     Args:
         before: the estimator as it was before the jump. t: of the jump [s]. mass: carried before it [kg]. reach: how far from the
-            frame a centre of mass can be [m]. front_end: that the rows come from.
+            frame a centre of mass can be [m]. front_end: that the rows come from. after: a trial that ended in a
+            force which has stayed, and which may be a body that moves by itself, as one that swings. strain: of it.
 
     Attributes:
-        before, t, mass: as given. force: True once it is known to be no body.
+        before, t, mass: as given. force: True once it is known to be no body. strain: variance that the rows would need to be
+            those of a body, over that of their noise.
     """
 
-    def __init__(self, before: Estimator, t: float, mass: float, reach: float, front_end: FrontEnd) -> None:
+    def __init__(
+        self,
+        before: Estimator,
+        t: float,
+        mass: float,
+        reach: float,
+        front_end: FrontEnd,
+        after: ChangeTrial | None = None,
+        strain: float = 1.0,
+    ) -> None:
+        self.after = after
+        self.strain = self._assumed = strain
         self.before, self.t, self.mass, self._reach = before, t, mass, reach
         self.force = self._doubted = False
         self._jumps, self._newest, self._force_since = 1, t, t
@@ -104,7 +117,10 @@ class ChangeTrial:
         """Whether some body has the parameters that are estimated."""
         noise, model = tare.covariances(estimator)
         theta, covariance = estimator.theta[PAYLOAD] - tare.theta, noise + model
-        if not project_into(theta, covariance, np.empty(10)) <= _NO_BODY:
+        distance = float(project_into(theta, covariance, np.empty(10)))
+        if not distance <= _NO_BODY:
+            if np.isfinite(distance):
+                self.strain = max(self._assumed * distance / 10.0, self.strain)
             return False
         std = np.sqrt(covariance.diagonal())
         heaviest = max(theta[0] + 3.0 * std[0], 0.0)

@@ -60,7 +60,8 @@ class ChangeWatch:
             return status, reason
         since = f"{t - self.trial.t:.1f} s"
         if self.trial.force:
-            return "inconsistent", f"A force that no carried body makes acts on the robot, since {since}; the payload is held."
+            what = "A force that no body fixed to the robot makes acts on it: a contact, or a load that moves by itself"
+            return "inconsistent", f"{what}. That began {since} ago; what was carried before is held."
         return "warming_up", f"Something changed {since} ago; whether it is a body is not known yet. Keep moving."
 
     def changed(
@@ -120,20 +121,23 @@ class ChangeWatch:
         verdict = trial.judge(t, estimator, self.tare)
         if verdict is Verdict.BODY:
             self.trial = None
+            if trial.after is not None:
+                self._log.body(trial.after.t, t, trial.mass, self._mass_before(estimator.theta))
         elif verdict is Verdict.DOUBT:
             estimator = copy.deepcopy(trial.before)
             trial.jumped(self._begin_anew(trial.before, estimator, hold, front_end)[0])
         elif verdict is Verdict.FORCE and not was_force:
             estimator = copy.deepcopy(trial.before)
-            self._log.force(trial.t, trial.mass)
+            self._log.force((trial.after or trial).t, trial.mass)
         elif verdict is Verdict.PASSED:
             if not was_force:
-                self._log.force(trial.t, trial.mass)
+                self._log.force((trial.after or trial).t, trial.mass)
             estimator, self.trial = trial.before, None
             front_end.rest()
         elif verdict is Verdict.AGAIN:
             estimator = copy.deepcopy(trial.before)
+            estimator.widen(trial.strain)
             estimator.forget()
-            self.trial = ChangeTrial(trial.before, t, trial.mass, self._reach, front_end)
+            self.trial = ChangeTrial(trial.before, t, trial.mass, self._reach, front_end, trial.after or trial, trial.strain)
             front_end.rest()
         return estimator
