@@ -299,7 +299,7 @@ def _along(model: RobotModel, frame: int, q: FloatArray) -> FloatArray:
 
 def _estimate(
     model: RobotModel, settings: OnlineSettings, t: FloatArray, stamps: FloatArray, q: FloatArray, tau: FloatArray,
-    kept: FloatArray, c: Condition,
+    kept: Any, c: Condition,
 ) -> tuple[list[tuple[float, PayloadEstimate]], list[float], OnlineEstimation]:  # fmt: skip
     gate, estimation = InputGate(model, settings), OnlineEstimation(model, settings)
     estimates: list[tuple[float, PayloadEstimate]] = []

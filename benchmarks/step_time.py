@@ -37,8 +37,9 @@ from verdict import Target, conclude
 
 from sysid_ros.effects import Payload
 from sysid_ros.estimators import ConstantForgetting, JumpRule, Problem, VariableForgetting, kernels
-from sysid_ros.online.front_end import FrontEnd, Rows
+from sysid_ros.online.front_end import FrontEnd
 from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online.rows import Rows
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement

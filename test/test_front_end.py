@@ -165,8 +165,10 @@ def test_jumps_in_quick_succession_are_one_event() -> None:
     log.add(5.3, 1.0, 1.2)
     log.add(6.0, 1.2, 0.0)
     assert kinds(log) == ["pick", "drop"]
-    log.clear()
-    assert log.events == []
+    log.force(6.0, 1.2)  # the newest was a push
+    assert kinds(log) == ["pick", "external_force"]
+    log.body(6.0, 9.0, 1.2, 0.0)  # or was it
+    assert kinds(log) == ["pick", "drop"]
 
 
 def test_what_pulls_at_a_robot_before_it_is_lifted_is_no_event() -> None:

@@ -66,7 +66,7 @@ def test_a_payload_is_found_within_its_interval(carried: list[Measurement]) -> N
     assert_found(series[-1])
     final = series[-1]
     assert final.frame == MODEL.default_frame
-    assert final.mass_std < 0.05
+    assert 0.03 < final.mass_std < 0.1  # mostly what the URDF's links may be wrong by
     assert np.all(np.abs(final.theta - BODY) < 5.0 * final.std)
     assert final.observable[:4].all()
     assert inertial_parameters.is_physical(final.theta)
@@ -274,7 +274,7 @@ def test_tare_makes_what_is_carried_zero(carried: list[Measurement]) -> None:
     after = run(online, carried[2500:])
     assert abs(after[-1].mass) < 0.1
     assert after[-1].status == "no_payload"
-    assert after[-1].mass_std > before.mass_std  # what it was tared with is no better known than that
+    assert after[-1].mass_std < 0.1 * before.mass_std  # what the links are wrong by is in both
 
 
 def test_tare_before_anything_is_known_says_so() -> None:
@@ -337,7 +337,7 @@ def test_friction_is_estimated_beside_the_payload() -> None:
 
 
 def test_without_friction_there_are_ten_parameters(carried: list[Measurement]) -> None:
-    online = estimation(estimate_friction=False)
+    online = estimation(estimate_friction=False, base_lean_std=0.0)
     assert_found(run(online, carried)[-1])
     assert online.estimator is not None
     assert online.estimator.p == 10

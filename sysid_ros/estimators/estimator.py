@@ -137,7 +137,8 @@ class Estimator(ABC):
         return self._P.copy() if self._sensitivity.shape[1] else self.covariance()
 
     def _estimate(self, innovation: FloatArray, status: str, reason: str) -> Estimate:
-        covariance = self.covariance() if self._sensitivity.shape[1] else self._P.copy()
+        S = self._sensitivity
+        covariance = self._P + S @ S.T if S.shape[1] else self._P.copy()
         return Estimate(self._theta.copy(), covariance, innovation, status, reason)
 
     @abstractmethod

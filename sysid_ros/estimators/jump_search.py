@@ -6,6 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import special
 
 from sysid_ros.sample import FloatArray
 
@@ -36,7 +37,8 @@ class JumpSearch:
         rule: which parameters, and what counts. prior_variance: of all parameters, shape (p,).
 
     Attributes:
-        hits: innovations in the run so far.
+        hits: innovations in the run so far. misfits: the last of them without a break that noise, as well as it is known, would
+            not explain once in a million.
     """
 
     HITS = 5
@@ -46,13 +48,20 @@ class JumpSearch:
     def __init__(self, rule: JumpRule, prior_variance: FloatArray) -> None:
         self.rule = rule
         self._prior_information = np.diag(1.0 / prior_variance[rule.block])
+        self.misfits = 0
         self._clear()
 
     def miss(self) -> None:
         """An innovation that fits what is known."""
+        self.misfits = 0
         self.hits -= 1
         if self.hits <= 0:
             self._clear()
+
+    def weigh(self, z: float, m: int, independent: float) -> None:
+        """The normalised innovation z of the m rows to come in :meth:`hit`; noise is known from so many independent values."""
+        unlikely = z > special.fdtri(m, max(independent, 1.0), 1.0 - 1e-6)
+        self.misfits = self.misfits + 1 if unlikely else 0
 
     def hit(self, Y: FloatArray, innovation: FloatArray, variance: FloatArray, coloured: FloatArray) -> FloatArray | None:
         """An innovation that does not fit: the change of the block that explains the run, once it is long enough.

@@ -88,6 +88,14 @@ def joseph_update(theta: FloatArray, P: FloatArray, Y: FloatArray, tau: FloatArr
     joseph_update_considering(theta, P, Y, tau, variance, np.empty((theta.size, 0)), np.empty((tau.size, 0)))
 
 
+def fix(theta: FloatArray, P: FloatArray, S: FloatArray, start: int, stop: int, variance: float) -> None:
+    """Take in that the parameters from ``start`` to ``stop`` are zero, with a variance each; others as in
+    :func:`joseph_update_considering`."""
+    rows = np.ascontiguousarray(np.eye(theta.size)[start:stop])
+    k = len(rows)
+    joseph_update_considering(theta, P, rows, np.zeros(k), np.full(k, variance), S, np.zeros((k, S.shape[1])))
+
+
 @njit(**_JIT)  # type: ignore[untyped-decorator]
 def innovate_and_update(
     Y: FloatArray,

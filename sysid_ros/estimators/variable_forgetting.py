@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from scipy import special
 
 from sysid_ros.estimators import kernels, variable_update
 from sysid_ros.estimators.estimator import Estimate, Estimator, Problem
@@ -72,17 +71,13 @@ class VariableForgetting(Estimator):
         self._levels = np.stack([self._floor * self.noise.CAUTION, self._floor, self._part * self._floor])
         self.row_variance = self._levels[variable_update.SPREAD]
         self.noise_known, self.noise_variance = False, self.noise.variance
-        self._spread_count = 0
-        self._updates = 0
+        self._spread_count = self._updates = self._settling = self._burst = self.jumps = self.misfits = 0
         self._blocks = BlockInnovations(self.noise.lengths, self.m, self.p)
         self._sums = RowSums(self._prior_variance, self.m)
         self._search = JumpSearch(self._jump, self._prior_variance)
-        self._settling = 0
-        self._burst = 0
         self._early: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-        self._early_jump, self.misfits = False, 0
+        self._early_jump = False
         self._kept: tuple[FloatArray, ...] = ()
-        self.jumps = 0
         self.before_jump = self.last_jump = np.zeros(self._jump.least.size)
 
     @property
@@ -223,8 +218,9 @@ class VariableForgetting(Estimator):
             return False
         if self._search.hits == 0 and self._jump.memory == 0.0:
             self._kept = tuple(x.copy() for x in (self._theta, self._P, self._sensitivity, self._sums.known, self._sums.rows))
+        self._search.weigh(z, self.m, self._spread_count * self._period / self.INDEPENDENT)
         change = self._search.hit(Y, innovation, self._levels[variable_update.SPREAD] + extra, self._coloured_variance() + extra)
-        self.misfits = self.misfits + 1 if z > self._unlikely() else 0
+        self.misfits = self._search.misfits
         if change is None:
             return False
         self.undo_misfits()
@@ -235,11 +231,6 @@ class VariableForgetting(Estimator):
             self._interrupt_noise()
             self._begin_again()
         return True
-
-    def _unlikely(self) -> float:
-        """Normalised innovation that noise, as well as it is known, exceeds once in a million (Fisher's F)."""
-        independent = max(self._spread_count * self._period / self.INDEPENDENT, 1.0)
-        return max(float(special.fdtri(self.m, independent, 1.0 - 1e-6)), self.THRESHOLD)
 
     def _coloured_variance(self) -> FloatArray:
         """Long-run variance of the rows; while it is not known, as if what is left kept its value for a block, shape (m,)."""
@@ -260,14 +251,7 @@ class VariableForgetting(Estimator):
         self._levels[variable_update.NOISE] = self.noise.variance
 
     def fix(self, where: slice, std: float) -> None:
-        rows = np.eye(self.p)[where]
-        nothing = (
-            np.zeros(len(rows)),
-            np.full(len(rows), std**2),
-            self._sensitivity,
-            np.zeros((len(rows), self._sensitivity.shape[1])),
-        )
-        kernels.joseph_update_considering(self._theta, self._P, rows, *nothing)
+        kernels.fix(self._theta, self._P, self._sensitivity, where.start, where.stop, std**2)
         self._prior_variance[where] = std**2
         self._sums.start(self._P, self._theta, self._sensitivity)
 

@@ -185,9 +185,12 @@ class FreeParameters:
         # an arm's rows are made anew after a change, see RowHistory
         jump = JumpRule(PAYLOAD, np.array(_LEAST_JUMP), front_end.memory if self._base else 0.0)
         part = 1.0 if self._base is None else front_end.passed
-        self.extra_colour = colour = 1.0 if self._base else max(_STAYS / front_end.period, 1.0)
+        self.extra_colour = 1.0 if self._base else max(_STAYS / front_end.period, 1.0)
+        if self.lean is not None:  # nothing is known of it any more
+            self.lean.level, self.leaning, self.carried = False, True, True
+            self.model.leave_out()
         return make_estimator(
-            s.estimator, Problem(self.prior_std, floor, front_end.period, s.forgetting_time, jump, part, colour)
+            s.estimator, Problem(self.prior_std, floor, front_end.period, s.forgetting_time, jump, part, self.extra_colour)
         )
 
 

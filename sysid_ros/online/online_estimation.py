@@ -190,11 +190,18 @@ class OnlineEstimation:
         hold = self._still > _STANDS and self.base is None
         if self._free.carried:
             self._free.carry(estimator.theta)
-        if self._changes.trial is None:
-            estimate = self._update(rows, hold, estimator, front_end)
+        known, jumps, extra, friction = estimator.noise_known, estimator.jumps, None, self._free.friction
+        if self._changes.trial is not None:
+            self.estimator, estimate = self._changes.take(rows, hold, estimator, front_end)
+            estimator = self.estimator
         else:
-            estimator, estimate = self._changes.take(rows, hold, estimator, front_end)
-            self.estimator = estimator
+            if rows.fresh:
+                extra = self._free.extra_variance(rows, estimator, front_end.passed)
+            elif friction is not None:  # the same in fewer steps
+                extra = friction.hidden_variance(rows.slow, rows.speed, *estimator.marginal(self._free.friction_slice))
+            estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
+            if (jumped := estimator.jumps != jumps) or estimator.misfits:
+                estimate = self._changes.changed(rows, hold, estimator, front_end, estimate, jumped, known)
         self._outliers += estimate.status == "outlier"
         if not hold and estimator.noise_known:
             n = self._floor.size if self.base is None else FREE
@@ -207,18 +214,6 @@ class OnlineEstimation:
         self._next_publish = max(self._next_publish, rows.sample.t - front_end.period) + 1.0 / self.settings.publish_rate
         self.latest = self._publish(estimate, rows, t, judgement, front_end.projection)
         return self.latest
-
-    def _update(self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd) -> Estimate:
-        """Let the estimator take in a row, and have it looked into where that shows a change."""
-        known, jumps, extra, friction = estimator.noise_known, estimator.jumps, None, self._free.friction
-        if rows.fresh:
-            extra = self._free.extra_variance(rows, estimator, front_end.passed)
-        elif friction is not None:  # the same in fewer steps
-            extra = friction.hidden_variance(rows.slow, rows.speed, *estimator.marginal(self._free.friction_slice))
-        estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
-        if estimator.jumps != jumps or estimator.misfits:
-            return self._changes.changed(rows, hold, estimator, front_end, estimate, estimator.jumps != jumps, known)
-        return estimate
 
     def _on_ground(self, rows: Rows, front_end: FrontEnd, ground: GroundContact) -> bool:
         """Whether a row is used; False while the feet do not carry the robot, or it has just been set down."""
@@ -260,12 +255,12 @@ class OnlineEstimation:
             status, reason = self._changes.status(t, status, reason)
         if status == "ok":
             nearest = np.empty(10)
-            # what the noise explains is not laid on the considered errors, which would draw the mass along
-            noise = self.estimator.noise_covariance()[PAYLOAD, PAYLOAD] + self._changes.tare.noise
-            for metric in (noise, covariance):
-                distance = project_into(theta, metric, nearest)
-                if distance <= _NOT_A_BODY:
-                    break
+            distance = project_into(theta, covariance, nearest)
+            if distance > 0.0:  # what the noise explains is not laid on the considered errors, which would draw the mass along
+                noise = self.estimator.noise_covariance()[PAYLOAD, PAYLOAD] + self._changes.tare.noise
+                near = np.empty(10)
+                if project_into(theta, noise, near) <= _NOT_A_BODY:
+                    nearest = near
             theta = nearest if distance > 0.0 else theta
             if not distance <= _NOT_A_BODY:
                 status, reason = "not_physical", "No body of positive density has these parameters, whatever the noise."

@@ -172,11 +172,6 @@ class RobotModel:
         """Joint torques of the URDF's links, shape (n,) [N m]."""
         return np.array(pin.rnea(self.model, self.data, q, v, a))
 
-    def rnea_and_regressor(self, q: FloatArray, v: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """:meth:`rnea`, which has run last, and :meth:`regressor`."""
-        regressor = np.array(pin.computeJointTorqueRegressor(self.model, self.data, q, v, a))
-        return np.array(pin.rnea(self.model, self.data, q, v, a)), regressor
-
     def gravity_torque(self, q: FloatArray) -> FloatArray:
         """Joint torques that hold the arm still, shape (n,) [N m]."""
         return np.array(pin.computeGeneralizedGravity(self.model, self.data, q))

@@ -30,6 +30,8 @@ def default_cutoff(rate: float, noise: float = 0.0) -> float:
 
 def position_noise(q: FloatArray) -> float:
     """Standard deviation of the white noise of even positions (N, n), root mean square over the joints [rad]: from their fourth
-    differences, in which motion hardly shows."""
+    differences, in which motion hardly shows; 0 where they are too few or not finite."""
+    if len(q) < 5 or not np.isfinite(q).all():
+        return 0.0
     fourth = np.diff(q, 4, axis=0)
-    return float(np.sqrt(np.mean(fourth * fourth) / 70.0)) if len(fourth) else 0.0
+    return float(np.sqrt(np.mean(fourth * fourth) / 70.0))

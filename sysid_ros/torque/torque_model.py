@@ -151,7 +151,8 @@ class TorqueModel:
     def _known_torque(self, sample: Sample, considered: FloatArray | None) -> FloatArray:
         robot = self.robot
         if self._urdf_links and (self._correction is not None or (considered is not None and self.error.c > 0)):
-            tau, regressor = robot.rnea_and_regressor(sample.q, sample.v, sample.a)
+            regressor = robot.regressor(sample.q, sample.v, sample.a)
+            tau = robot.rnea(sample.q, sample.v, sample.a)  # last: the effects' columns read what it leaves
             if self._correction is not None:
                 tau += regressor @ self._correction
             if considered is not None:
@@ -185,9 +186,9 @@ class TorqueModel:
         for effect, where in self._filled:
             effect.fill(sample, columns[:, where])
 
-    def leave_out(self, effect: Effect) -> None:
-        """The columns of a free effect are not needed any more: :meth:`split_into` leaves them alone."""
-        self._filled = [(other, where) for other, where in self._filled if other is not effect]
+    def leave_out(self, *effects: Effect) -> None:
+        """The columns of these free effects, and of no others, are not needed: :meth:`split_into` leaves them alone."""
+        self._filled = [(e, where) for e, where in zip(self.free, self.slices, strict=True) if e not in effects]
 
 
 def _from_link_to_message(k: KnownEffect) -> tuple[bool, int, bool]:
