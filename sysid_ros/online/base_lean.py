@@ -18,7 +18,7 @@ _SURE = math.log(100.0)
 
 
 class BaseLean(Effect):
-    """``tau = M_b(q) (e_k x g) phi_k`` with M_b (n, 3) the torque that a unit of acceleration of the base costs: links, and what
+    """``tau = -M_b(q) (e_k x g) phi_k`` with M_b (n, 3) the torque that a unit of acceleration of the base costs: links, and what
     is carried, are heavy in another direction, by two small angles [rad] about the axes e_k across gravity.
 
     Args:
@@ -43,7 +43,7 @@ class BaseLean(Effect):
         along = gravity / max(float(np.linalg.norm(gravity)), 1e-9)
         across = nearest - np.outer(nearest @ along, along)
         self.axes: FloatArray = np.linalg.qr(across.T)[0].T
-        self._turned = np.cross(self.axes, gravity).T
+        self._turned = -np.cross(self.axes, gravity).T
         self.parameter_names, self.units = ("lean_1", "lean_2"), ("rad", "rad")
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
@@ -67,6 +67,7 @@ class BaseLean(Effect):
         angle = float(np.linalg.norm(theta))
         std = math.sqrt(float(theta @ covariance @ theta)) / angle
         gravity = self.robot.gravity + np.cross(theta @ self.axes, self.robot.gravity)
+        gravity *= np.linalg.norm(self.robot.gravity) / np.linalg.norm(gravity)
         return (
             f"The base leans by {math.degrees(angle):.1f} degrees (std {math.degrees(std):.1f}) against 'gravity'; the payload "
             f"is estimated with that. Set gravity to [{', '.join(f'{x:.2f}' for x in gravity)}], or level the base."

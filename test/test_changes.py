@@ -1,0 +1,196 @@
+"""Changes of what is carried, forces that are none, and models that are not quite right, on streams of known truth."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from motions import Motion, measurements
+from robots import robot
+
+from sysid_ros.effects import BaseTilt, Payload
+from sysid_ros.effects.base_tilt import tilted_gravity
+from sysid_ros.online.link_inexactness import link_inexactness
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online.payload_estimate import PayloadEstimate
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.sample import FloatArray, Measurement
+from sysid_ros.signals.cutoff import default_cutoff, position_noise
+
+RATE, START = 250.0, 100.0
+MODEL = robot("iiwa")
+BODY = inertial_parameters.from_com(1.5, np.array([0.03, -0.02, 0.08]), np.diag([0.004, 0.006, 0.005]))
+NEVER = np.inf
+
+
+def stream(
+    seconds: float = 16.0,
+    pick: float = 6.0,
+    drop: float = NEVER,
+    seed: int = 1,
+    encoder_noise: float = 1e-5,
+    links: FloatArray | None = None,
+    tilt: tuple[float, float] | None = None,
+) -> list[Measurement]:
+    """An arm that picks up and drops; its links differ by ``links`` (10 n,) from the URDF's, its base by ``tilt``."""
+    effects: list[tuple[object, ...]] = [(Payload(MODEL), BODY, pick, drop)]
+    if tilt is not None:
+        effects.append((BaseTilt(MODEL, around=tilt), np.array(tilt)))
+    motion = Motion(MODEL if links is None else MODEL.with_links(links), seed=seed)
+    return measurements(motion, seconds, RATE, effects, 0.1, encoder_noise, velocity=False)  # type: ignore[arg-type]
+
+
+def pushed(recording: list[Measurement], begin: float, end: float, force: FloatArray) -> list[Measurement]:
+    """A force in the axes of the base acts at the flange from ``begin`` to ``end`` [s]."""
+    frame = MODEL.frame_id(MODEL.default_frame)
+    data = MODEL.model.createData()
+    out = []
+    for m in recording:
+        if begin <= m.t - START < end:
+            jacobian = pin.computeFrameJacobian(MODEL.model, data, m.q, frame, pin.LOCAL_WORLD_ALIGNED)
+            m = replace(m, tau=m.tau - jacobian[:3].T @ force)
+        out.append(m)
+    return out
+
+
+def run(recording: list[Measurement], **settings: object) -> tuple[OnlineEstimation, list[PayloadEstimate]]:
+    online = OnlineEstimation(MODEL, OnlineSettings(**settings))  # type: ignore[arg-type]
+    return online, [e for e in map(online.step, recording) if e is not None]
+
+
+def after(series: list[PayloadEstimate], t: float) -> list[PayloadEstimate]:
+    return [e for e in series if e.t - START >= t]
+
+
+def test_a_pick_is_known_at_once_and_holds_nothing_of_before() -> None:
+    """Rows are made again since the change: 5 % in a tenth of a second, for good."""
+    online, series = run(stream())
+    (event,) = online.events
+    assert event.kind == "pick"
+    assert abs(event.t - START - 6.0) < 0.02
+    assert all(abs(e.theta[0] - 1.5) < 0.075 for e in after(series, 6.12))
+    assert series[-1].status == "ok"
+
+
+@pytest.mark.parametrize("size", [20.0, 60.0])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_push_while_carrying_is_a_force_and_nothing_of_it_stays(size: float, seed: int) -> None:
+    direction = np.random.default_rng(seed).normal(size=3)
+    recording = pushed(stream(seed=seed), 9.0, 10.0, size * direction / np.linalg.norm(direction))
+    online, series = run(recording)
+    assert [e.kind for e in online.events] == ["pick", "external_force"]
+    assert abs(online.events[1].t - START - 9.0) < 0.05
+    assert online.events[1].mass_after == pytest.approx(1.5, abs=0.05)
+    told = [e for e in series if e.status == "ok"]
+    assert all(abs(e.theta[0] - 1.5) < 3.0 * e.mass_std for e in told)
+    assert not [e for e in told if 9.3 <= e.t - START < 10.0]  # nothing is claimed while it acts
+    again = after(series, 13.0)
+    assert {e.status for e in again} == {"ok"}
+    assert abs(again[-1].theta[0] - 1.5) < 0.03
+
+
+def test_a_push_on_the_empty_arm_is_no_pick() -> None:
+    online, series = run(pushed(stream(pick=NEVER), 6.0, 7.0, np.array([40.0, 20.0, -30.0])))
+    assert [e.kind for e in online.events] == ["external_force"]
+    assert series[-1].status == "no_payload"
+
+
+def test_a_short_carry_is_a_pick_and_a_drop() -> None:
+    online, _ = run(stream(pick=6.0, drop=8.0))
+    assert [e.kind for e in online.events] == ["pick", "drop"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_links_that_are_off_are_in_the_interval(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    off = np.repeat(0.02 * rng.choice([-1.0, 1.0], MODEL.n), 10) * MODEL.pi
+    _, series = run(stream(links=off, seed=seed))
+    for e in after(series, 8.0):
+        assert abs(e.theta[0] - 1.5) < 2.5 * e.mass_std
+    exact = run(stream(links=off, seed=seed), link_mass_error=0.0, link_com_error=0.0)[1][-1]
+    assert series[-1].mass_std > 5.0 * exact.mass_std
+
+
+def test_a_tare_takes_out_what_the_links_are_wrong_by() -> None:
+    """On another motion too: errors of the links are the same before and after it."""
+    off = np.repeat(0.02 * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0]), 10) * MODEL.pi
+    online = OnlineEstimation(MODEL, OnlineSettings())
+    recording = stream(links=off)
+    empty = [m for m in recording if m.t - START < 5.8]
+    for m in empty:
+        online.step(m)
+    assert "Tared" in online.tare()
+    last = [e for e in map(online.step, recording[len(empty) :]) if e is not None][-1]
+    untared = run(recording)[1][-1]
+    assert last.mass_std < 0.5 * untared.mass_std
+    assert abs(last.theta[0] - 1.5) < 3.0 * last.mass_std
+
+
+def test_the_directions_of_inexact_links_make_the_torque_that_they_stand_for() -> None:
+    L = link_inexactness(MODEL, 0.03, 0.002)
+    rng = np.random.default_rng(0)
+    q, v, a = rng.uniform(-1.5, 1.5, (40, MODEL.n)), rng.normal(size=(40, MODEL.n)), rng.normal(size=(40, MODEL.n))
+    Y = MODEL.regressor_along(q, v, a)
+    told = np.einsum("tjk,kc->tjc", Y, L)
+    drawn = []
+    for _ in range(400):
+        links = []
+        for j in range(MODEL.n):
+            body = pin.Inertia.FromDynamicParameters(MODEL.pi[10 * j : 10 * j + 10] * (1.0 + 0.03 * rng.normal()))
+            moved = pin.Inertia(body.mass, body.lever + 0.002 * rng.normal(size=3), body.inertia)
+            links.append(moved.toDynamicParameters())
+        drawn.append(Y @ (np.concatenate(links) - MODEL.pi))
+    expected, found = np.sqrt(np.mean(np.square(drawn), axis=(0, 1))), np.sqrt(np.sum(told**2, axis=2).mean(axis=0))
+    np.testing.assert_allclose(found, expected, rtol=0.12)
+
+
+def test_a_base_that_leans_is_said_and_does_no_harm() -> None:
+    online, series = run(stream(tilt=(0.07, -0.05)))
+    (said,) = [w for w in online.warnings if "leans" in w]
+    assert re.search(r"4\.[789] degrees", said)
+    told = np.array(re.findall(r"-?\d+\.\d+", said.split("[")[1]), dtype=float)
+    np.testing.assert_allclose(told, tilted_gravity(MODEL.gravity, 0.07, -0.05), atol=0.1)
+    assert abs(series[-1].theta[0] - 1.5) < 3.0 * series[-1].mass_std
+    assert [e.kind for e in online.events] == ["pick"]
+
+
+def test_a_level_base_is_known_to_be_level() -> None:
+    online, _ = run(stream())
+    assert not [w for w in online.warnings if "leans" in w]
+    assert online.estimator is not None
+    lean = online.estimator.covariance()[-2:, -2:]
+    assert np.sqrt(lean.diagonal()).max() < 1e-4
+
+
+def test_coarse_encoders_lower_the_cutoff_and_leave_no_bias() -> None:
+    series = run(stream(encoder_noise=2e-4))[1]
+    last = series[-1]
+    assert abs(last.theta[0] - 1.5) < 0.02
+    assert abs(last.theta[0] - 1.5) < 2.5 * last.mass_std
+    fast = run(stream(encoder_noise=2e-4), cutoff_hz=10.0)[1][-1]
+    assert abs(last.theta[0] - 1.5) < abs(fast.theta[0] - 1.5)
+
+
+def test_the_cutoff_follows_the_noise_of_the_positions() -> None:
+    rng = np.random.default_rng(0)
+    t = np.arange(300)[:, None] / RATE
+    q = np.sin(2.0 * np.pi * np.array([0.3, 0.5]) * t)
+    assert position_noise(q) < 1e-7
+    assert position_noise(q + 1e-4 * rng.normal(size=q.shape)) == pytest.approx(1e-4, rel=0.1)
+    assert position_noise(np.full((20, 2), np.nan)) == 0.0
+    assert position_noise(q[:4]) == 0.0
+    assert default_cutoff(250.0) == 10.0
+    assert default_cutoff(250.0, 1e-6) == 10.0
+    coarse, coarser = default_cutoff(250.0, 1e-4), default_cutoff(250.0, 3e-4)
+    assert 2.5 <= coarser < coarse < 10.0
+
+
+def test_an_outage_of_the_noise_widens_nothing_for_good() -> None:
+    """After a push the noise is what it was: the interval is as narrow as without it."""
+    quiet = run(stream())[1][-1]
+    after_push = run(pushed(stream(), 9.0, 10.0, np.array([30.0, -30.0, 10.0])))[1][-1]
+    assert after_push.mass_std < 1.3 * quiet.mass_std
