@@ -8,7 +8,7 @@ from enum import Enum
 import numpy as np
 
 from sysid_ros.estimators import Estimator
-from sysid_ros.online.free_parameters import PAYLOAD
+from sysid_ros.online.free_parameters import LEAST_JUMP, PAYLOAD
 from sysid_ros.online.front_end import FrontEnd
 from sysid_ros.online.tare import Tare
 from sysid_ros.robot.inertial_parameters import project_into
@@ -28,14 +28,16 @@ _STAYS = 0.5
 """So long without another jump, a body that is well known is one [s]."""
 _LONGEST = 3.0
 """What nothing has spoken against for so long is a body; a force that has not passed after so long may be one [s]."""
+_MATTERS = np.diag(np.square([*LEAST_JUMP[:4], *[1e-3] * 6]))
+"""What is too small for a body is too small for a force: nothing is carried, and the model is a little wrong."""
 _NO_BODY = 29.6
 """99.9 % quantile of chi-squared with 10 degrees of freedom."""
 
 
 class Verdict(Enum):
     """OPEN: not known yet. BODY: it is carried. DOUBT: it is none as the time of the change was taken; that is looked for again.
-    FORCE: it is no body; it acts still. PASSED: what was before is again. AGAIN: a force that stays is tried as a body once
-    more."""
+    FORCE: it is no body; it acts still. PASSED: what was before is again; ALL_PASSED: what was before the outer trial. AGAIN: a
+    force that stays is tried as a body once more."""
 
     OPEN = 0
     BODY = 1
@@ -43,6 +45,7 @@ class Verdict(Enum):
     PASSED = 3
     AGAIN = 4
     DOUBT = 5
+    ALL_PASSED = 6
 
 
 class ChangeTrial:
@@ -54,8 +57,9 @@ class ChangeTrial:
 
     Args:
         before: the estimator as it was before the jump. t: of the jump [s]. mass: carried before it [kg]. reach: how far from the
-            frame a centre of mass can be [m]. front_end: that the rows come from. after: a trial that ended in a
-            force which has stayed, and which may be a body that moves by itself, as one that swings. strain: of it.
+            frame a centre of mass can be [m]. prior_std: of the payload, shape (10,). front_end: that the rows come from. after: a trial that ended in a
+            force which has stayed, and which may be a body that moves by itself, as one that swings. strain: of it. outer: a
+            trial that was open, and had been at rest, when this one began.
 
     Attributes:
         before, t, mass: as given. force: True once it is known to be no body. strain: variance that the rows would need to be
@@ -68,18 +72,25 @@ class ChangeTrial:
         t: float,
         mass: float,
         reach: float,
+        prior_std: FloatArray,
         front_end: FrontEnd,
         after: ChangeTrial | None = None,
         strain: float = 1.0,
+        outer: ChangeTrial | None = None,
     ) -> None:
-        self.after = after
+        self.after, self.outer = after, outer
         self.strain = self._assumed = strain
         self.before, self.t, self.mass, self._reach = before, t, mass, reach
         self.force = self._doubted = False
+        self._prior_std = prior_std
         self._jumps, self._newest, self._force_since = 1, t, t
         self._impossible_since = np.inf
         self._part, self._young, self._returned = front_end.passed, _YOUNG * front_end.memory, _RETURNED * front_end.memory
         self._compared: deque[tuple[float, float]] = deque(maxlen=max(round(self._returned / front_end.period), 2))
+
+    def rests(self, t: float) -> bool:
+        """Whether no further jump was found for a while before ``t`` [s], so that the next one is another change."""
+        return not self.force and t - self._newest >= _STAYS
 
     def jumped(self, t: float) -> None:
         """Another jump was found at ``t`` [s]."""
@@ -90,14 +101,16 @@ class ChangeTrial:
     def compare(self, Y: FloatArray, y: FloatArray, extra: FloatArray | None, estimator: Estimator) -> None:
         """How likely a row is, shapes (m, p) and (m,), after what was before and after what ``estimator`` has learned since,
         which has not seen it; with ``extra`` variance (m,)."""
+        if self.outer is not None:
+            self.outer.compare(Y, y, extra, estimator)
         misfit, likely = self.before.predict(Y, y, extra)
         self._compared.append((misfit, np.inf if self.force else likely - estimator.predict(Y, y, extra)[1]))
 
     def judge(self, t: float, estimator: Estimator, tare: Tare) -> Verdict:
         """What is known at ``t`` [s], after the estimator has taken in the row that was compared."""
-        compared = np.array(self._compared)
-        fits = len(compared) == self._compared.maxlen and bool(np.all(compared[:, 0] <= _FITS))
-        if fits and self._part * float(np.sum(compared[:, 1])) > _LIKELIER:
+        if self.outer is not None and self.outer.has_passed():
+            return Verdict.ALL_PASSED
+        if self.has_passed():
             return Verdict.PASSED
         if self.force:
             return Verdict.AGAIN if t - self._force_since > _LONGEST else Verdict.FORCE
@@ -110,14 +123,21 @@ class ChangeTrial:
                 return Verdict.DOUBT
             self.force, self._force_since = True, t
             return Verdict.FORCE
-        settled = t - self._newest >= (_STAYS if self._well_known(estimator) else _LONGEST)
+        clear = self._well_known(estimator) or self._is_nothing(estimator, tare)
+        settled = t - self._newest >= (_STAYS if clear else _LONGEST)
         return Verdict.BODY if settled and self._impossible_since > t else Verdict.OPEN
+
+    def has_passed(self) -> bool:
+        """What was before is again: it has fitted for a while, and is likelier than what is estimated since."""
+        compared = np.array(self._compared)
+        fits = len(compared) == self._compared.maxlen and bool(np.all(compared[:, 0] <= _FITS))
+        return fits and self._part * float(np.sum(compared[:, 1])) > _LIKELIER
 
     def _possible(self, estimator: Estimator, tare: Tare) -> bool:
         """Whether some body has the parameters that are estimated."""
         noise, model = tare.covariances(estimator)
         theta, covariance = estimator.theta[PAYLOAD] - tare.theta, noise + model
-        distance = float(project_into(theta, covariance, np.empty(10)))
+        distance = float(project_into(theta, covariance + _MATTERS, np.empty(10)))
         if not distance <= _NO_BODY:
             if np.isfinite(distance):
                 self.strain = max(self._assumed * distance / 10.0, self.strain)
@@ -126,8 +146,16 @@ class ChangeTrial:
         heaviest = max(theta[0] + 3.0 * std[0], 0.0)
         return bool(np.all(np.abs(theta[1:4]) - 3.0 * std[1:4] <= heaviest * self._reach))
 
+    def _is_nothing(self, estimator: Estimator, tare: Tare) -> bool:
+        """Whether nothing is carried: no force makes that of a body."""
+        noise, model = tare.covariances(estimator)
+        theta, covariance = estimator.theta[PAYLOAD] - tare.theta, noise + model + _MATTERS
+        known = bool(np.all(np.sqrt(noise.diagonal()[:4]) <= 3.0 * np.array(LEAST_JUMP[:4])))
+        return known and float(theta @ np.linalg.solve(covariance, theta)) <= _NO_BODY
+
     def _well_known(self, estimator: Estimator) -> bool:
         """Whether mass and centre of mass are known so well that a force would show."""
         theta, std = estimator.theta[PAYLOAD], np.sqrt(estimator.noise_covariance().diagonal())[PAYLOAD]
         mass = max(abs(float(theta[0])), 0.3)
-        return bool(std[0] <= 0.05 * mass and np.all(std[1:4] <= 0.03 * mass))
+        told = bool(np.all(std[:4] <= 0.3 * self._prior_std[:4]))  # by the motion, not by the prior
+        return told and bool(std[0] <= 0.05 * mass and np.all(std[1:4] <= 0.03 * mass))

@@ -34,7 +34,7 @@ class ChangeWatch:
 
     def __init__(self, free: FreeParameters, log: EventLog) -> None:
         self._free, self._log = free, log
-        self._reach = reach(free.model.robot)
+        self._reach, self._prior_std = reach(free.model.robot), free.prior_std[PAYLOAD]
         self.tare = Tare()
         self.trial: ChangeTrial | None = None
 
@@ -85,8 +85,10 @@ class ChangeWatch:
             estimator.undo_misfits()
         before = copy.deepcopy(estimator)
         t, since = self._begin_anew(before, estimator, hold, front_end)
-        if known and self.trial is None:
-            self.trial = ChangeTrial(before, t, self._mass_before(before.theta), self._reach, front_end)
+        if known and (self.trial is None or self.trial.rests(t)):
+            mass, outer = self._mass_before(before.theta), self.trial
+            outer = outer if outer is None or outer.outer is None else None  # two that are open are enough
+            self.trial = ChangeTrial(before, t, mass, self._reach, self._prior_std, front_end, outer=outer)
         elif self.trial is not None:
             self.trial.jumped(t)
         if known:
@@ -121,8 +123,7 @@ class ChangeWatch:
         verdict = trial.judge(t, estimator, self.tare)
         if verdict is Verdict.BODY:
             self.trial = None
-            if trial.after is not None:
-                self._log.body(trial.after.t, t, trial.mass, self._mass_before(estimator.theta))
+            self._log.body((trial.after or trial).t, t, trial.mass, self._mass_before(estimator.theta))
         elif verdict is Verdict.DOUBT:
             estimator = copy.deepcopy(trial.before)
             trial.jumped(self._begin_anew(trial.before, estimator, hold, front_end)[0])
@@ -132,12 +133,27 @@ class ChangeWatch:
         elif verdict is Verdict.PASSED:
             if not was_force:
                 self._log.force((trial.after or trial).t, trial.mass)
-            estimator, self.trial = trial.before, None
+            estimator, self.trial = trial.before, trial.outer
+            front_end.rest()
+        elif verdict is Verdict.ALL_PASSED:
+            assert trial.outer is not None
+            self._log.force(trial.outer.t, trial.outer.mass)
+            estimator, self.trial = trial.outer.before, None
             front_end.rest()
         elif verdict is Verdict.AGAIN:
             estimator = copy.deepcopy(trial.before)
             estimator.widen(trial.strain)
             estimator.forget()
-            self.trial = ChangeTrial(trial.before, t, trial.mass, self._reach, front_end, trial.after or trial, trial.strain)
+            self.trial = ChangeTrial(
+                trial.before,
+                t,
+                trial.mass,
+                self._reach,
+                self._prior_std,
+                front_end,
+                trial.after or trial,
+                trial.strain,
+                trial.outer,
+            )
             front_end.rest()
         return estimator

@@ -24,7 +24,7 @@ from sysid_ros.torque.torque_model import TorqueModel
 PAYLOAD = slice(0, 10)
 """Where the payload's ten parameters stand among the free ones."""
 
-_LEAST_JUMP = (0.03, 5e-3, 5e-3, 5e-3) + (math.inf,) * 6
+LEAST_JUMP = (0.03, 5e-3, 5e-3, 5e-3) + (math.inf,) * 6
 """Change of mass [kg] or first moment [kg m] of which one must be exceeded to count as a change of the payload."""
 _STAYS = 0.5
 """For so long dry friction at standstill is wrong by the same torque [s]."""
@@ -183,7 +183,7 @@ class FreeParameters:
         """The estimator that the settings name, for rows of at least the variance ``floor``, shape (n,)."""
         s = self._settings
         # an arm's rows are made anew after a change, see RowHistory
-        jump = JumpRule(PAYLOAD, np.array(_LEAST_JUMP), front_end.memory if self._base else 0.0)
+        jump = JumpRule(PAYLOAD, np.array(LEAST_JUMP), front_end.memory if self._base else 0.0)
         part = 1.0 if self._base is None else front_end.passed
         self.extra_colour = 1.0 if self._base else max(_STAYS / front_end.period, 1.0)
         if self.lean is not None:  # nothing is known of it any more

@@ -67,12 +67,11 @@ class EventLog:
         self.open_until = 0.0
 
     def body(self, t: float, now: float, mass_before: float, mass_after: float) -> None:
-        """The force that was found at ``t`` [s] is a body after all, known at ``now`` [s]: one that moves by itself."""
-        kept = [e for e in self.events if e.t != t]
-        self.events = sorted(
-            [*kept, PayloadEvent(t, self._kind(mass_before, mass_after), mass_before, mass_after)], key=lambda e: e.t
-        )
-        self.open_until = now + self._settle_time if self.events[-1].t == t else 0.0
+        """What was found at ``t`` [s] is a body, known at ``now`` [s]; the event then gets its masses [kg] and its kind."""
+        for k, e in enumerate(self.events):
+            if abs(e.t - t) < self._same:
+                self.events[k] = PayloadEvent(e.t, self._kind(mass_before, mass_after), mass_before, mass_after)
+                self.open_until = now + self._settle_time if k == len(self.events) - 1 else 0.0
 
     def _kind(self, before: float, after: float) -> str:
         if after < -self._empty:
