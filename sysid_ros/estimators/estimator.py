@@ -175,6 +175,10 @@ class Estimator(ABC):
     def widen(self, factor: float) -> None:  # noqa: B027 - one whose noise is given keeps it
         """The noise of the rows is ``factor`` times the variance that was learned; here nothing."""
 
+    def shift(self, where: slice, by: FloatArray) -> None:
+        """What counts as zero of the parameters ``where`` has changed: they become larger by ``by``."""
+        self._theta[where] += by
+
     def fix(self, where: slice, std: float) -> None:  # noqa: B027 - one that goes on estimating them is right too
         """From now on the parameters ``where`` are known to be zero to within ``std``; here nothing."""
 

@@ -15,6 +15,7 @@ from sysid_ros.estimators.variable_update import BLOCK_FULL, BROKEN_DOWN, NOT_OR
 from sysid_ros.sample import FloatArray
 
 _NOT_FINITE = "the rows hold values that are not finite, or absurd"
+_UNKNOWN_NOISE = "the noise of the torques is not known yet"
 _JUMPED = "the parameters have just jumped"
 _BROKEN_DOWN = "the recursion broke down and started again"
 
@@ -109,11 +110,10 @@ class VariableForgetting(Estimator):
                 return self._estimate(innovation, "warming_up", _JUMPED)
             outlier = z > self.THRESHOLD and not self._settling
             done = self._take_in(Y, tau, extra, Z, innovation, np.inf, z if outlier else 1.0)
+        if done == BROKEN_DOWN:
+            self.reset()
         if done not in (TAKEN_IN, BLOCK_FULL):
-            broken = done == BROKEN_DOWN
-            if broken:
-                self.reset()
-            return self._estimate(innovation, "not_finite", _BROKEN_DOWN if broken else _NOT_FINITE)
+            return self._estimate(innovation, "not_finite", _BROKEN_DOWN if done == BROKEN_DOWN else _NOT_FINITE)
         if self._settling:
             self._settle()
         if not self.noise.known:
@@ -127,11 +127,9 @@ class VariableForgetting(Estimator):
                 self._sums.forget(self._P, self._theta, self._sensitivity, self._epsilon)
         if outlier:
             return self._estimate(innovation, "outlier", "the torques do not fit the estimate; they were given less weight")
-        if not self.noise.known:
-            return self._estimate(innovation, "warming_up", "the noise of the torques is not known yet")
-        if self._settling:
-            return self._estimate(innovation, "warming_up", _JUMPED)
-        return self._estimate(innovation, "ok", "")
+        if self.noise.known and not self._settling:
+            return self._estimate(innovation, "ok", "")
+        return self._estimate(innovation, "warming_up", _JUMPED if self.noise.known else _UNKNOWN_NOISE)
 
     def _is_idle(self, Y: FloatArray, innovation: FloatArray, extra: FloatArray, z: float, hold: bool) -> bool:
         """Look for a jump; True where nothing excites the parameters and none has just been found, so that the rows are left."""
@@ -236,10 +234,8 @@ class VariableForgetting(Estimator):
         """Long-run variance of the rows; while it is not known, as if what is left kept its value for a block, shape (m,)."""
         if self.noise.known:
             return self.noise.variance
-        variance: FloatArray = np.maximum(
-            self.noise.variance, self._levels[variable_update.SPREAD] * self.noise.BLOCKS[0] / self._period
-        )
-        return variance
+        kept = self._levels[variable_update.SPREAD] * self.noise.BLOCKS[0] / self._period
+        return np.asarray(np.maximum(self.noise.variance, kept))
 
     def marginal(self, where: slice) -> tuple[FloatArray, FloatArray]:
         return self._theta[where], self._P.diagonal()[where]
@@ -249,6 +245,10 @@ class VariableForgetting(Estimator):
         self.noise_variance = self.noise.variance
         self._levels[variable_update.SPREAD] *= factor
         self._levels[variable_update.NOISE] = self.noise.variance
+
+    def shift(self, where: slice, by: FloatArray) -> None:
+        super().shift(where, by)
+        self._sums.start(self._P, self._theta, self._sensitivity)
 
     def fix(self, where: slice, std: float) -> None:
         kernels.fix(self._theta, self._P, self._sensitivity, where.start, where.stop, std**2)

@@ -50,6 +50,10 @@ class WatchedEstimator(Estimator):
         self._watch.widen(factor)
         self._see()
 
+    def shift(self, where: slice, by: FloatArray) -> None:
+        self._inner.shift(where, by)
+        self._watch.shift(where, by)
+
     def fix(self, where: slice, std: float) -> None:
         self._inner.fix(where, std)
         self._watch.fix(where, std)

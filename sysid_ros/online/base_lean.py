@@ -18,57 +18,57 @@ _SURE = math.log(100.0)
 
 
 class BaseLean(Effect):
-    """``tau = -M_b(q) (e_k x g) phi_k`` with M_b (n, 3) the torque that a unit of acceleration of the base costs: links, and what
-    is carried, are heavy in another direction, by two small angles [rad] about the axes e_k across gravity.
+    """``tau = -M_b(q) (e_k x g) phi_k`` with M_b (n, 3) the torque that a unit of acceleration of the base costs: the links are
+    heavy in another direction, by two small angles [rad] about the axes e_k across gravity.
+
+    Most bases are level, and once that is known the columns are not needed. Where one leans, the robot's gravity is turned by
+    what was found, so that what is carried is heavy in the right direction too, and the angles are what is left.
 
     Args:
-        robot: the arm. frame_index: of the frame that carries the payload.
+        robot: the arm; its gravity may be turned. prior_std: of the angles [rad].
 
     Attributes:
-        load: ten parameters of the payload as it is estimated, shape (10,), 0 at first. axes: e_k, shape (2, 3).
-        level: True once it is known not to lean; its columns are not needed any more.
+        level: True once it is known not to lean, or no further. axes: e_k, shape (2, 3).
+        told: a sentence once it was found to lean.
     """
 
     id: ClassVar[str] = "base_lean"
     label: ClassVar[str] = "lean of the base"
 
-    def __init__(self, robot: RobotModel, frame_index: int) -> None:
+    def __init__(self, robot: RobotModel, prior_std: float) -> None:
         super().__init__(robot)
-        self._frame_index = frame_index
-        self.load: FloatArray = np.zeros(10)
-        self.level = False
+        self._prior_std, self._set = prior_std, robot.gravity.copy()
+        self.level, self.told = False, ""
         # two axes across gravity: the base's own x and y where gravity points along its z
-        gravity = robot.gravity
-        nearest = np.eye(3)[np.argsort(np.abs(gravity))[:2]]
-        along = gravity / max(float(np.linalg.norm(gravity)), 1e-9)
+        nearest = np.eye(3)[np.argsort(np.abs(self._set))[:2]]
+        along = self._set / max(float(np.linalg.norm(self._set)), 1e-9)
         across = nearest - np.outer(nearest @ along, along)
         self.axes: FloatArray = np.linalg.qr(across.T)[0].T
-        self._turned = -np.cross(self.axes, gravity).T
+        self._turned = -np.cross(self.axes, self._set).T
         self.parameter_names, self.units = ("lean_1", "lean_2"), ("rad", "rad")
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
-        columns = self.robot.base_acceleration_columns(sample.q)
-        if self.load[0] != 0.0:
-            columns += self.robot.base_acceleration_columns_of(sample.q, self._frame_index, self.load)
-        np.matmul(columns, self._turned, out=out)
+        np.matmul(self.robot.base_acceleration_columns(sample.q), self._turned, out=out)
 
-    def settle(self, theta: FloatArray, covariance: FloatArray, prior_std: float) -> str:
-        """Whether it leans, by its two parameters (2,) with their covariance (2, 2): a sentence if so, else nothing.
+    def settle(self, theta: FloatArray, covariance: FloatArray) -> bool:
+        """Whether gravity was turned by the two parameters (2,), of the covariance (2, 2), because the base leans.
 
-        Most bases are level. What the data say for that is the density of the posterior at zero over that of the prior (Dickey
-        1971).
+        What the data say for a level base is the density of the posterior at zero over that of the prior (Dickey 1971).
         """
         distance = float(theta @ np.linalg.solve(covariance, theta))
-        size = 0.5 * math.log(float(np.linalg.det(covariance))) - math.log(prior_std**2)
+        size = 0.5 * math.log(float(np.linalg.det(covariance))) - math.log(self._prior_std**2)
         odds = _USUALLY_LEVEL - 0.5 * distance - size
         self.level = odds > _SURE
-        if self.level or odds > -_SURE:
-            return ""
-        angle = float(np.linalg.norm(theta))
-        std = math.sqrt(float(theta @ covariance @ theta)) / angle
-        gravity = self.robot.gravity + np.cross(theta @ self.axes, self.robot.gravity)
-        gravity *= np.linalg.norm(self.robot.gravity) / np.linalg.norm(gravity)
-        return (
+        if odds > -_SURE:
+            return False
+        robot = self.robot
+        gravity = robot.gravity + np.cross(theta @ self.axes, robot.gravity)
+        robot.gravity = gravity * (np.linalg.norm(self._set) / np.linalg.norm(gravity))
+        robot.model.gravity.linear = robot.gravity
+        angle = float(np.arccos(np.clip(robot.gravity @ self._set / (self._set @ self._set), -1.0, 1.0)))
+        std = math.sqrt(float(np.linalg.eigvalsh(covariance)[-1]))
+        self.told = (
             f"The base leans by {math.degrees(angle):.1f} degrees (std {math.degrees(std):.1f}) against 'gravity'; the payload "
-            f"is estimated with that. Set gravity to [{', '.join(f'{x:.2f}' for x in gravity)}], or level the base."
+            f"is estimated with that. Set gravity to [{', '.join(f'{x:.2f}' for x in robot.gravity)}], or level the base."
         )
+        return True

@@ -56,10 +56,11 @@ class ChangeTrial:
     was known before it.
 
     Args:
-        before: the estimator as it was before the jump. t: of the jump [s]. mass: carried before it [kg]. reach: how far from the
-            frame a centre of mass can be [m]. prior_std: of the payload, shape (10,). front_end: that the rows come from. after: a trial that ended in a
-            force which has stayed, and which may be a body that moves by itself, as one that swings. strain: of it. outer: a
-            trial that was open, and had been at rest, when this one began.
+        before: the estimator as it was before the jump. t: of the jump [s]. mass: carried before it [kg].
+        reach: how far from the frame a centre of mass can be [m]. prior_std: of the payload, shape (10,).
+        front_end: that the rows come from.
+        after: a trial that ended in a force which has stayed, and which may be a body that moves by itself, as one that swings.
+        strain: of it. outer: a trial that was open, and had been at rest, when this one began.
 
     Attributes:
         before, t, mass: as given. force: True once it is known to be no body. strain: variance that the rows would need to be

@@ -80,7 +80,7 @@ class FreeParameters:
             prior_std.append(self.friction.expected_std)
         self.lean: BaseLean | None = None
         if base is None and settings.effort_type == "total" and settings.base_lean_std > 0.0 and np.any(robot.gravity):
-            self.lean = BaseLean(robot, self.payload.frame_index)
+            self.lean = BaseLean(robot, settings.base_lean_std)
             effects.append(self.lean)
             prior_std.append(np.full(2, settings.base_lean_std))
         self._bias: AccelerometerBias | None = None
@@ -102,7 +102,7 @@ class FreeParameters:
             inexact=inexact,
         )
         self.leaning = self.lean is not None
-        self.carried = self.leaning or self._bias is not None
+        self.carried = self._bias is not None
         self.bias = self.model.slices[-1] if self._bias else None
         self.lean_slice = self.model.slices[effects.index(self.lean)] if self.lean else slice(0, 0)
         self.friction_slice = self.model.slices[1] if self.friction in effects else slice(0, 0)
@@ -117,23 +117,25 @@ class FreeParameters:
         least = np.array([mass] + [mass * size] * 3 + [mass * size**2] * 6)
         return np.asarray(np.maximum(prior, least))
 
-    def settle_lean(self, estimator: Estimator) -> str:
-        """Ask whether the base leans; a sentence if it does. Not to be asked any more once it is level, see ``leaning``."""
+    def settle_lean(self, estimator: Estimator) -> bool:
+        """Ask whether the base leans; True where gravity was turned because it does, so that rows of before do not hold any more.
+        Not to be asked once it is known, see ``leaning``."""
         assert self.lean is not None
-        where, std = self.lean_slice, self._settings.base_lean_std
-        said = self.lean.settle(estimator.theta[where], estimator.covariance()[where, where], std)
+        where = self.lean_slice
+        theta = estimator.theta[where]
+        turned = self.lean.settle(theta, estimator.covariance()[where, where])
+        if turned:
+            estimator.shift(where, -theta)
         if self.lean.level:
-            estimator.fix(where, _LEVEL * std)
+            estimator.fix(where, _LEVEL * self._settings.base_lean_std)
             self.model.leave_out(self.lean)
-            self.leaning, self.carried = False, False
-        return said
+            self.leaning = False
+        return turned
 
     def carry(self, theta: FloatArray) -> None:
-        """Take in what is known of the free parameters now, shape (p,): a bias of the accelerometer, and a base that leans,
-        concern the payload too."""
-        for effect in (self._bias, self.lean):
-            if effect is not None:
-                effect.load = theta[PAYLOAD].copy()
+        """Take in what is known of the free parameters now, shape (p,): a bias of the accelerometer concerns the payload too."""
+        if self._bias is not None:
+            self._bias.load = theta[PAYLOAD].copy()
 
     def extra_variance(self, rows: Rows, estimator: Estimator, passed: float) -> FloatArray | None:
         """Variance of the rows beside their noise, shape (n,): what dry friction hides; and of rows soon after a change as if
@@ -187,7 +189,7 @@ class FreeParameters:
         part = 1.0 if self._base is None else front_end.passed
         self.extra_colour = 1.0 if self._base else max(_STAYS / front_end.period, 1.0)
         if self.lean is not None:  # nothing is known of it any more
-            self.lean.level, self.leaning, self.carried = False, True, True
+            self.lean.level, self.leaning = False, True
             self.model.leave_out()
         return make_estimator(
             s.estimator, Problem(self.prior_std, floor, front_end.period, s.forgetting_time, jump, part, self.extra_colour)

@@ -66,7 +66,8 @@ class OnlineEstimation:
         bias_is_free = settings.accelerometer_bias_std > 0.0
         self._stances = StanceLog(self.base.contact_frames, self._gravity, bias_is_free) if self.base else None
         self._outliers = 0
-        self._free = FreeParameters(robot, settings, known, self.base)
+        own = robot if self.base else robot.with_links(np.zeros(10 * robot.n))  # its gravity may be turned
+        self._free = FreeParameters(own, settings, known, self.base)
         self.frame = self._free.payload.frame
         self._log = EventLog(settings.no_payload_mass)
         notes = (*(known.notes(robot.urdf) if known else ()), *(self.base.notes if self.base else ()))
@@ -94,7 +95,7 @@ class OnlineEstimation:
     @property
     def warnings(self) -> list[str]:
         """What the user should know, one sentence or a few each."""
-        return [*filter(None, self._warnings.values()), *(self._stances.warnings if self._stances else ())]
+        return [*self._warnings.values(), *(self._stances.warnings if self._stances else ())]
 
     @property
     def stance_counts(self) -> dict[str, int]:
@@ -245,8 +246,12 @@ class OnlineEstimation:
         if self.base is not None:
             covariance[0, 0] += self._doubt(float(theta[0]), self.base) ** 2
         std = np.sqrt(covariance.diagonal())
-        if self._free.leaning and self.estimator.noise_known and self._changes.trial is None:
-            self._warnings["lean"] = self._free.settle_lean(self.estimator)
+        asked = self._free.leaning and self.estimator.noise_known and self._changes.trial is None
+        if asked and self._free.settle_lean(self.estimator):
+            assert self._front_end is not None
+            assert self._free.lean is not None
+            self._front_end.rest()
+            self._warnings["lean"] = self._free.lean.told
         status, reason = judgement.status(estimate, self.estimator, float(theta[0]), float(std[0]))
         self._warnings.pop("inconsistent", None)
         if status == "inconsistent":
