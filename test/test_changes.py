@@ -151,9 +151,10 @@ def test_the_directions_of_inexact_links_make_the_torque_that_they_stand_for() -
 def test_a_base_that_leans_is_said_and_does_no_harm() -> None:
     online, series = run(stream(tilt=(0.07, -0.05)))
     (said,) = [w for w in online.warnings if "leans" in w]
-    assert re.search(r"4\.[789] degrees", said)
+    angle, std = (float(x) for x in re.findall(r"by (\d\.\d) degrees \(std (\d\.\d)\)", said)[0])
+    assert abs(angle - 4.93) < 2.5 * std < 2.0
     told = np.array(re.findall(r"-?\d+\.\d+", said.split("[")[1]), dtype=float)
-    np.testing.assert_allclose(told, tilted_gravity(MODEL.gravity, 0.07, -0.05), atol=0.1)
+    np.testing.assert_allclose(told, tilted_gravity(MODEL.gravity, 0.07, -0.05), atol=0.17)  # 1 degree
     assert abs(series[-1].theta[0] - 1.5) < 3.0 * series[-1].mass_std
     assert [e.kind for e in online.events] == ["pick"]
 
