@@ -136,7 +136,9 @@ class OnlineSettings(Settings):
     low_velocity: float = setting(0.15, "below it on every joint stiction is added to the noise", "rad/s", 0.0, 1.0)
 
     # estimator
-    estimator: str = setting("variable", "forgetting driven by the innovations, or constant", choices=ESTIMATORS)
+    estimator: str = setting(
+        "variable", "how is forgotten: by the innovations, by a constant, or another way", choices=ESTIMATORS
+    )
     forgetting_time: float = setting(60.0, "time constant of the forgetting towards the prior", "s", 0.1, 1e6)
     torque_std: tuple[float, ...] = setting((), "torque noise a joint; empty: from the model, else estimated", "N m", 1e-9, 1e6)
     estimate_friction: bool = setting(True, "correct offset, Coulomb and viscous friction of each joint beside the payload")

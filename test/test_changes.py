@@ -13,6 +13,7 @@ from robots import robot
 
 from sysid_ros.effects import BaseTilt, Payload
 from sysid_ros.effects.base_tilt import tilted_gravity
+from sysid_ros.estimators import ESTIMATORS
 from sysid_ros.online.link_inexactness import link_inexactness
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.payload_estimate import PayloadEstimate
@@ -91,6 +92,18 @@ def test_a_push_while_carrying_is_a_force_and_nothing_of_it_stays(size: float, s
     again = after(series, 13.0)
     assert {e.status for e in again} == {"ok"}
     assert abs(again[-1].theta[0] - 1.5) < 0.03
+
+
+@pytest.mark.parametrize("name", sorted(set(ESTIMATORS) - {"variable"}))
+def test_every_estimator_finds_a_pick_and_a_drop(name: str) -> None:
+    """A random walk pays for what it could follow; the others are as good as least squares with a prior."""
+    online, series = run(stream(14.0, 6.0, 11.0), estimator=name)
+    left = ("drop", "change") if name == "kalman" else ("drop",)  # what is left may be above what counts as nothing
+    assert [e.kind in kinds for e, kinds in zip(online.events, (("pick",), left), strict=True)] == [True, True]
+    carried = [e for e in after(series, 9.0) if e.t - START < 10.9]
+    assert {e.status for e in carried} <= {"ok", "warming_up"}
+    assert abs(carried[-1].theta[0] - 1.5) < (0.5 if name == "kalman" else 0.02)
+    assert abs(carried[-1].theta[0] - 1.5) < 3.0 * carried[-1].mass_std
 
 
 def test_a_push_on_the_empty_arm_is_no_pick() -> None:

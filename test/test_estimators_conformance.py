@@ -12,10 +12,14 @@ from scipy import signal
 from sysid_ros.estimators import (
     ESTIMATORS,
     ConstantForgetting,
+    ConstantInformation,
+    DirectionalForgetting,
     Estimator,
     JumpRule,
+    KalmanRandomWalk,
     LongRunVariance,
     Problem,
+    SquareRootInformation,
     VariableForgetting,
     WatchedEstimator,
     kernels,
@@ -45,7 +49,14 @@ def make_constant(
     return ConstantForgetting(prior_std, variance, float(np.exp(-period / forgetting_time)))
 
 
-FACTORIES: dict[str, Factory] = {"variable": make_variable, "constant": make_constant}
+FACTORIES: dict[str, Factory] = {
+    "variable": make_variable,
+    "constant": make_constant,
+    "constant_information": ConstantInformation,
+    "directional": DirectionalForgetting,
+    "kalman": KalmanRandomWalk,
+    "square_root": SquareRootInformation,
+}
 every_estimator = pytest.mark.parametrize("make", FACTORIES.values(), ids=FACTORIES)
 
 

@@ -1,14 +1,25 @@
 """Recursive estimators of ``tau = Y theta + noise``, one a file. They know nothing of robots."""
 
 from sysid_ros.estimators.constant_forgetting import ConstantForgetting
+from sysid_ros.estimators.constant_information import ConstantInformation
+from sysid_ros.estimators.directional_forgetting import DirectionalForgetting
 from sysid_ros.estimators.estimator import Estimate, Estimator, Problem
 from sysid_ros.estimators.jump_search import JumpRule
+from sysid_ros.estimators.kalman_random_walk import KalmanRandomWalk
 from sysid_ros.estimators.long_run_variance import LongRunVariance
+from sysid_ros.estimators.square_root_information import SquareRootInformation
 from sysid_ros.estimators.variable_forgetting import VariableForgetting
 from sysid_ros.estimators.watched_estimator import WatchedEstimator
 from sysid_ros.exceptions import SettingsError
 
-ESTIMATORS: dict[str, type[Estimator]] = {"variable": VariableForgetting, "constant": ConstantForgetting}
+ESTIMATORS: dict[str, type[Estimator]] = {
+    "variable": VariableForgetting,
+    "constant": ConstantForgetting,
+    "constant_information": ConstantInformation,
+    "directional": DirectionalForgetting,
+    "kalman": KalmanRandomWalk,
+    "square_root": SquareRootInformation,
+}
 """Every estimator by the name that the setting ``estimator`` gives it."""
 
 
@@ -33,11 +44,15 @@ def make_estimator(name: str, problem: Problem) -> Estimator:
 __all__ = [
     "ESTIMATORS",
     "ConstantForgetting",
+    "ConstantInformation",
+    "DirectionalForgetting",
     "Estimate",
     "Estimator",
     "JumpRule",
+    "KalmanRandomWalk",
     "LongRunVariance",
     "Problem",
+    "SquareRootInformation",
     "VariableForgetting",
     "WatchedEstimator",
     "make_estimator",
