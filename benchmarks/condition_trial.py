@@ -47,6 +47,8 @@ class Condition:
         half: half of the payload is dropped at ``DROP``. again: it is picked up at 3 s as well and dropped at 4.5 s.
         duration: of a run without events, from the start with its payload [s]; 0: one with pick and drop.
         pauses: pick-and-place: moves of two seconds with pauses of half a second. slow: factor on the speed.
+        spikes: part of the samples with a torque of three times the joint's limit. frozen: from 8 s on the effort of one joint,
+            or of all (2), keeps its value. compensated: the effort lacks the links' gravity.
         tared: an empty estimate is taken as zero before the pick.
     """
 
@@ -71,6 +73,9 @@ class Condition:
     pauses: bool = False
     slow: float = 1.0
     tared: bool = False
+    spikes: float = 0.0
+    frozen: int = 0
+    compensated: bool = False
 
 
 CONDITIONS: dict[str, Condition] = {
@@ -98,7 +103,14 @@ CONDITIONS: dict[str, Condition] = {
     "half dropped": Condition(half=True),
     "two picks": Condition(again=True),
     "slow": Condition(slow=0.4),
+    "spikes": Condition(spikes=0.002),
+    "one effort frozen": Condition(frozen=1),
+    "all efforts frozen": Condition(frozen=2),
+    "gravity compensated": Condition(compensated=True),
 }
+
+FAULTS = ("spikes", "one effort frozen", "all efforts frozen", "gravity compensated")
+"""Conditions in which nothing need be found, but nothing wrong may be said."""
 
 
 @dataclass(slots=True)
@@ -273,6 +285,7 @@ def run(name: str, seed: int, settings: OnlineSettings | None = None, keep: bool
         behind = round(c.late * rate)
         tau[behind:] = tau[: len(tau) - behind].copy()
     tau += _noise(rng, tau.shape, c, rate)
+    tau = _faults(tau, model, rng, t, q, c)
     shown = q + c.encoder * rng.normal(size=q.shape)
     stamps = t + c.jitter * rng.normal(size=t.shape)
     kept = rng.uniform(size=t.shape) >= c.lost
@@ -295,6 +308,23 @@ def _along(model: RobotModel, frame: int, q: FloatArray) -> FloatArray:
         pin.forwardKinematics(model.model, data, posture)
         places[k] = pin.updateFramePlacement(model.model, data, frame).translation
     return places
+
+
+def _faults(
+    tau: FloatArray, model: RobotModel, rng: np.random.Generator, t: FloatArray, q: FloatArray, c: Condition
+) -> FloatArray:
+    """What a driver may do to the efforts."""
+    if c.compensated:
+        tau = tau - np.array([model.gravity_torque(posture) for posture in q])
+    if c.spikes:
+        limit = np.where(np.isfinite(model.effort_limit), model.effort_limit, 50.0)
+        hit = rng.uniform(size=tau.shape) < c.spikes
+        tau = np.where(hit, 3.0 * limit * rng.choice([-1.0, 1.0], tau.shape), tau)
+    if c.frozen:
+        joints = slice(None) if c.frozen == 2 else slice(model.n // 2, model.n // 2 + 1)
+        since = int(np.searchsorted(t, 8.0))
+        tau[since:, joints] = tau[since, joints]
+    return tau
 
 
 def _estimate(
