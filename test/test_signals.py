@@ -13,9 +13,8 @@ from sysid_ros.signals.causal_filters import (
     butterworth_sections,
     slope_weights,
     value_weights,
-    window_half_width,
 )
-from sysid_ros.signals.cutoff import default_cutoff
+from sysid_ros.signals.cutoff import default_cutoff, window_half_width
 
 PERIOD = 0.004
 
@@ -228,3 +227,22 @@ def test_sections_are_a_butterworth_low_pass(order: int, part: float) -> None:
 def test_slope_weights_are_those_of_savitzky_and_golay(half_width: int) -> None:
     expected = signal.savgol_coeffs(2 * half_width + 1, 3, deriv=1, delta=PERIOD, use="dot")
     np.testing.assert_allclose(slope_weights(half_width, PERIOD), expected, rtol=1e-9, atol=1e-9 / PERIOD)
+
+
+def test_single_torques_that_fit_no_neighbour_are_taken_out_and_counted() -> None:
+    """Steps, noise and what is quiet are left alone."""
+    rng = np.random.default_rng(0)
+    t = PERIOD * np.arange(3000)
+    clean = np.stack([5.0 * np.sin(t), 10.0 * (t > 6.0) + np.cos(3.0 * t)], axis=1) + 0.05 * rng.normal(size=(3000, 2))
+    hit = rng.uniform(size=clean.shape) < 0.002
+    hit[:100] = False
+    hit[1:] &= ~hit[:-1]
+    spiked, plain = CausalDerivative(2, PERIOD, 3), CausalDerivative(2, PERIOD, 3)
+    of_spiked, of_plain = [], []
+    for k, row in enumerate(clean):
+        of_plain += plain.push(Measurement(t[k], np.zeros(2), None, row))
+        of_spiked += spiked.push(Measurement(t[k], np.zeros(2), None, row + 30.0 * hit[k]))
+    assert plain.spikes == 0
+    assert spiked.spikes == hit.sum() > 5
+    far = np.array([a.tau - b.tau for a, b in zip(of_spiked, of_plain, strict=True)])
+    assert np.abs(far).max() < 0.3

@@ -18,8 +18,8 @@ from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import TURNS
 from sysid_ros.sample import FloatArray, Measurement, Sample
-from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank, fill_beside, window_half_width
-from sysid_ros.signals.cutoff import default_cutoff, position_noise
+from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank, fill_beside
+from sysid_ros.signals.cutoff import default_cutoff, position_noise, window_half_width
 from sysid_ros.signals.floating_derivative import FloatingDerivative
 from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel
@@ -106,7 +106,7 @@ class FrontEnd:
         base: the robot of ``model`` where it floats. standstill, stances, gravity, bias: as of :class:`TrunkRows`.
 
     Attributes:
-        projection: of a floating base, else None. rows: of an update.
+        derivative: what makes samples of measurements. projection: of a floating base, else None. rows: of an update.
         passed: variance of a row over the long-run variance of the rows, for white noise.
         rate: measurements a second [Hz]. period: time between rows [s].
         makes_anew: whether rows can be made again since a change, as of an arm.
@@ -132,7 +132,7 @@ class FrontEnd:
         n, p = model.robot.n, model.p
         self.rate = 1.0 / period
         derivative = CausalDerivative if base is None else FloatingDerivative
-        self._derivative = derivative(n, period, window_half_width(self.rate), use_message_velocity)
+        self.derivative = derivative(n, period, window_half_width(self.rate), use_message_velocity)
         self._raw = np.zeros((n, p + 6 + model.error.c))
         self._columns, self._rest, self._considered = self._raw[:, :p], self._raw[:, p], self._raw[:, p + 6 :]
         cutoff = min(cutoff_hz or default_cutoff(self.rate, noise), 0.4 * self.rate)
@@ -166,7 +166,7 @@ class FrontEnd:
             if len(self._positions) == _CHECK_EVERY:
                 self.noise, self._positions = position_noise(np.array(self._positions)), []
                 self.too_fast = default_cutoff(self.rate, self.noise) < _FINER * self._cutoff
-        for sample in self._derivative.push(measurement):
+        for sample in self.derivative.push(measurement):
             self._model.split_into(sample, self._columns, self._rest, self._considered)
             fill_beside(self._raw, self._model.p + 1, sample.v, sample.a, sample.tau)
             self._tick += 1
@@ -178,8 +178,8 @@ class FrontEnd:
                 history.count += 1
                 history.samples.append((sample, is_due))
             elif self._trunk is not None:
-                assert isinstance(self._derivative, FloatingDerivative)
-                self._trunk.push(sample, self._raw, self._derivative.contacts(sample.t))
+                assert isinstance(self.derivative, FloatingDerivative)
+                self._trunk.push(sample, self._raw, self.derivative.contacts(sample.t))
             if is_due:
                 due.append(self._rows(sample) if self._trunk is None else Rows(**self._trunk.due(), sample=sample))
         return due

@@ -82,6 +82,7 @@ class OnlineEstimation:
         self._next_publish = -math.inf
         self._front_end: FrontEnd | None = None
         self._noise: float | None = None
+        self._spikes = 0
         self._cadence = Cadence(settings.max_gap)
         self._still = 0.0
         self._ground = GroundContact(settings.sensor_timeout) if self.base else None
@@ -95,7 +96,9 @@ class OnlineEstimation:
     @property
     def warnings(self) -> list[str]:
         """What the user should know, one sentence or a few each."""
-        return [*self._warnings.values(), *(self._stances.warnings if self._stances else ())]
+        spikes = self._spikes + (self._front_end.derivative.spikes if self._front_end else 0)
+        said = f"{spikes} torques fitted neither the one before nor the one after; the middle of these was taken instead."
+        return [*self._warnings.values(), *([said] if spikes else ()), *(self._stances.warnings if self._stances else ())]
 
     @property
     def stance_counts(self) -> dict[str, int]:
@@ -143,6 +146,7 @@ class OnlineEstimation:
             self._front_end = self._make_front_end(first)
         elif self._front_end is not None and self._front_end.too_fast:
             self._noise = self._front_end.noise
+            self._spikes += self._front_end.derivative.spikes
             self._front_end = self._make_front_end(first)
         published = None
         for m in first:
@@ -151,6 +155,7 @@ class OnlineEstimation:
         return published
 
     def _forget_filters(self) -> None:
+        self._spikes += self._front_end.derivative.spikes if self._front_end else 0
         self._cadence.restart()
         self._front_end = None
         self._next_publish = -math.inf

@@ -14,24 +14,33 @@ import numpy as np
 from numba import njit
 
 from sysid_ros.sample import FloatArray, Measurement, Sample
+from sysid_ros.signals.spikes import remove_spikes
 
 SLOW: Final = 0.06  # speed of a joint below which dry friction is not what a model says [rad/s]
 GAP: Final = 1.6  # periods from one measurement to the next, above which some were lost
-MEASUREMENTS, NEXT, POINTS, FILLED = range(4)  # entries of a clock: counts, but for NEXT, the time of the next grid point [s]
+MEASUREMENTS, NEXT, POINTS, FILLED, SPIKES = range(5)  # entries of a clock: counts, but for NEXT, the time of the next point [s]
 
 _JIT = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
 def _resample(
-    window: FloatArray, clock: FloatArray, t: float, q: FloatArray, v: FloatArray, tau: FloatArray, period: float, gap: float
+    window: FloatArray,
+    clock: FloatArray,
+    usual: FloatArray,
+    t: float,
+    q: FloatArray,
+    v: FloatArray,
+    tau: FloatArray,
+    period: float,
+    gap: float,
 ) -> FloatArray:
     """Take a measurement into the window; the points of an even grid of times that are known now, shape (k, 1 + 3 n).
 
     Stamps jitter and messages get lost, while the low-pass works on even samples: noise of the positions cancels in it only as
-    long as each acceleration is the second difference of the same, evenly spaced positions. Between two measurements the
-    channels are interpolated by the cubic through the two on each side; over a gap (a step of more than ``gap`` periods) the
-    torque goes in a straight line, because its noise would bend the cubic. On stamps that are even already nothing changes.
+    long as each acceleration is the second difference of the same, evenly spaced positions. Between two measurements the channels
+    are interpolated by the cubic through the two on each side, and over a gap (a step of more than ``gap`` periods) the torque in
+    a straight line. On even stamps nothing changes. Spikes of the torque are taken out before, see :func:`remove_spikes`.
 
     Rows of ``window``, shape (4, 1 + 3 n), and of what comes back are t, q, v, tau.
     """
@@ -44,6 +53,7 @@ def _resample(
     if clock[MEASUREMENTS] < 4.0:
         clock[NEXT] = t - period
         return np.empty((0, newest.size))
+    clock[SPIKES] += remove_spikes(window, 1 + 2 * n, usual)
     times = window[:, 0]
     step = times[2] - times[1]
     linear_from = 1 + n if step > gap * period else newest.size
@@ -98,6 +108,7 @@ def _differentiate(
 def _advance(
     window: FloatArray,
     clock: FloatArray,
+    usual: FloatArray,
     ring: FloatArray,
     weights: FloatArray,
     t: float,
@@ -109,7 +120,7 @@ def _advance(
 ) -> tuple[FloatArray, FloatArray]:
     """Take in a measurement; time, and q, v, a, tau, of each sample that it completes, shapes (k,) and (k, 4, n)."""
     width, completed = weights.shape[1], 0
-    grid = _resample(window, clock, t, q, v, tau, period, GAP)
+    grid = _resample(window, clock, usual, t, q, v, tau, period, GAP)
     times, out = np.empty(len(grid)), np.empty((len(grid), 4, q.size))
     for point in range(len(grid)):
         newest = int(clock[POINTS]) % width
@@ -153,14 +164,12 @@ def value_weights(half_width: int) -> FloatArray:
 class CausalDerivative:
     """Position, velocity and acceleration with a fixed lag: ``half_width`` samples behind the newest one.
 
-    The measurements are put on an even grid first, one measurement late. The velocity is the slope of the cubic that fits best
-    in a window of ``2 half_width + 1`` samples; the acceleration is the raw second difference of the positions; the position is
-    read from the window such that its noise does not correlate with the acceleration's; the torque is delayed to the same
-    instant.
+    Measurements are put on an even grid first, one measurement late. The velocity is the slope of the cubic that fits best in a
+    window of ``2 half_width + 1`` samples; the acceleration is the raw second difference of the positions; the position is read
+    such that its noise does not correlate with the acceleration's; the torque is delayed to the same instant.
 
     Args:
-        n: number of joints.
-        period: usual time between measurements [s].
+        n: number of joints. period: usual time between measurements [s].
         half_width: samples on each side; at least 2.
         use_message_velocity: take the velocity of the message, delayed alike, where it has one.
     """
@@ -168,7 +177,7 @@ class CausalDerivative:
     def __init__(self, n: int, period: float, half_width: int, use_message_velocity: bool = False) -> None:
         self.period = period
         self._window = np.zeros((4, 1 + 3 * n))
-        self._clock = np.zeros(4)
+        self._clock, self._usual = np.zeros(5), np.zeros(n + 1)
         self._ring = np.zeros((2 * half_width + 1, 1 + 3 * n))
         self._weights = np.stack([value_weights(half_width), slope_weights(half_width, period)])
         self._use_message_velocity = use_message_velocity
@@ -180,11 +189,16 @@ class CausalDerivative:
         """Grid points that were interpolated over lost measurements so far."""
         return int(self._clock[FILLED])
 
+    @property
+    def spikes(self) -> int:
+        """Torques that were taken out as spikes so far, the middle of their neighbours in their place."""
+        return int(self._clock[SPIKES])
+
     def push(self, measurement: Measurement) -> list[Sample]:
         """The samples that a measurement completes: usually one, none while the window fills, a few after a gap."""
         v_reported = self._no_velocity if measurement.v is None else measurement.v
         times, channels = _advance(
-            self._window, self._clock, self._ring, self._weights,
+            self._window, self._clock, self._usual, self._ring, self._weights,
             measurement.t, measurement.q, v_reported, measurement.tau, self.period, self._use_message_velocity,
         )  # fmt: skip
         samples = []
@@ -274,11 +288,6 @@ class LowPassBank:
     def reset(self) -> None:
         """Forget all: the next input primes the filter."""
         self._primed = False
-
-
-def window_half_width(rate: float) -> int:
-    """Samples on each side of the derivative's window: 10 ms, at least 2 samples."""
-    return int(min(max(round(0.010 * rate), 2), 15))
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]

@@ -35,3 +35,8 @@ def position_noise(q: FloatArray) -> float:
         return 0.0
     fourth = np.diff(q, 4, axis=0)
     return float(np.sqrt(np.mean(fourth * fourth) / 70.0))
+
+
+def window_half_width(rate: float) -> int:
+    """Samples on each side of the derivative's window: 10 ms, at least 2 samples."""
+    return int(min(max(round(0.010 * rate), 2), 15))

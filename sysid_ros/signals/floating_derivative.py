@@ -33,6 +33,11 @@ class FloatingDerivative:
         self._place = np.zeros(3)
         self._reported: deque[tuple[float, FloatArray | None]] = deque(maxlen=4 * half_width + 16)
 
+    @property
+    def spikes(self) -> int:
+        """As of :class:`CausalDerivative`."""
+        return self._inner.spikes
+
     def push(self, measurement: Measurement) -> list[Sample]:
         """The samples that a measurement completes."""
         trunk = measurement.trunk
