@@ -152,9 +152,9 @@ class OnlineSettings(Settings):
     link_com_error: float = setting(
         0.003, "without a model, error of each coordinate of the links' centres of mass in the URDF", "m", 0.0, 0.1
     )
-    base_lean_std: float = setting(
+    base_tilt_std: float = setting(
         0.02,
-        "prior standard deviation of how far an arm's base leans, about two axes; 0: not at all",
+        "prior standard deviation of how far an arm's base is tilted, about two axes; 0: not at all",
         "rad",
         0.0,
         0.5,

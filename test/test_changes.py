@@ -161,9 +161,9 @@ def test_the_directions_of_inexact_links_make_the_torque_that_they_stand_for() -
     np.testing.assert_allclose(found, expected, rtol=0.12)
 
 
-def test_a_base_that_leans_is_said_and_does_no_harm() -> None:
+def test_a_tilted_base_is_said_and_does_no_harm() -> None:
     online, series = run(stream(tilt=(0.07, -0.05)))
-    (said,) = [w for w in online.warnings if "leans" in w]
+    (said,) = [w for w in online.warnings if "tilted" in w]
     angle, std = (float(x) for x in re.findall(r"by (\d\.\d) degrees \(std (\d\.\d)\)", said)[0])
     assert abs(angle - 4.93) < 2.5 * std < 2.0
     told = np.array(re.findall(r"-?\d+\.\d+", said.split("[")[1]), dtype=float)
@@ -174,10 +174,10 @@ def test_a_base_that_leans_is_said_and_does_no_harm() -> None:
 
 def test_a_level_base_is_known_to_be_level() -> None:
     online, _ = run(stream())
-    assert not [w for w in online.warnings if "leans" in w]
+    assert not [w for w in online.warnings if "tilted" in w]
     assert online.estimator is not None
-    lean = online.estimator.covariance()[-2:, -2:]
-    assert np.sqrt(lean.diagonal()).max() < 1e-4
+    tilt = online.estimator.covariance()[-2:, -2:]
+    assert np.sqrt(tilt.diagonal()).max() < 1e-4
 
 
 def test_coarse_encoders_lower_the_cutoff_and_leave_no_bias() -> None:

@@ -337,7 +337,7 @@ def test_friction_is_estimated_beside_the_payload() -> None:
 
 
 def test_without_friction_there_are_ten_parameters(carried: list[Measurement]) -> None:
-    online = estimation(estimate_friction=False, base_lean_std=0.0)
+    online = estimation(estimate_friction=False, base_tilt_std=0.0)
     assert_found(run(online, carried)[-1])
     assert online.estimator is not None
     assert online.estimator.p == 10

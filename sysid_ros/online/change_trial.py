@@ -89,6 +89,11 @@ class ChangeTrial:
         self._part, self._young, self._returned = front_end.passed, _YOUNG * front_end.memory, _RETURNED * front_end.memory
         self._compared: deque[tuple[float, float]] = deque(maxlen=max(round(self._returned / front_end.period), 2))
 
+    def once_more(self, t: float, front_end: FrontEnd) -> ChangeTrial:
+        """The trial of a force that has stayed until ``t`` [s], as a body that moves by itself."""
+        about = self.before, t, self.mass, self._reach, self._prior_std, front_end
+        return ChangeTrial(*about, after=self.after or self, strain=self.strain, outer=self.outer)
+
     def rests(self, t: float) -> bool:
         """Whether no further jump was found for a while before ``t`` [s], so that the next one is another change."""
         return not self.force and t - self._newest >= _STAYS

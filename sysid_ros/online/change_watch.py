@@ -108,13 +108,8 @@ class ChangeWatch:
         estimator.forget()
         estimate = None
         for rows in since:
-            if self.trial is not None:
-                self.trial.compare(
-                    rows.Y, rows.y, self._free.extra_variance(rows, self.trial.before, front_end.passed), estimator
-                )
-            estimate = estimator.update(
-                rows.Y, rows.y, hold, self._free.extra_variance(rows, estimator, front_end.passed), rows.considered
-            )
+            extra = self._free.extra_variance(rows, estimator, front_end.passed)
+            estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
         return t, estimate
 
     def _follow(self, trial: ChangeTrial, t: float, hold: bool, estimator: Estimator, front_end: FrontEnd) -> Estimator:
@@ -144,16 +139,6 @@ class ChangeWatch:
             estimator = copy.deepcopy(trial.before)
             estimator.widen(trial.strain)
             estimator.forget()
-            self.trial = ChangeTrial(
-                trial.before,
-                t,
-                trial.mass,
-                self._reach,
-                self._prior_std,
-                front_end,
-                trial.after or trial,
-                trial.strain,
-                trial.outer,
-            )
+            self.trial = trial.once_more(t, front_end)
             front_end.rest()
         return estimator

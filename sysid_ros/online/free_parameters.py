@@ -11,10 +11,10 @@ from sysid_ros.estimators import Estimator, JumpRule, Problem, make_estimator
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase
-from sysid_ros.online.base_lean import BaseLean
 from sysid_ros.online.front_end import FrictionCorrection, FrontEnd
 from sysid_ros.online.link_inexactness import link_inexactness
 from sysid_ros.online.rows import Rows
+from sysid_ros.online.small_tilt import SmallTilt
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement, Sample
@@ -29,7 +29,7 @@ LEAST_JUMP = (0.03, 5e-3, 5e-3, 5e-3) + (math.inf,) * 6
 _STAYS = 0.5
 """For so long dry friction at standstill is wrong by the same torque [s]."""
 _LEVEL = 1e-4
-"""What a base leans by that is level, as a part of the prior standard deviation."""
+"""What a base is tilted by that is level, as a part of the prior standard deviation."""
 _CARRIED = 0.16
 """Least prior standard deviation of what a robot on legs carries, as a part of its own mass."""
 _SIZE = 0.11
@@ -47,7 +47,7 @@ class FreeParameters:
 
     Attributes:
         payload: the effect whose columns come first. bias: where that of the accelerometer stands, None where it is not free.
-        lean: of an arm's base, where it is free. lean_slice: where its two parameters stand. leaning: whether that is to be
+        tilt: of an arm's base, where it is free. tilt_slice: where its two parameters stand. tilt_is_open: whether that is to be
             asked still. friction_slice: where those of friction stand. carried: whether an effect needs to know the payload.
         friction: of an arm; its parameters, if they are free, come after the payload's. None of a floating base.
         model: known and free effects.
@@ -78,11 +78,11 @@ class FreeParameters:
         if self.friction is not None and settings.estimate_friction:
             effects.append(self.friction)
             prior_std.append(self.friction.expected_std)
-        self.lean: BaseLean | None = None
-        if base is None and settings.effort_type == "total" and settings.base_lean_std > 0.0 and np.any(robot.gravity):
-            self.lean = BaseLean(robot, settings.base_lean_std)
-            effects.append(self.lean)
-            prior_std.append(np.full(2, settings.base_lean_std))
+        self.tilt: SmallTilt | None = None
+        if base is None and settings.effort_type == "total" and settings.base_tilt_std > 0.0 and np.any(robot.gravity):
+            self.tilt = SmallTilt(robot, settings.base_tilt_std)
+            effects.append(self.tilt)
+            prior_std.append(np.full(2, settings.base_tilt_std))
         self._bias: AccelerometerBias | None = None
         self.extra_colour = 1.0
         self.trunk_noise: tuple[FloatArray, FloatArray] | None = None
@@ -101,10 +101,10 @@ class FreeParameters:
             known.uncertainty if known else None,
             inexact=inexact,
         )
-        self.leaning = self.lean is not None
+        self.tilt_is_open = self.tilt is not None
         self.carried = self._bias is not None
         self.bias = self.model.slices[-1] if self._bias else None
-        self.lean_slice = self.model.slices[effects.index(self.lean)] if self.lean else slice(0, 0)
+        self.tilt_slice = self.model.slices[effects.index(self.tilt)] if self.tilt else slice(0, 0)
         self.friction_slice = self.model.slices[1] if self.friction in effects else slice(0, 0)
         self.prior_std = np.concatenate(prior_std)
 
@@ -117,19 +117,19 @@ class FreeParameters:
         least = np.array([mass] + [mass * size] * 3 + [mass * size**2] * 6)
         return np.asarray(np.maximum(prior, least))
 
-    def settle_lean(self, estimator: Estimator) -> bool:
-        """Ask whether the base leans; True where gravity was turned because it does, so that rows of before do not hold any more.
-        Not to be asked once it is known, see ``leaning``."""
-        assert self.lean is not None
-        where = self.lean_slice
+    def settle_tilt(self, estimator: Estimator) -> bool:
+        """Ask whether the base is tilted; True where gravity was turned because it is, so that rows of before do not hold.
+        Not to be asked once it is known, see ``tilt_is_open``."""
+        assert self.tilt is not None
+        where = self.tilt_slice
         theta = estimator.theta[where]
-        turned = self.lean.settle(theta, estimator.covariance()[where, where])
+        turned = self.tilt.settle(theta, estimator.covariance()[where, where])
         if turned:
             estimator.shift(where, -theta)
-        if self.lean.level:
-            estimator.fix(where, _LEVEL * self._settings.base_lean_std)
-            self.model.leave_out(self.lean)
-            self.leaning = False
+        if self.tilt.level:
+            estimator.fix(where, _LEVEL * self._settings.base_tilt_std)
+            self.model.leave_out(self.tilt)
+            self.tilt_is_open = False
         return turned
 
     def carry(self, theta: FloatArray) -> None:
@@ -188,8 +188,8 @@ class FreeParameters:
         jump = JumpRule(PAYLOAD, np.array(LEAST_JUMP), front_end.memory if self._base else 0.0)
         part = 1.0 if self._base is None else front_end.passed
         self.extra_colour = 1.0 if self._base else max(_STAYS / front_end.period, 1.0)
-        if self.lean is not None:  # nothing is known of it any more
-            self.lean.level, self.leaning = False, True
+        if self.tilt is not None:  # nothing is known of it any more
+            self.tilt.level, self.tilt_is_open = False, True
             self.model.leave_out()
         return make_estimator(
             s.estimator, Problem(self.prior_std, floor, front_end.period, s.forgetting_time, jump, part, self.extra_colour)

@@ -251,12 +251,12 @@ class OnlineEstimation:
         if self.base is not None:
             covariance[0, 0] += self._doubt(float(theta[0]), self.base) ** 2
         std = np.sqrt(covariance.diagonal())
-        asked = self._free.leaning and self.estimator.noise_known and self._changes.trial is None
-        if asked and self._free.settle_lean(self.estimator):
+        asked = self._free.tilt_is_open and self.estimator.noise_known and self._changes.trial is None
+        if asked and self._free.settle_tilt(self.estimator):
             assert self._front_end is not None
-            assert self._free.lean is not None
+            assert self._free.tilt is not None
             self._front_end.rest()
-            self._warnings["lean"] = self._free.lean.told
+            self._warnings["tilt"] = self._free.tilt.told
         status, reason = judgement.status(estimate, self.estimator, float(theta[0]), float(std[0]))
         self._warnings.pop("inconsistent", None)
         if status == "inconsistent":

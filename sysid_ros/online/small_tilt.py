@@ -1,4 +1,4 @@
-"""BaseLean: how far the base leans against the direction that gravity is set to, as an effect beside the payload."""
+"""SmallTilt: how far the base is tilted against the direction that gravity is set to, as an effect beside the payload."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ _SURE = math.log(100.0)
 """And of those at which it is decided."""
 
 
-class BaseLean(Effect):
+class SmallTilt(Effect):
     """``tau = -M_b(q) (e_k x g) phi_k`` with M_b (n, 3) the torque that a unit of acceleration of the base costs: the links are
     heavy in another direction, by two small angles [rad] about the axes e_k across gravity.
 
-    Most bases are level, and once that is known the columns are not needed. Where one leans, the robot's gravity is turned by
+    Most bases are level, and once that is known the columns are not needed. Where one is tilted, the robot's gravity is turned by
     what was found, so that what is carried is heavy in the right direction too, and the angles are what is left.
 
     Args:
         robot: the arm; its gravity may be turned. prior_std: of the angles [rad].
 
     Attributes:
-        level: True once it is known not to lean, or no further. axes: e_k, shape (2, 3).
-        told: a sentence once it was found to lean.
+        level: True once it is known not to be tilted, or no further. axes: e_k, shape (2, 3).
+        told: a sentence once it was found to be tilted.
     """
 
-    id: ClassVar[str] = "base_lean"
-    label: ClassVar[str] = "lean of the base"
+    id: ClassVar[str] = "small_tilt"
+    label: ClassVar[str] = "small tilt of the base"
 
     def __init__(self, robot: RobotModel, prior_std: float) -> None:
         super().__init__(robot)
@@ -45,13 +45,13 @@ class BaseLean(Effect):
         across = nearest - np.outer(nearest @ along, along)
         self.axes: FloatArray = np.linalg.qr(across.T)[0].T
         self._turned = -np.cross(self.axes, self._set).T
-        self.parameter_names, self.units = ("lean_1", "lean_2"), ("rad", "rad")
+        self.parameter_names, self.units = ("tilt_1", "tilt_2"), ("rad", "rad")
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         np.matmul(self.robot.base_acceleration_columns(sample.q), self._turned, out=out)
 
     def settle(self, theta: FloatArray, covariance: FloatArray) -> bool:
-        """Whether gravity was turned by the two parameters (2,), of the covariance (2, 2), because the base leans.
+        """Whether gravity was turned by the two parameters (2,), of the covariance (2, 2), because the base is tilted.
 
         What the data say for a level base is the density of the posterior at zero over that of the prior (Dickey 1971).
         """
@@ -68,7 +68,7 @@ class BaseLean(Effect):
         angle = float(np.arccos(np.clip(robot.gravity @ self._set / (self._set @ self._set), -1.0, 1.0)))
         std = math.sqrt(float(np.linalg.eigvalsh(covariance)[-1]))
         self.told = (
-            f"The base leans by {math.degrees(angle):.1f} degrees (std {math.degrees(std):.1f}) against 'gravity'; the payload "
-            f"is estimated with that. Set gravity to [{', '.join(f'{x:.2f}' for x in robot.gravity)}], or level the base."
+            f"The base is tilted by {math.degrees(angle):.1f} degrees (std {math.degrees(std):.1f}) against 'gravity'; the "
+            f"payload is estimated with that. Set gravity to [{', '.join(f'{x:.2f}' for x in robot.gravity)}], or level the base."
         )
         return True
