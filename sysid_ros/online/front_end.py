@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid_ros.effects import Effect
+from sysid_ros.effects import Curve, Effect
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.stance_log import StanceLog
 from sysid_ros.floating.trunk_rows import TrunkRows
@@ -133,7 +133,8 @@ class FrontEnd:
         self.rate = 1.0 / period
         derivative = CausalDerivative if base is None else FloatingDerivative
         self.derivative = derivative(n, period, window_half_width(self.rate), use_message_velocity)
-        self._raw = np.zeros((n, p + 6 + model.error.c))
+        self._compiled = model.compiled() if base is None else None
+        self._raw = self._compiled.raw if self._compiled else np.zeros((n, p + 6 + model.error.c))
         self._columns, self._rest, self._considered = self._raw[:, :p], self._raw[:, p], self._raw[:, p + 6 :]
         cutoff = min(cutoff_hz or default_cutoff(self.rate, noise), 0.4 * self.rate)
         self._cutoff, self._adapts, self.noise = cutoff, not cutoff_hz and base is None, noise
@@ -150,7 +151,6 @@ class FrontEnd:
         self._bank = self._trunk.bank if self._trunk else LowPassBank(self._raw.shape, cutoff, self.rate)
         self._history: RowHistory | None = None
         if self._trunk is None:
-            self._raw[:, p + 5] = 1.0
             self._history = RowHistory((n, self._raw.shape[1]), model.slices[0], period, self._bank)
             self._rising = -1
         self.makes_anew = self._history is not None
@@ -167,8 +167,11 @@ class FrontEnd:
                 self.noise, self._positions = position_noise(np.array(self._positions)), []
                 self.too_fast = default_cutoff(self.rate, self.noise) < _FINER * self._cutoff
         for sample in self.derivative.push(measurement):
-            self._model.split_into(sample, self._columns, self._rest, self._considered)
-            fill_beside(self._raw, self._model.p + 1, sample.v, sample.a, sample.tau)
+            if self._compiled is not None:
+                self._compiled.fill(sample.t, sample.q, sample.v, sample.a, sample.tau)
+            else:
+                self._model.split_into(sample, self._columns, self._rest, self._considered)
+                fill_beside(self._raw, self._model.p + 1, sample.v, sample.a, sample.tau)
             self._tick += 1
             is_due = self._tick >= 0 and self._tick % self._every == 0
             if (history := self._history) is not None:
@@ -277,6 +280,11 @@ class FrictionCorrection(Effect):
         np.tanh(sample.v / TURNS, out=curves[1])
         curves[2] = sample.v
         out[self._rows, self._columns] = curves.ravel()
+
+    def simple_curves(self) -> FloatArray:
+        joints = np.arange(self.robot.n)
+        kinds = (Curve.ONE, Curve.SIGN, Curve.SPEED)
+        return np.vstack([np.column_stack([0 * joints + kind, 0 * joints + TURNS, joints]) for kind in kinds])
 
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:
         n = self.robot.n
