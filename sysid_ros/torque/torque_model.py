@@ -192,7 +192,9 @@ class TorqueModel:
         robot, n = self.robot, self.robot.n
         links = self.links() if self._urdf_links else np.zeros(10 * n)
         joints, nothing = np.arange(n), np.zeros(n)
-        own = [(Curve.ACCELERATION, 1.0, np.array(robot.model.armature))] if self._urdf_links else []
+        own: list[tuple[Curve, float | FloatArray, FloatArray]] = []
+        if self._urdf_links:
+            own.append((Curve.ACCELERATION, 1.0, np.array(robot.model.armature)))
         if self._dynamics:
             own += [(Curve.SPEED, 1.0, robot.damping), (Curve.SIGN, self._turns, robot.friction)]
         curves = [
