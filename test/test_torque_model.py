@@ -15,7 +15,9 @@ from sysid_ros.effects import (
     LoadDependentFriction,
     Motion,
     Payload,
+    QuadraticFriction,
     RotorInertia,
+    StribeckFriction,
     TimeDelay,
     TorqueOffset,
     ViscousFriction,
@@ -248,3 +250,28 @@ def test_effects_along_a_motion_see_what_comes_before_them() -> None:
     np.testing.assert_allclose(torques.drive, link + jumps + model.damping * v, atol=1e-9)
     late = torques.drive - 0.01 * np.gradient(torques.drive, 0.01, axis=0)
     np.testing.assert_allclose(torques.total, late + 5.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("robot_name", ROBOTS)
+def test_compiled_code_computes_the_same(robot_name: str) -> None:
+    """Known and free effects of every kind: linear in the links, simple curves, and those that are asked."""
+    model, rng = robot(robot_name), np.random.default_rng(3)
+    linear, some = LinkInertia(model), model.joint_names[:1]
+    kinds = [linear, CoulombFriction(model, some), ViscousFriction(model), StribeckFriction(model), RotorInertia(model)]
+    known = [KnownEffect(effect, rng.normal(size=effect.p)) for effect in (*kinds, Payload(model))]
+    directions = rng.normal(size=(sum(k.effect.p for k in known), 5))
+    for torque_model in (
+        TorqueModel(model, [Payload(model), TorqueOffset(model), QuadraticFriction(model)], known, uncertainty=directions),
+        TorqueModel(model, [Payload(model)], inexact=rng.normal(size=(10 * model.n, 3))),
+        TorqueModel(model, [Payload(model)], links=False),
+    ):
+        compiled, p = torque_model.compiled(), torque_model.p
+        for _ in range(3):
+            sample = random_sample(model, rng)
+            Y, rest, Z = np.zeros((model.n, p)), np.empty(model.n), np.zeros((model.n, torque_model.error.c))
+            torque_model.split_into(sample, Y, rest, Z)
+            raw = compiled.fill(sample.t, sample.q, sample.v, sample.a, sample.tau)
+            size = max(float(np.abs(rest).max()), 1.0)
+            np.testing.assert_allclose(raw[:, :p], Y, atol=1e-11 * size)
+            np.testing.assert_allclose(raw[:, p], rest, atol=1e-11 * size)
+            np.testing.assert_allclose(raw[:, p + 6 :], Z, atol=1e-11 * size)

@@ -34,7 +34,7 @@ from sysid_ros.effects.torque_saturation import TorqueSaturation
 from sysid_ros.effects.torque_scale import TorqueScale
 from sysid_ros.effects.torque_sign import TorqueSign
 from sysid_ros.effects.torque_unit import TorqueUnit
-from sysid_ros.effects.traits import Candidate, Scope
+from sysid_ros.effects.traits import Candidate, Curve, Scope
 from sysid_ros.effects.velocity_lag import VelocityLag
 from sysid_ros.effects.viscous_friction import ViscousFriction
 from sysid_ros.exceptions import SettingsError
@@ -109,6 +109,7 @@ __all__ = [
     "Channels",
     "Cogging",
     "CoulombFriction",
+    "Curve",
     "Depends",
     "Effect",
     "ExternalForce",

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from sysid_ros.effects.effect import Effect, JointEffect, Knob, positive
+from sysid_ros.effects.traits import Curve
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
@@ -49,6 +50,7 @@ class CoulombFriction(DryFriction, JointEffect):
     look_alikes = ("stribeck_friction", "presliding_hysteresis", "asymmetric_coulomb_friction")
     separated_by = "several speeds in both directions, with reversals"
     nonnegative = True
+    simple = Curve.SIGN
     symbol = "Fc"
     unit = "N m"
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid_ros.effects.arguments import carrying, of_slide, positive
 from sysid_ros.effects.searched import Searched
-from sysid_ros.effects.traits import Acts, Depends, Knob, Scope
+from sysid_ros.effects.traits import Acts, Curve, Depends, Knob, Scope
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -108,6 +108,17 @@ class Effect(Searched):
         :meth:`RobotModel.rnea` has run on this sample just before.
         """
 
+    # What compiled code can do without asking :meth:`fill` at every sample.
+
+    def link_columns(self) -> FloatArray | None:
+        """M, shape (10 n, p), where its columns are ``Y M`` with Y the regressor of all links; None of others."""
+        return None
+
+    def simple_curves(self) -> FloatArray | None:
+        """Where each parameter times a :class:`.traits.Curve` is the torque of one joint: the curve, the width of the smoothed
+        sign, and the joint of each, shape (p, 3); None of others."""
+        return None
+
     @property
     def diagonal(self) -> JointEffect | None:
         """The effect itself where it has one parameter for each joint of the robot, whose column loads that joint alone."""
@@ -188,11 +199,17 @@ class JointEffect(Effect):
     alone: ClassVar[bool] = True
     symbol: ClassVar[str]
     unit: ClassVar[str]
+    simple: ClassVar[Curve | None] = None
+    """What its curve is, where compiled code knows it."""
+    width: float = 1.0
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
         super().__init__(robot, joints)
         self.name_joints((self.symbol,), (self.unit,))
         self._columns = np.arange(len(self.joints))
+
+    def simple_curves(self) -> FloatArray | None:
+        return None if self.simple is None else np.array([[self.simple, self.width, j] for j in self.joints]).reshape(-1, 3)
 
     @property
     def diagonal(self) -> JointEffect | None:

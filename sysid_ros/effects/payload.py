@@ -63,11 +63,15 @@ class Payload(Effect):
     def fill(self, sample: Sample, out: FloatArray) -> None:
         self.robot.fill_payload_regressor(sample.q, self.frame_index, out)
 
+    def link_columns(self) -> FloatArray | None:
+        return np.stack([self.as_links(unit).ravel() for unit in np.eye(self.p)], axis=1)
+
     def as_links(self, theta: FloatArray) -> FloatArray:
         frame = self.robot.model.frames[self.frame_index]
         out = super().as_links(theta)
         placement = np.array(frame.placement.rotation), np.array(frame.placement.translation)
-        out[frame.parentJoint - 1] = inertial_parameters.move(theta, *placement)
+        if frame.parentJoint > 0:  # what hangs on the base is carried by no joint
+            out[frame.parentJoint - 1] = inertial_parameters.move(theta, *placement)
         return out
 
     def columns_along(self, motion: Motion) -> FloatArray:

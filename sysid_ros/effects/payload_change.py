@@ -61,6 +61,9 @@ class PayloadChange(Payload):
         if sample.t < self.t0:
             out[:] = 0.0
 
+    def link_columns(self) -> None:
+        return None
+
     def as_links(self, theta: FloatArray) -> FloatArray:
         return np.zeros((self.robot.n, 10))
 

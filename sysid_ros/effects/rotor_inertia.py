@@ -3,6 +3,7 @@
 import numpy as np
 
 from sysid_ros.effects.effect import JointEffect
+from sysid_ros.effects.traits import Curve
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -19,6 +20,7 @@ class RotorInertia(JointEffect):
     nonnegative = True
     inertial = True
     usual = 0.9
+    simple = Curve.ACCELERATION
     symbol = "J"
     unit = "kg m^2"
 

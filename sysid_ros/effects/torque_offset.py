@@ -3,6 +3,7 @@
 import numpy as np
 
 from sysid_ros.effects.effect import Acts, JointEffect
+from sysid_ros.effects.traits import Curve
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -18,6 +19,7 @@ class TorqueOffset(JointEffect):
     signature = "a constant, at rest and in motion"
     look_alikes = ("asymmetric_coulomb_friction", "spring", "joint_offset")
     separated_by = "rests of a second in several postures"
+    simple = Curve.ONE
     symbol = "offset"
     unit = "N m"
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import Enum
+from enum import Enum, IntEnum
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,16 @@ class Knob:
             return max(value / ratio, self.low / 2.0), min(value * ratio, self.high * 2.0)
         reach = self.reach or 1.1 * (self.high - self.low) / (self.tried - 1)
         return max(value - reach, min(value, self.low)), min(value + reach, max(value, self.high))
+
+
+class Curve(IntEnum):
+    """What compiled code makes of a joint's speed and acceleration."""
+
+    ONE = 0
+    SPEED = 1
+    SIGN = 2
+    """Of the speed, smoothed: see :func:`.smoothed_sign.smoothed_sign`."""
+    ACCELERATION = 3
 
 
 class Acts(Enum):

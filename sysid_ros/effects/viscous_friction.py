@@ -1,6 +1,7 @@
 """Friction in proportion to speed."""
 
 from sysid_ros.effects.effect import JointEffect
+from sysid_ros.effects.traits import Curve
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -17,6 +18,7 @@ class ViscousFriction(JointEffect):
     look_alikes = ("time_delay", "quadratic_friction", "coulomb_friction")
     separated_by = "speeds from a tenth of the limit to nearly all of it"
     nonnegative = True
+    simple = Curve.SPEED
     symbol = "b"
     unit = "N m s/rad"
 

@@ -11,7 +11,8 @@ from sysid_ros.estimators import Estimator, JumpRule, Problem, make_estimator
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase
-from sysid_ros.online.front_end import FrictionCorrection, FrontEnd
+from sysid_ros.online.friction_correction import FrictionCorrection
+from sysid_ros.online.front_end import FrontEnd
 from sysid_ros.online.link_inexactness import link_inexactness
 from sysid_ros.online.rows import Rows
 from sysid_ros.online.small_tilt import SmallTilt

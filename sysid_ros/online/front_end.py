@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import ClassVar
 
 import numpy as np
 
-from sysid_ros.effects import Effect
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.stance_log import StanceLog
 from sysid_ros.floating.trunk_rows import TrunkRows
 from sysid_ros.online.row_history import RowHistory
 from sysid_ros.online.rows import Rows
-from sysid_ros.online_settings import OnlineSettings
-from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.robot.smoothed_sign import TURNS
 from sysid_ros.sample import FloatArray, Measurement, Sample
 from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank, fill_beside
 from sysid_ros.signals.cutoff import default_cutoff, position_noise, window_half_width
 from sysid_ros.signals.floating_derivative import FloatingDerivative
-from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel
 
 FIRST = 25
@@ -133,7 +126,8 @@ class FrontEnd:
         self.rate = 1.0 / period
         derivative = CausalDerivative if base is None else FloatingDerivative
         self.derivative = derivative(n, period, window_half_width(self.rate), use_message_velocity)
-        self._raw = np.zeros((n, p + 6 + model.error.c))
+        self._compiled = model.compiled() if base is None else None
+        self._raw = self._compiled.raw if self._compiled else np.zeros((n, p + 6 + model.error.c))
         self._columns, self._rest, self._considered = self._raw[:, :p], self._raw[:, p], self._raw[:, p + 6 :]
         cutoff = min(cutoff_hz or default_cutoff(self.rate, noise), 0.4 * self.rate)
         self._cutoff, self._adapts, self.noise = cutoff, not cutoff_hz and base is None, noise
@@ -150,7 +144,6 @@ class FrontEnd:
         self._bank = self._trunk.bank if self._trunk else LowPassBank(self._raw.shape, cutoff, self.rate)
         self._history: RowHistory | None = None
         if self._trunk is None:
-            self._raw[:, p + 5] = 1.0
             self._history = RowHistory((n, self._raw.shape[1]), model.slices[0], period, self._bank)
             self._rising = -1
         self.makes_anew = self._history is not None
@@ -167,8 +160,11 @@ class FrontEnd:
                 self.noise, self._positions = position_noise(np.array(self._positions)), []
                 self.too_fast = default_cutoff(self.rate, self.noise) < _FINER * self._cutoff
         for sample in self.derivative.push(measurement):
-            self._model.split_into(sample, self._columns, self._rest, self._considered)
-            fill_beside(self._raw, self._model.p + 1, sample.v, sample.a, sample.tau)
+            if self._compiled is not None:
+                self._compiled.fill(sample.t, sample.q, sample.v, sample.a, sample.tau)
+            else:
+                self._model.split_into(sample, self._columns, self._rest, self._considered)
+                fill_beside(self._raw, self._model.p + 1, sample.v, sample.a, sample.tau)
             self._tick += 1
             is_due = self._tick >= 0 and self._tick % self._every == 0
             if (history := self._history) is not None:
@@ -228,73 +224,3 @@ class FrontEnd:
         assert self._history is not None
         self._history.updates.append((rows.Y, rows.y))
         return rows
-
-
-class FrictionCorrection(Effect):
-    """``tau_j = offset_j + Fc_j tanh(v_j / width) + b_j v_j``: what has changed since the arm was identified, or all of
-    it where it never was. The three as one effect, because its columns are written at the robot's rate.
-
-    Args:
-        robot: the model. settings: how large the change may be, what counts as slow. known: effects that are known, or None where
-            no model is.
-
-    Attributes:
-        expected_std: before any data, of offset, Coulomb and viscous friction, shape (3 n,): small beside a known model, of the
-            size of the effort limits without one.
-    """
-
-    id: ClassVar[str] = "friction_correction"
-    label: ClassVar[str] = "correction of offset and friction"
-
-    def __init__(self, robot: RobotModel, settings: OnlineSettings, known: Sequence[KnownEffect] | None) -> None:
-        super().__init__(robot)
-        self.parameter_names = tuple(f"{symbol}[{joint}]" for symbol in ("offset", "Fc", "b") for joint in robot.joint_names)
-        force = tuple("N" if slides else "N m" for slides in robot.is_prismatic)
-        self.units = (*force, *force, *("N s/m" if slides else "N m s/rad" for slides in robot.is_prismatic))
-        self._settings = settings
-        stated = known is None and settings.effort_type == "total"
-        nothing: FloatArray = np.zeros(robot.n)
-        self._coulomb = sum(
-            (np.abs(k.effect.as_dry_friction(k.theta)) for k in known or ()), robot.friction if stated else nothing
-        )
-        self._viscous = np.abs(sum((k.effect.as_damping(k.theta) for k in known or ()), nothing))
-        self.expected_std = self._drifted() if known is not None else self._unknown()
-        joints = np.arange(robot.n)
-        self._rows, self._columns = np.tile(joints, 3), np.arange(3 * robot.n)
-        self._curves = np.ones((3, robot.n))
-
-    def _unknown(self) -> FloatArray:
-        limit = self.robot.effort_limit
-        size = self._settings.friction_unknown * np.where(np.isfinite(limit), limit, 50.0)
-        return np.concatenate([0.2 * size, size, 2.0 * size])
-
-    def _drifted(self) -> FloatArray:
-        least, drift = np.full(self.robot.n, 0.1), self._settings.friction_drift
-        return np.concatenate([0.5 * drift * self._coulomb + least, drift * self._coulomb + least, drift * self._viscous + least])
-
-    def fill(self, sample: Sample, out: FloatArray) -> None:
-        curves = self._curves
-        np.tanh(sample.v / TURNS, out=curves[1])
-        curves[2] = sample.v
-        out[self._rows, self._columns] = curves.ravel()
-
-    def as_dry_friction(self, theta: FloatArray) -> FloatArray:
-        n = self.robot.n
-        return theta[n : 2 * n]
-
-    def hidden_variance(self, slow: FloatArray, speed: FloatArray, theta: FloatArray, variance: FloatArray) -> FloatArray:
-        """Variance of the torque that may hide in dry friction near standstill, where no model holds, shape (n,) [(N m)^2].
-
-        Args:
-            slow: part of a row from when each joint hardly moved, shape (n,). speed: of each joint, shape (n,) [rad/s].
-            theta, variance: its parameters as they are estimated now and how uncertain they are, shape (3 n,) each, or none where
-                they are not estimated.
-        """
-        n = self.robot.n
-        coulomb = self._coulomb**2
-        if theta.size:
-            coulomb = (self._coulomb + theta[n : 2 * n]) ** 2 + variance[n : 2 * n]
-        extra: FloatArray = coulomb * (0.5 * slow) ** 2
-        if max(speed.tolist()) < self._settings.low_velocity:
-            extra += self._settings.stiction**2
-        return extra

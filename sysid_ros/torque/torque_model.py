@@ -8,11 +8,12 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from sysid_ros.effects import Acts, Depends, Effect, Motion
+from sysid_ros.effects import Acts, Curve, Depends, Effect, Motion
 from sysid_ros.exceptions import SysidError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.torque.compiled_rows import CompiledRows
 from sysid_ros.torque.known_effect import KnownEffect, KnownError
 
 
@@ -71,7 +72,7 @@ class TorqueModel:
                 raise SysidError(f"effect '{k.effect.id}' has {k.effect.p} parameters, {k.theta.size} were given.")
         ends = list(accumulate((e.p for e in self.free), initial=0))
         self.slices = tuple(slice(a, b) for a, b in pairwise(ends))
-        self._filled = list(zip(self.free, self.slices, strict=True))
+        self._filled, self._left_out = list(zip(self.free, self.slices, strict=True)), set[int]()
         self.p = ends[-1]
         self.parameter_names = tuple(name for e in self.free for name in e.parameter_names)
         self.units = tuple(unit for e in self.free for unit in e.units)
@@ -186,9 +187,48 @@ class TorqueModel:
         for effect, where in self._filled:
             effect.fill(sample, columns[:, where])
 
+    def compiled(self) -> CompiledRows:
+        """The same as :meth:`split_into`, in compiled code, for an arm's loop at the robot's rate."""
+        robot, n = self.robot, self.robot.n
+        links = self.links() if self._urdf_links else np.zeros(10 * n)
+        joints, nothing = np.arange(n), np.zeros(n)
+        own: list[tuple[Curve, float | FloatArray, FloatArray]] = []
+        if self._urdf_links:
+            own.append((Curve.ACCELERATION, 1.0, np.array(robot.model.armature)))
+        if self._dynamics:
+            own += [(Curve.SPEED, 1.0, robot.damping), (Curve.SIGN, self._turns, robot.friction)]
+        curves = [
+            np.column_stack([nothing + kind, nothing + width, joints, theta]) for kind, width, theta in own if np.any(theta)
+        ]
+        spread, others = [np.zeros((n, self.error.c)) for _ in curves], []
+        rows = {id(effect): L for effect, L in self.error.others}
+        for k in self._others:
+            simple, linear = k.effect.simple_curves(), k.effect.link_columns()
+            if simple is not None:
+                curves.append(np.column_stack([simple, k.theta]))
+                spread.append(rows.pop(id(k.effect), np.zeros((k.effect.p, self.error.c))))
+            elif linear is not None:
+                links = links + linear @ k.theta
+            else:
+                others.append(k)
+        return CompiledRows(
+            robot,
+            self.free,
+            self.slices,
+            links,
+            np.vstack([np.zeros((0, 4)), *curves]),
+            np.vstack([np.zeros((0, self.error.c)), *spread]),
+            others,
+            self.error.links,
+            [(effect, L) for effect, L in self.error.others if id(effect) in rows],
+            self._left_out,
+        )
+
     def leave_out(self, *effects: Effect) -> None:
         """The columns of these free effects, and of no others, are not needed: :meth:`split_into` leaves them alone."""
         self._filled = [(e, where) for e, where in zip(self.free, self.slices, strict=True) if e not in effects]
+        self._left_out.clear()
+        self._left_out.update(id(e) for e in effects)
 
 
 def _from_link_to_message(k: KnownEffect) -> tuple[bool, int, bool]:

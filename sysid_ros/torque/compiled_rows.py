@@ -1,0 +1,152 @@
+"""CompiledRows: known torque and free columns of a sample from one regressor of the links, in compiled code."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numba import njit
+
+from sysid_ros.effects import Curve, Effect
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.signals.causal_filters import fill_beside
+from sysid_ros.torque.known_effect import KnownEffect
+
+BESIDE: Final = 6
+"""Channels of a raw row between its free columns and what is considered: the torque that is left for the free effects, v, a, tau,
+how far the joint is from moving, and 1."""
+_ONE, _SPEED, _SIGN = int(Curve.ONE), int(Curve.SPEED), int(Curve.SIGN)
+_JIT = {"cache": True, "error_model": "numpy", "nogil": True}
+
+
+class CompiledRows:
+    """``raw = [Y | tau - known, v, a, tau, slowness, 1 | Z]``, a row a joint, of one sample.
+
+    All that is linear in the link inertials, which are known torque, payload and the errors of the links, comes from one product
+    with the links' regressor; simple curves of a joint's motion are compiled too. Only what is neither is asked by
+    :meth:`.Effect.fill` and :meth:`.Effect.torque`.
+
+    Args:
+        robot: the arm. free, slices: free effects and where their columns stand. links: known link inertials, shape (10 n,).
+        curves: known simple curves as of :meth:`.Effect.simple_curves`, with the parameter of each behind, shape (k, 4).
+        spread: what the errors of these do, shape (k, c). others: known effects that are neither.
+        error_of_links: shape (10 n, c), and errors of effects that are no simple curves: as of :class:`.KnownError`.
+        left_out: ids of the free effects that are not needed now.
+
+    Attributes:
+        raw: of the sample taken in last, shape (n, p + 6 + c). p: number of free columns.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        free: Sequence[Effect],
+        slices: Sequence[slice],
+        links: FloatArray,
+        curves: FloatArray,
+        spread: FloatArray,
+        others: Sequence[KnownEffect],
+        error_of_links: FloatArray,
+        errors: Sequence[tuple[Effect, FloatArray]],
+        left_out: set[int],
+    ) -> None:
+        self._robot, self._others, self._errors, self._left_out = robot, others, errors, left_out
+        self.p, n, c = slices[-1].stop if slices else 0, robot.n, error_of_links.shape[1]
+        self.raw: FloatArray = np.zeros((n, self.p + BESIDE + c))
+        self.raw[:, self.p + BESIDE - 1] = 1.0
+        blocks, places = [links[:, None], error_of_links], [np.array([self.p]), self.p + BESIDE + np.arange(c)]
+        columns = [np.zeros((0, 4))]
+        self._asked: list[tuple[Effect, slice]] = []
+        for effect, where in zip(free, slices, strict=True):
+            linear, simple = effect.link_columns(), effect.simple_curves()
+            if linear is not None:
+                blocks.append(linear)
+                places.append(np.arange(where.start, where.stop))
+            elif simple is not None:
+                columns.append(np.column_stack([simple, np.arange(where.start, where.stop)]))
+            else:
+                self._asked.append((effect, where))
+        self._linear = np.ascontiguousarray(np.hstack(blocks))
+        self._places, self._columns = np.concatenate(places), np.ascontiguousarray(np.vstack(columns))
+        self._curves, self._spread = np.ascontiguousarray(curves), np.ascontiguousarray(spread)
+        self._torque: FloatArray = np.zeros(n)
+        self._considered = self.raw[:, self.p + BESIDE :]
+
+    def fill(self, t: float, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
+        """Take in a sample, shape (n,) each; ``raw``, which the next call overwrites."""
+        asked = [(effect, where) for effect, where in self._asked if id(effect) not in self._left_out] if self._asked else ()
+        if self._others or asked:
+            sample = Sample(t, q, v, a, tau)
+            self._robot.rnea(q, v, a)
+            self._torque[:] = 0.0
+            for k in self._others:
+                self._torque += k.effect.torque(sample, k.theta)
+            for effect, where in asked:
+                effect.fill(sample, self.raw[:, where])
+        regressor = self._robot.regressor(q, v, a)
+        _fill(
+            regressor, self._linear, self._places, self._columns, self._curves, self._spread, self._torque,
+            v, a, tau, self.raw, self.p,
+        )  # fmt: skip
+        for effect, rows in self._errors:
+            effect.add_spread(Sample(t, q, v, a, tau), rows, self._considered)
+        return self.raw
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def _curve(kind: float, width: float, v: float, a: float) -> float:
+    if kind == _ONE:
+        return 1.0
+    if kind == _SPEED:
+        return v
+    if kind == _SIGN:
+        return float(np.tanh(v / width))
+    return a
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def _fill(
+    regressor: FloatArray,
+    linear: FloatArray,
+    places: FloatArray,
+    columns: FloatArray,
+    curves: FloatArray,
+    spread: FloatArray,
+    others: FloatArray,
+    v: FloatArray,
+    a: FloatArray,
+    tau: FloatArray,
+    raw: FloatArray,
+    p: int,
+) -> None:
+    """All of a raw row but the columns of effects that are asked.
+
+    Args:
+        regressor: of the links, (n, 10 n). linear, places: what it is multiplied by, (10 n, k), and where each product stands.
+        columns: curve, width, joint, column of the free simple curves. curves, spread: as of :class:`CompiledRows`.
+        others: torque of the other known effects, (n,).
+    """
+    n, count = v.size, places.size
+    products = np.empty(count)
+    for i in range(n):
+        products[:] = 0.0
+        for x in range(regressor.shape[1]):
+            y = regressor[i, x]
+            if y != 0.0:
+                for s in range(count):
+                    products[s] += y * linear[x, s]
+        for s in range(count):
+            raw[i, places[s]] = products[s]
+        raw[i, p] = tau[i] - raw[i, p] - others[i]
+    fill_beside(raw, p + 1, v, a, tau)
+    for k in range(columns.shape[0]):
+        j = int(columns[k, 2])
+        raw[j, int(columns[k, 3])] = _curve(columns[k, 0], columns[k, 1], v[j], a[j])
+    for k in range(curves.shape[0]):
+        j = int(curves[k, 2])
+        curve = _curve(curves[k, 0], curves[k, 1], v[j], a[j])
+        raw[j, p] -= curve * curves[k, 3]
+        for s in range(spread.shape[1]):
+            raw[j, p + BESIDE + s] += curve * spread[k, s]
