@@ -14,6 +14,7 @@ import os
 
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
+import re
 import sys
 import tempfile
 import time
@@ -103,9 +104,11 @@ class _Trial:
     def _heard(self, message: Any) -> None:
         for status in message.status:
             if status.name.startswith(self.prefix):
-                said = [status.message, *(f"{pair.key}: {pair.value}" for pair in status.values)]
-                for sentence in said:
-                    self.said.setdefault(sentence.split(":")[0] + sentence.split(":")[-1][:20], sentence)
+                for sentence in (status.message, *(pair.value for pair in status.values if " " in pair.value)):
+                    self.said.setdefault(re.sub(r"[\d.]+", "", sentence), sentence)
+                for pair in status.values:
+                    if pair.key.startswith(("rejected.", "restarts", "gaps", "trouble")) and pair.value != "0":
+                        self.said[pair.key] = f"{pair.key}: {pair.value}"
 
     def run(self) -> Outcome:
         messages = sorted(self.row.change(self.arm.messages(), self.arm), key=lambda m: m.at)

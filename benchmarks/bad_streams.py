@@ -40,7 +40,7 @@ class Row:
 
     Attributes:
         number: in the list of what real joint states show. sent: in words. change: what a sound stream becomes.
-        says: a word that the diagnostics must show, one of several; none where nothing need be said.
+        says: words of which the diagnostics must show one; none where nothing need be said.
         stays: it does not end, so that no estimate need come after it. silent: at the end nothing is to be given out as ok.
         drops: the payload is put down at ``BEGIN`` and picked up again at ``OVER``.
         parameters: of the node. best_effort: the publisher's reliability. description: URDFs on the topic, at what time [s].

@@ -10,8 +10,11 @@ from collections.abc import Collection
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, ClassVar, Self
 
+import numpy as np
+
 from sysid_ros.estimators import ESTIMATORS
 from sysid_ros.exceptions import SettingsError
+from sysid_ros.sample import FloatArray
 
 
 def setting(
@@ -173,6 +176,11 @@ class OnlineSettings(Settings):
 
     # output
     publish_rate: float = setting(50.0, "estimates published a second", "Hz", 0.1, 1000.0)
+
+    @property
+    def payload_prior(self) -> FloatArray:
+        """Prior standard deviation of the payload's ten parameters, shape (10,)."""
+        return np.array([self.prior_mass_std] + [self.prior_first_moment_std] * 3 + [self.prior_inertia_std] * 6)
 
 
 def _checked(name: str, value: Any, meta: Any, default: Any) -> Any:

@@ -23,6 +23,7 @@ NAMES = ROBOT.joint_names
 RATE = 250.0
 START = 1000.0
 FRICTION = np.array([2.0, 4.0, 2.0, 3.0])
+MIDDLE = np.array([0.0, 0.2, 0.3, 0.1])
 MOTION = np.array([[0.8, 0.9], [0.9, 1.1], [1.0, 1.7], [0.04, 1.3]])  # amplitude [rad, m] and angular frequency of each joint
 
 
@@ -33,7 +34,7 @@ def motion(
     rng = np.random.default_rng(1)
     t = np.arange(round(duration * RATE)) / RATE
     amplitude, w = MOTION.T
-    q = amplitude * np.sin(w * t[:, None]) + [0.0, 0.2, 0.3, 0.1]
+    q = amplitude * np.sin(w * t[:, None]) + MIDDLE
     v = amplitude * w * np.cos(w * t[:, None])
     a = -amplitude * w**2 * np.sin(w * t[:, None])
     tau = np.array([ROBOT.rnea(*row) for row in zip(q, v, a, strict=True)])
@@ -377,7 +378,8 @@ def row_19_a_loaded_arm_is_fine() -> None:
     theta = np.array([4.0, 0.4, 0.0, 0.2, 0.02, 0.0, 0.06, 0.0, 0.0, 0.06])
     records = []
     for record in motion(20.0):
-        load = ROBOT.payload_regressor(_of(record.position), _of(record.velocity), np.zeros(4), frame) @ theta
+        a = -(MOTION[:, 1] ** 2) * (_of(record.position) - MIDDLE)
+        load = ROBOT.payload_regressor(_of(record.position), _of(record.velocity), a, frame) @ theta
         records.append(replace(record, effort=record.effort + load))
     gate = gate_of()
     assert health_after(gate, records).level == Level.OK

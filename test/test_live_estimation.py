@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -140,6 +141,43 @@ def test_fault_inside_sets_the_estimate_back_to_the_last_good_one(monkeypatch: p
     run(live, records[3001:])
     assert live.estimation.latest.mass == pytest.approx(good, abs=0.05)
     assert live.status(0.0)[0] == "ok"
+
+
+def test_nan_inside_sets_the_estimate_back_and_is_no_event() -> None:
+    live = live_of()
+    records = motion(ROBOT, 14.0)
+    run(live, records[:3000])
+    events = len(live.estimation.events)
+    assert live.estimation.estimator is not None
+    live.estimation.estimator.shift(slice(0, 1), np.array([np.nan]))
+    live.health(records[2999].receive_time)  # such a one is not kept as a good one
+    run(live, records[3000:])
+    assert live.troubles == {"FloatingPointError": 1}
+    assert "no longer finite" in live.last_trouble
+    assert len(live.estimation.events) == events
+    assert live.status(0.0)[0] == "ok"
+
+
+def test_a_state_that_fails_again_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    live = live_of()
+    records = motion(ROBOT, 14.0)
+    run(live, records[:2000])
+    for record in records[2000:2002]:
+        with monkeypatch.context() as patch:
+            patch.setattr(live.estimation, "step", lambda measurement: 1 / 0)
+            live.take(record)
+    assert live.estimation.estimator is None
+    run(live, records[2002:])
+    assert live.status(0.0)[0] == "ok"
+
+
+@pytest.mark.parametrize(("factor", "word"), [([1.0, -1.0, 1.0, 1.0], "sign"), ([0.1] * 4, "effort_scale")])
+def test_torques_that_do_not_fit_are_told_as_what_they_are(factor: list[float], word: str) -> None:
+    live = live_of(link_mass_error=0.0, link_com_error=0.0)
+    run(live, [replace(r, effort=np.asarray(r.effort) * factor) for r in motion(ROBOT, 14.0, mass=0.0)])
+    status, reason = live.status(0.0)
+    assert status == "inconsistent"
+    assert word in reason
 
 
 def test_jump_back_in_time_starts_again() -> None:

@@ -116,7 +116,7 @@ def _difference(model: TorqueModel, empty: Fit, loaded: Fit, move: FloatArray) -
     first = np.hstack([np.eye(p), np.zeros((p, len(other) + 10))])
     second = np.hstack([np.eye(p), np.eye(p)[:, other], move])
     prior = Prior.of(model)
-    std = np.concatenate([prior.std, changes[other], _payload_std()])
+    std = np.concatenate([prior.std, changes[other], OnlineSettings().payload_prior])
     mean = np.concatenate([prior.mean, np.zeros(len(other) + 10)])
     # in units of the prior every number is near 1 or a signal-to-noise ratio
     first, second = first * std, second * std
@@ -130,12 +130,6 @@ def _difference(model: TorqueModel, empty: Fit, loaded: Fit, move: FloatArray) -
     payload = slice(len(std) - 10, len(std))
     covariance = np.outer(std, std)[payload, payload] * (inverse @ scatter @ inverse)[payload, payload]
     return std[payload] * found[payload], 0.5 * (covariance + covariance.T), np.diag(inverse)[payload]
-
-
-def _payload_std() -> FloatArray:
-    """Prior standard deviation of the payload's ten parameters: that of the online estimation."""
-    s = OnlineSettings()
-    return np.array([s.prior_mass_std] + [s.prior_first_moment_std] * 3 + [s.prior_inertia_std] * 6)
 
 
 def _changes(model: TorqueModel, theta: FloatArray, part: float) -> FloatArray:

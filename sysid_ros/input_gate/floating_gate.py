@@ -58,6 +58,11 @@ class FloatingGate:
         return (*self.joints.warnings, *self.trunk.warnings)
 
     @property
+    def suspicion(self) -> str:
+        """As of :class:`InputGate`."""
+        return self.joints.suspicion
+
+    @property
     def gaps(self) -> int:
         """As of :class:`InputGate`."""
         return self.joints.gaps

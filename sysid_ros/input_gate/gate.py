@@ -69,7 +69,7 @@ class InputGate:
         self._clock[kernel.FRESH] = 1.0
         self._last_t = -np.inf
         self._weightless_level = 0.02 * float(largest_gravity_torque(robot).max())
-        self._gravity = GravityCheck(robot)
+        self._gravity = GravityCheck(robot, settings.frame_id, settings.payload_prior)
         self._next_gravity = -np.inf
         self._may_be_zero = not self._total_effort
         self._disagreements = 0
@@ -112,6 +112,11 @@ class InputGate:
         self._last_accepted = (record.receive_time, self._last_t)
         self._events.append((record.receive_time, health.ACCEPTED))
         return [result]
+
+    @property
+    def suspicion(self) -> str:
+        """What the effort is, if something else says that it does not fit the model: see :class:`.GravityCheck`."""
+        return self._gravity.suspicion()
 
     def health(self, now: float) -> GateHealth:
         """The state of the input at ``now`` [s], a time of the clock that ``receive_time`` is from."""

@@ -50,8 +50,7 @@ class DemoMonitor(Node):
         self.diagnostics: dict[str, dict[str, str]] = {}
         self._residual = np.zeros(0)
         self._payload: InertiaStamped | None = None
-        prior = OnlineSettings()
-        self._prior_std = np.array([prior.prior_mass_std] + [prior.prior_first_moment_std] * 3 + [prior.prior_inertia_std] * 6)
+        self._prior_std = OnlineSettings().payload_prior
         # kept as attributes, because rclpy does not keep a subscription alive
         self._listen = (
             self.create_subscription(InertiaStamped, f"{ESTIMATOR}/payload", self._on_payload, 10),

@@ -110,8 +110,7 @@ class FreeParameters:
         self.prior_std = np.concatenate(prior_std)
 
     def _payload_prior(self) -> FloatArray:
-        s = self._settings
-        prior = np.array([s.prior_mass_std] + [s.prior_first_moment_std] * 3 + [s.prior_inertia_std] * 6)
+        prior = self._settings.payload_prior
         if self._base is None:
             return prior
         mass, size = _CARRIED * self._base.mass, _SIZE * self._base.mass ** (1.0 / 3.0)

@@ -21,6 +21,12 @@ from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
 from sysid_ros.torque.model_file import ModelFile
 
 
+def explained(estimate: PayloadEstimate, gate: Gate | None) -> str:
+    """The reason of an estimate's status; where the model does not fit the torques, with what the efforts then are."""
+    suspicion = gate.suspicion if gate is not None and estimate.status == "inconsistent" else ""
+    return f"{estimate.reason} {suspicion}".rstrip()
+
+
 class CommitGate:
     """Passes an estimate on when it is known well, has held still for a while, and differs from the last one that passed.
 
@@ -164,6 +170,8 @@ class LiveEstimation:
                 if (gate.gaps, gate.restarts) != self._breaks:
                     self._interrupted(gate)
                 estimate = self.estimation.step(measurement) or estimate
+            if fault := self.estimation.fault:
+                raise FloatingPointError(fault)
             if estimate is not None and not (np.isfinite(estimate.theta).all() and np.isfinite(estimate.covariance).all()):
                 raise FloatingPointError("the estimate is not finite")
         except Exception as error:  # noqa: BLE001 - a fault that nobody foresaw must not end the stream; it is counted and shown
@@ -196,7 +204,7 @@ class LiveEstimation:
             return "stale", f"No usable sample{since}; the estimate is not published."
         if latest is None:
             return "warming_up", "Nothing is known yet. Keep moving."
-        return latest.status, latest.reason
+        return latest.status, explained(latest, self.gate)
 
     def reset(self, reason: str) -> None:
         """Forget what was estimated, and start again."""
@@ -242,18 +250,24 @@ class LiveEstimation:
 
     def _keep_good(self) -> None:
         estimator, latest = self.estimation.estimator, self.estimation.latest
-        if estimator is not None and latest is not None and latest.status in ("ok", "no_payload", "not_excited"):
+        if estimator is None or latest is None or latest.status not in ("ok", "no_payload", "not_excited"):
+            return
+        if np.isfinite(estimator.theta).all() and np.isfinite(estimator.covariance()).all():
             self._good = copy.deepcopy(estimator), latest
 
     def _set_back(self, error: Exception) -> None:
-        self.last_trouble = f"{type(error).__name__}: {error}"
+        self.last_trouble, self.estimation.fault = f"{type(error).__name__}: {error}", ""
         self.troubles[type(error).__name__] += 1
         self.commit.interrupt(f"An internal error set the estimate back: {self.last_trouble}.")
         if self._good is None:
             self.estimation.reset(f"an internal error, {self.last_trouble}")
             return
         estimator, latest = self._good
-        self.estimation.estimator, self.estimation.latest = copy.deepcopy(estimator), latest
+        self.estimation.estimator, self.estimation.latest = estimator, latest
+        if isinstance(error, ArithmeticError | np.linalg.LinAlgError):  # one that fails again was not good
+            self._good = None
+        else:
+            self._good = copy.deepcopy(estimator), latest
         self.estimation.set_enabled(False)
         self.estimation.set_enabled(self.enabled)
 

@@ -53,7 +53,7 @@ class OnlineEstimation:
     Attributes:
         base: the robot on its floating base, None for an arm. latest: the last estimate given out, or None.
         frame: that the payload is expressed in.
-        estimator: the recursion, once the first measurements are in.
+        estimator: the recursion, once the first measurements are in. fault: why it started anew by itself, if it did.
 
     Raises:
         RobotModelError, ModelFileError, SettingsError: the frame, the model or a setting does not fit the robot.
@@ -65,7 +65,7 @@ class OnlineEstimation:
         self._gravity = math.hypot(*settings.gravity)
         bias_is_free = settings.accelerometer_bias_std > 0.0
         self._stances = StanceLog(self.base.contact_frames, self._gravity, bias_is_free) if self.base else None
-        self._outliers = 0
+        self._outliers, self.fault = 0, ""
         own = robot if self.base else robot.with_links(np.zeros(10 * robot.n))  # its gravity may be turned
         self._free = FreeParameters(own, settings, known, self.base)
         self.frame = self._free.payload.frame
@@ -98,7 +98,8 @@ class OnlineEstimation:
         """What the user should know, one sentence or a few each."""
         spikes = self._spikes + (self._front_end.derivative.spikes if self._front_end else 0)
         said = f"{spikes} torques fitted neither the one before nor the one after; the middle of these was taken instead."
-        return [*self._warnings.values(), *([said] if spikes else ()), *(self._stances.warnings if self._stances else ())]
+        told = [sentence for key, sentence in self._warnings.items() if key != "tilt" or "inconsistent" not in self._warnings]
+        return [*told, *([said] if spikes else ()), *(self._stances.warnings if self._stances else ())]
 
     @property
     def stance_counts(self) -> dict[str, int]:
@@ -206,7 +207,8 @@ class OnlineEstimation:
             elif friction is not None:  # the same in fewer steps
                 extra = friction.hidden_variance(rows.slow, rows.speed, *estimator.marginal(self._free.friction_slice))
             estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
-            if (jumped := estimator.jumps != jumps) or estimator.misfits:
+            jumped = estimator.jumps != jumps
+            if estimate.status != "not_finite" and (jumped or estimator.misfits):
                 estimate = self._changes.changed(rows, hold, estimator, front_end, estimate, jumped, known)
         self._outliers += estimate.status == "outlier"
         if not hold and estimator.noise_known:
@@ -214,6 +216,7 @@ class OnlineEstimation:
             judgement.check.add(rows.tau[:n], (rows.y - rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD])[:n])
         if estimate.status == "not_finite":
             self._forget_filters()
+            self.fault = f"The estimation was no longer finite at {t:.3f} s: {estimate.reason}."
             return None
         if not due:
             return None

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from sysid_ros.input_gate import Gate
+from sysid_ros.online.live_estimation import explained
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
 from sysid_ros.plain_json import plain
@@ -76,11 +77,13 @@ def replay(
                 series.append(estimate)
     progress(read % 1000)
     final = series[-1] if series else estimation.prior()
-    status, reason = final.status, final.reason
+    status, reason = final.status, explained(final, gate)
     timeout = estimation.settings.sensor_timeout
     if not last_received - last_accepted <= timeout and read > 0:
         status, reason = "stale", f"The recording ends without a usable sample for more than {timeout:g} s."
     warnings = [*gate.warnings, *(f"{n} of {read} messages rejected: {gate.last_texts[key]}" for key, n in gate.counts.items())]
+    if estimation.fault:
+        warnings.append(estimation.fault)
     if not series:
         warnings.append("The recording gave no estimate at all: it is too short, or no sample of it was usable.")
     return Replay(
