@@ -97,10 +97,10 @@ def test_white_noise_is_read_from_moving_torques(rate: float) -> None:
 def check(part: float, noise: float, floor: float, count: int = 500, residual: float = 1.0) -> str:
     model = robot("small_arm")
     rng = np.random.default_rng(0)
-    model_check = ModelCheck(model)
+    model_check, nothing = ModelCheck(model), np.zeros((model.n, 1))
     for _ in range(count):
         torque = 10.0 * rng.normal(size=4)
-        model_check.add(torque, part * torque)
+        model_check.add(torque, nothing, part * torque, np.zeros(1))
     return model_check.verdict(np.full(4, noise), np.full(4, residual), np.full(4, floor))
 
 
@@ -118,10 +118,10 @@ def test_a_model_is_wrong_where_much_is_left_that_can_not_be_noise() -> None:
 
 def test_a_joint_that_carries_nothing_does_not_make_the_model_wrong() -> None:
     model = robot("small_arm")
-    model_check = ModelCheck(model)
+    model_check, nothing = ModelCheck(model), np.zeros((model.n, 1))
     for sign in np.random.default_rng(0).choice([-1.0, 1.0], 500):
         torque = sign * np.array([0.01, 20.0, 10.0, 5.0])
-        model_check.add(torque, np.array([0.01, 0.2, 0.1, 0.05]) * sign)
+        model_check.add(torque, nothing, np.array([0.01, 0.2, 0.1, 0.05]) * sign, np.zeros(1))
     assert model_check.verdict(np.full(4, 1.0), np.full(4, 1.0), np.full(4, 1e-4)) == ""
     assert model_check.part[0] < 0.2
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import sys
+import threading
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +14,15 @@ from typing import Any, Protocol
 import click
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    SpinnerColumn,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 from sysid_ros.exceptions import SettingsError
@@ -73,6 +82,32 @@ def progress_bar(what: str, total: int) -> Iterator[Advance]:
     with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as progress:
         task = progress.add_task(what, total=total)
         yield lambda steps: progress.advance(task, steps)
+
+
+@contextmanager
+def said_if_slow(what: str, after: float = 1.5) -> Iterator[None]:
+    """Say what is being done, and for how long it has been, where it takes longer than ``after`` [s]: a line on stderr that goes
+    where a person watches, and stays in a log."""
+    done = threading.Event()
+
+    def say() -> None:
+        if done.wait(after):
+            return
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+        if not sys.stderr.isatty():
+            note(f"{what}.")
+            return
+        with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+            progress.add_task(what, total=None)
+            done.wait()
+
+    said = threading.Thread(target=say, daemon=True)
+    said.start()
+    try:
+        yield
+    finally:
+        done.set()
+        said.join()
 
 
 def write_json(path: Path, document: dict[str, Any]) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
+from numba import njit
 
 from sysid_ros.effects import Curve, Effect
 from sysid_ros.online_settings import OnlineSettings
@@ -80,11 +81,22 @@ class FrictionCorrection(Effect):
             theta, variance: its parameters as they are estimated now and how uncertain they are, shape (3 n,) each, or none where
                 they are not estimated.
         """
-        n = self.robot.n
-        coulomb = self._coulomb**2
-        if theta.size:
-            coulomb = (self._coulomb + theta[n : 2 * n]) ** 2 + variance[n : 2 * n]
-        extra: FloatArray = coulomb * (0.5 * slow) ** 2
-        if max(speed.tolist()) < self._settings.low_velocity:
-            extra += self._settings.stiction**2
-        return extra
+        s = self._settings
+        return np.asarray(_hidden(slow, speed, self._coulomb, theta, variance, s.low_velocity, s.stiction**2))
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _hidden(
+    slow: FloatArray, speed: FloatArray, known: FloatArray, theta: FloatArray, variance: FloatArray, low: float, stiction: float
+) -> FloatArray:
+    """As :meth:`FrictionCorrection.hidden_variance`; ``known``: Coulomb friction. ``stiction``: its variance, below the
+    speed ``low`` of all joints."""
+    n = slow.size
+    extra = np.empty(n)
+    beneath = stiction if speed.max() < low else 0.0
+    for i in range(n):
+        coulomb = known[i] ** 2
+        if theta.size > 0:
+            coulomb = (known[i] + theta[n + i]) ** 2 + variance[n + i]
+        extra[i] = coulomb * (0.5 * slow[i]) ** 2 + beneath
+    return extra

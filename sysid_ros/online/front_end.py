@@ -9,20 +9,19 @@ import numpy as np
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.stance_log import StanceLog
 from sysid_ros.floating.trunk_rows import TrunkRows
-from sysid_ros.online.row_history import RowHistory
+from sysid_ros.online.arm_rows import ArmRows
 from sysid_ros.online.rows import Rows
-from sysid_ros.sample import FloatArray, Measurement, Sample
-from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank, fill_beside
+from sysid_ros.sample import FloatArray, Measurement
+from sysid_ros.signals.causal_filters import CausalDerivative, fill_beside
 from sysid_ros.signals.cutoff import default_cutoff, position_noise, window_half_width
 from sysid_ros.signals.floating_derivative import FloatingDerivative
+from sysid_ros.torque.compiled_rows import BESIDE
 from sysid_ros.torque.torque_model import TorqueModel
 
 FIRST = 25
 """Measurements from which rate and noise of the torque are read before anything is estimated."""
 _LONGEST_STEP = 1.0
 """Longest time between measurements while the rate is not known [s]."""
-_FILLED = 0.98
-"""Part of the low-pass above which it counts as filled."""
 _SHORTEST_PERIOD = 5e-5
 """Measurements do not come faster, whatever their stamps say [s]."""
 _CHECK_EVERY = 300
@@ -122,70 +121,56 @@ class FrontEnd:
         noise: float = 0.0,
     ) -> None:
         self._model = model
-        n, p = model.robot.n, model.p
         self.rate = 1.0 / period
-        derivative = CausalDerivative if base is None else FloatingDerivative
-        self.derivative = derivative(n, period, window_half_width(self.rate), use_message_velocity)
-        self._compiled = model.compiled() if base is None else None
-        self._raw = self._compiled.raw if self._compiled else np.zeros((n, p + 6 + model.error.c))
-        self._columns, self._rest, self._considered = self._raw[:, :p], self._raw[:, p], self._raw[:, p + 6 :]
         cutoff = min(cutoff_hz or default_cutoff(self.rate, noise), 0.4 * self.rate)
         self._cutoff, self._adapts, self.noise = cutoff, not cutoff_hz and base is None, noise
-        self._fresh, self.too_fast, self._positions = 0, False, list[FloatArray]()
+        self.too_fast, self._positions = False, list[FloatArray]()
         self._every = max(1, round(self.rate / update_rate))
         self.period = self._every * period
         self._trunk: TrunkRows | None = None
-        if base is not None:
-            channels, payload = self._raw.shape[1], model.slices[0]
+        self._arm: ArmRows | None = None
+        if base is None:
+            self._arm = ArmRows(model, cutoff, period, self._every, use_message_velocity)
+            self.derivative: CausalDerivative | FloatingDerivative = self._arm.derivative
+            bank, self.rows, self.projection = self._arm.bank, self._arm.rows, None
+        else:
+            n, p = model.robot.n, model.p
+            self._floating = FloatingDerivative(n, period, window_half_width(self.rate), use_message_velocity)
+            self.derivative = self._floating
+            self._raw = np.zeros((n, p + BESIDE + model.error.c))
             about = (cutoff, self.rate, self.period, standstill, stances, gravity, bias)
-            self._trunk = TrunkRows(base, channels, p, payload, *about)
-        self.projection = self._trunk.projection if self._trunk else None
-        self.rows = self._trunk.rows if self._trunk else n
-        self._bank = self._trunk.bank if self._trunk else LowPassBank(self._raw.shape, cutoff, self.rate)
-        self._history: RowHistory | None = None
-        if self._trunk is None:
-            self._history = RowHistory((n, self._raw.shape[1]), model.slices[0], period, self._bank)
-            self._rising = -1
-        self.makes_anew = self._history is not None
+            self._trunk = TrunkRows(base, self._raw.shape[1], p, model.slices[0], *about)
+            bank, self.rows, self.projection = self._trunk.bank, self._trunk.rows, self._trunk.projection
+        self.makes_anew = self._arm is not None
         self.passed = min(2.05 * cutoff * self.period, 1.0)
-        self.memory, self.delay = self._bank.memory, self._bank.delay
+        self.memory, self.delay = bank.memory, bank.delay
         self._tick = -max(round(2.0 * self.memory * self.rate), self._every)
 
     def push(self, measurement: Measurement) -> list[Rows]:
         """Rows that are due: none while the filters fill and between updates, seldom more than one."""
-        due: list[Rows] = []
         if self._adapts:
             self._positions.append(measurement.q)
             if len(self._positions) == _CHECK_EVERY:
                 self.noise, self._positions = position_noise(np.array(self._positions)), []
                 self.too_fast = default_cutoff(self.rate, self.noise) < _FINER * self._cutoff
-        for sample in self.derivative.push(measurement):
-            if self._compiled is not None:
-                self._compiled.fill(sample.t, sample.q, sample.v, sample.a, sample.tau)
-            else:
-                self._model.split_into(sample, self._columns, self._rest, self._considered)
-                fill_beside(self._raw, self._model.p + 1, sample.v, sample.a, sample.tau)
+        if self._arm is not None:
+            return self._arm.push(measurement)
+        assert self._trunk is not None
+        due: list[Rows] = []
+        raw, p = self._raw, self._model.p
+        for sample in self._floating.push(measurement):
+            self._model.split_into(sample, raw[:, :p], raw[:, p], raw[:, p + BESIDE :])
+            fill_beside(raw, p + 1, sample.v, sample.a, sample.tau)
+            self._trunk.push(sample, raw, self._floating.contacts(sample.t))
             self._tick += 1
-            is_due = self._tick >= 0 and self._tick % self._every == 0
-            if (history := self._history) is not None:
-                self._bank.push(self._raw if self._rising < 0 else self._raw * history.rise[self._rising])
-                self._rising = self._rising + 1 if 0 <= self._rising < history.rise.size - 1 else -1
-                history.ring[history.count % history.size] = self._raw
-                history.count += 1
-                history.samples.append((sample, is_due))
-            elif self._trunk is not None:
-                assert isinstance(self.derivative, FloatingDerivative)
-                self._trunk.push(sample, self._raw, self.derivative.contacts(sample.t))
-            if is_due:
-                due.append(self._rows(sample) if self._trunk is None else Rows(**self._trunk.due(), sample=sample))
+            if self._tick >= 0 and self._tick % self._every == 0:
+                due.append(Rows(**self._trunk.due(), sample=sample))
         return due
 
     def rest(self) -> None:
         """Rows to come hold nothing of what has been; not of a floating base."""
-        if self._history is not None:
-            self._bank.rest()
-            self._history.clear()
-            self._rising = 0
+        if self._arm is not None:
+            self._arm.rest()
 
     def since_change(self, theta: FloatArray, variance: FloatArray, prior_variance: FloatArray) -> tuple[float, list[Rows]]:
         """Where the first of the free effects has just changed: when [s], and the rows since then with nothing of the time before
@@ -195,32 +180,5 @@ class FrontEnd:
             theta: free parameters before the change, shape (p,). variance: of a single row, shape (n,). prior_variance: of the
                 parameters that changed.
         """
-        assert self._history is not None
-        replayed = self._history.replay(self._history.onset(theta, variance, prior_variance))
-        rows = [self._rows(sample) for sample in replayed]
-        since = self._history.samples
-        self._rising = len(since) if len(since) < self._history.rise.size else -1
-        return since[0][0].t, rows
-
-    def _rows(self, sample: Sample) -> Rows:
-        """What the low-pass shows now, one row a joint."""
-        p, out = self._model.p, self._bank.output
-        beside = out[:, p + 1 : p + 5]
-        filled = float(out[0, p + 5])
-        self._fresh = round(self.memory / self.period) if filled < _FILLED else max(self._fresh - 1, 0)
-        if filled < _FILLED:  # means over what is in the filter, which is all of it but after a change
-            beside = beside / max(filled, 0.02)
-        rows = Rows(
-            Y=np.ascontiguousarray(out[:, :p]),
-            y=out[:, p].copy(),
-            speed=np.abs(beside[:, 0]),
-            slow=np.abs(beside[:, 3]),
-            acceleration=beside[:, 1].copy(),
-            tau=out[:, p + 3].copy(),
-            considered=np.ascontiguousarray(out[:, p + 6 :]),
-            sample=sample,
-            fresh=self._fresh > 0,
-        )
-        assert self._history is not None
-        self._history.updates.append((rows.Y, rows.y))
-        return rows
+        assert self._arm is not None
+        return self._arm.since_change(theta, variance, prior_variance)

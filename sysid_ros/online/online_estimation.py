@@ -212,8 +212,7 @@ class OnlineEstimation:
                 estimate = self._changes.changed(rows, hold, estimator, front_end, estimate, jumped, known)
         self._outliers += estimate.status == "outlier"
         if not hold and estimator.noise_known:
-            n = self._floor.size if self.base is None else FREE
-            judgement.check.add(rows.tau[:n], (rows.y - rows.Y[:, PAYLOAD] @ estimate.theta[PAYLOAD])[:n])
+            judgement.check.add(rows.tau, rows.Y, rows.y, estimate.theta[PAYLOAD])
         if estimate.status == "not_finite":
             self._forget_filters()
             self.fault = f"The estimation was no longer finite at {t:.3f} s: {estimate.reason}."

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from sysid_ros.estimators import Estimate, Estimator
 from sysid_ros.online_settings import OnlineSettings
@@ -165,13 +166,13 @@ class ModelCheck:
         self.ready = False
         self.part: FloatArray = np.zeros(n)
 
-    def add(self, torque: FloatArray, unexplained: FloatArray) -> None:
-        """Take in measured torque and what known model and payload leave of it, after the low-pass, shape (n,) each [N m]."""
+    def add(self, torque: FloatArray, Y: FloatArray, y: FloatArray, theta: FloatArray) -> None:
+        """Take in measured torque, shape (n,), and the first columns of the equation ``y = Y theta`` with their parameters, those
+        of the payload, after the low-pass [N m]."""
         self._count += 1
         self.ready = self._count >= self.FEWEST
         rate = max(1.0 / self._count, 1.0 / self._memory)
-        self._torque += rate * (torque * torque - self._torque)
-        self._unexplained += rate * (unexplained * unexplained - self._unexplained)
+        _average(torque, Y, y, theta, rate, self._torque, self._unexplained)
 
     def verdict(self, noise: FloatArray, residual: FloatArray, floor: FloatArray) -> str:
         """A sentence that names the worst joints where the model is wrong, else an empty string.
@@ -243,3 +244,16 @@ class Judgement:
         if abs(mass) < level:
             return "no_payload", f"No payload above {level:.2g} kg."
         return "ok", "The robot stands; the estimate is held." if estimate.status == "not_excited" else reason
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _average(
+    torque: FloatArray, Y: FloatArray, y: FloatArray, theta: FloatArray, rate: float, whole: FloatArray, unexplained: FloatArray
+) -> None:
+    """Means of the squared torque and of the square of what ``Y theta`` leaves of y, shape (n,) each, go on by a row."""
+    for i in range(whole.size):
+        left = y[i]
+        for k in range(theta.size):
+            left -= Y[i, k] * theta[k]
+        whole[i] += rate * (torque[i] * torque[i] - whole[i])
+        unexplained[i] += rate * (left * left - unexplained[i])

@@ -7,10 +7,12 @@ import math
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from sysid_ros.input_gate import Gate
+from sysid_ros.online.carried import Carried, carried
 from sysid_ros.online.live_estimation import explained
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
@@ -19,7 +21,7 @@ from sysid_ros.robot import inertial_parameters
 from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Replay:
     """What a replay gave.
 
@@ -44,6 +46,11 @@ class Replay:
     reason: str
     warnings: list[str] = field(default_factory=list)
     feet: dict[str, int] = field(default_factory=dict)
+
+    @cached_property
+    def payloads(self) -> list[Carried]:
+        """What was carried, in order."""
+        return carried(self.series, self.events, self.start + self.duration)
 
 
 def replay(
@@ -125,11 +132,30 @@ def as_json(result: Replay) -> dict[str, Any]:
         "observable": final.observable,
         "events": [{"t": e.t, "kind": e.kind, "mass_before": e.mass_before, "mass_after": e.mass_after} for e in result.events],
         "warnings": result.warnings,
+        "payloads": [_entry(c) for c in result.payloads],
     }
     if result.feet:
         document["feet"] = result.feet
     cleaned: dict[str, Any] = plain(document)
     return cleaned
+
+
+def _entry(of: Carried) -> dict[str, Any]:
+    e = of.estimate
+    return {
+        "t0": of.t0,
+        "t1": of.t1,
+        "mass": e.mass,
+        "mass_std": e.mass_std,
+        "com": e.com,
+        "com_std": e.com_std,
+        "inertia_com": e.inertia_com,
+        "inertia_com_std": of.inertia_std,
+        "theta": e.theta,
+        "covariance": e.covariance,
+        "observable": e.observable,
+        "status": e.status,
+    }
 
 
 def write_series(path: Path, series: list[PayloadEstimate]) -> None:

@@ -30,22 +30,23 @@ class RowHistory:
     also what the estimate starts anew from).
 
     Args:
-        shape: of the channels, (n, c). block: columns of the parameters that change. period: of the measurements [s].
+        empty: channels of nothing, shape (n, c). block: columns of the parameters that change. period: of the measurements [s].
         bank: the low-pass.
 
     Attributes:
         ring, size, count: the channels before the low-pass, of which the newest ``size`` stand in the ring, shape (size, n, c),
-            each at its number modulo ``size``; whoever pushes them writes there. samples: theirs, and whether a row was due.
+            each at its number modulo ``size``; whoever pushes them writes there. samples: when they were taken [s], and the
+            sample where a row was due.
         updates: Y and y of the rows that were due, after the low-pass.
         rise: w after a change, as a factor on each of the samples after it, the last one for all to come.
     """
 
-    def __init__(self, shape: tuple[int, int], block: slice, period: float, bank: LowPassBank) -> None:
+    def __init__(self, empty: FloatArray, block: slice, period: float, bank: LowPassBank) -> None:
         own = 1.0 / (bank.cutoff_hz * period)
         self.size, self._block, self._sections = max(round(_SPAN * own), 8), block, bank.sections
         self._bank = bank
-        self.ring = np.zeros((self.size, *shape))
-        self.samples: deque[tuple[Sample, bool]] = deque(maxlen=self.size)
+        self.ring = np.tile(empty, (self.size, 1, 1))
+        self.samples: deque[tuple[float, Sample | None]] = deque(maxlen=self.size)
         self.updates: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=self.size)
         self.count, self._step = 0, max(round(_STEP * own), 1)
         rise = (np.arange(round(_RISE * own) + 1) + 0.5) / (_RISE * own)
@@ -64,7 +65,7 @@ class RowHistory:
             prior_variance: of the block, shape (b,).
         """
         kept = len(self.samples)
-        due = np.array([k for k, (_, d) in enumerate(self.samples) if d], dtype=np.int64)
+        due = np.array([k for k, (_, sample) in enumerate(self.samples) if sample], dtype=np.int64)
         rows = list(self.updates)[-due.size :]
         due = due[due.size - len(rows) :]
         e = np.array([y - Y @ theta for Y, y in rows])
@@ -90,9 +91,9 @@ class RowHistory:
         beginning = min(len(recent), self.rise.size)
         recent[:beginning] *= self.rise[:beginning, None, None]
         self._bank.rest()
-        for raw, (sample, due) in zip(recent, list(self.samples), strict=True):
+        for raw, (_, sample) in zip(recent, list(self.samples), strict=True):
             self._bank.push(raw)
-            if due:
+            if sample is not None:
                 yield sample
 
     def _recent(self) -> FloatArray:

@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from sysid_ros.exceptions import DataError
+from sysid_ros.online.carried import Carried
 from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
 from sysid_ros.pages import palette
 from sysid_ros.pages.figure import Axis, Band, Curve, Dash, Figure, Item, Mark, Panel, Spans, Stack, evenly, peaks, with_gaps
@@ -42,6 +43,7 @@ def write_payload_plot(
     title: str,
     truth: Sequence[TruthSegment] | None = None,
     effort_units: Sequence[str] | None = None,
+    carried: Sequence[Carried] = (),
 ) -> None:
     """Write mass, centre of mass, inertia with their 95 % bands, status, events and residual torques over time.
 
@@ -53,6 +55,7 @@ def write_payload_plot(
         title: of the figure.
         truth: what was really carried, where that is known.
         effort_units: unit of each joint's residual, "N m" where it is left out.
+        carried: what was carried, in order.
 
     Raises:
         SettingsError: the suffix is not known, or the folder is not there.
@@ -67,8 +70,9 @@ def write_payload_plot(
         raise DataError(
             f"The estimates have residuals of {n} joints; {len(joint_names)} names and {len(units)} units were given. Give {n}."
         )
-    figure = payload_figure(series, events, joint_names, units, title, truth or ())
-    write_plot(path, figure, tiles=_tiles(series, events), tables=_events(series, events))
+    figure = payload_figure(series, events, joint_names, units, title, truth or (), carried)
+    tables = _bodies(series[0].t, carried) + _events(series, events)
+    write_plot(path, figure, tiles=_tiles(series, events), tables=tables)
 
 
 def payload_figure(
@@ -78,6 +82,7 @@ def payload_figure(
     units: Sequence[str],
     title: str,
     truth: Sequence[TruthSegment],
+    carried: Sequence[Carried] = (),
 ) -> Figure:
     """Estimates on the left, one residual a joint on the right; times since the first estimate."""
     t, spans, known = relative_times(series), status_spans(series), last_known(series, events)
@@ -90,6 +95,10 @@ def payload_figure(
     left = [_residual(t, residual[:, j], joint_names[j], units[j], behind, time) for j in range(len(joint_names))]
     values = "" if known is None else f"; numbers: the last estimate of status ok, at {series[known].t - series[0].t:.2f} s"
     subtitle = f"Frame {series[0].frame}, inertia along its axes; bands and ±: 95 % interval{values}"
+    masses = [f"{c.estimate.mass:.3f} ± {1.96 * c.estimate.mass_std:.3f} kg" for c in carried]
+    if masses:
+        times = [f"{c.t0 - series[0].t:.2f} to {c.t1 - series[0].t:.2f} s" for c in carried]
+        subtitle += "; carried: " + ", ".join(f"{mass} from {when}" for mass, when in zip(masses, times, strict=True))
     return Figure(
         (
             Stack(tuple(estimates), width=1.75, least=500.0),
@@ -185,6 +194,19 @@ def _tiles(series: Sequence[PayloadEstimate], events: Sequence[PayloadEvent]) ->
         (f"{com} mm", f"centre of mass in {e.frame}; 95 %: ± {', '.join(f'{1.96e3 * x:.1f}' for x in e.com_std)}"),
         (series[-1].status.replace("_", " "), "status at the end"),
     ]
+
+
+def _bodies(start: float, carried: Sequence[Carried]) -> list[dict[str, Any]]:
+    rows = []
+    for c in carried:
+        e, std = c.estimate, c.inertia_std
+        com = [f"{1e3 * x:.1f} ± {1.96e3 * s:.1f}" for x, s in zip(e.com, e.com_std, strict=True)]
+        inertia = [f"{e.inertia_com[k, k]:.4f} ± {1.96 * std[k, k]:.4f}" for k in range(3)]
+        mass = f"{e.mass:.3f} ± {1.96 * e.mass_std:.3f}"
+        rows.append((f"{c.t0 - start:.2f}", f"{c.t1 - start:.2f}", mass, *com, *inertia, e.status))
+    head = ("from [s]", "to [s]", "mass [kg]", "com x [mm]", "y", "z", "Ixx at com [kg m²]", "Iyy", "Izz", "status")
+    note = "One row for each thing, with 95 % intervals; inertia about its centre of mass. Times since the first estimate."
+    return [{"title": "Carried", "note": note, "head": head, "rows": rows}] if rows else []
 
 
 def _events(series: Sequence[PayloadEstimate], events: Sequence[PayloadEvent]) -> list[dict[str, Any]]:

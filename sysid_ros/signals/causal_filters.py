@@ -20,6 +20,7 @@ SLOW: Final = 0.06  # speed of a joint below which dry friction is not what a mo
 GAP: Final = 1.6  # periods from one measurement to the next, above which some were lost
 MEASUREMENTS, NEXT, POINTS, FILLED, SPIKES = range(5)  # entries of a clock: counts, but for NEXT, the time of the next point [s]
 
+_PLACES = 16  # for samples that one measurement completes, at first
 _JIT = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
@@ -117,11 +118,17 @@ def _advance(
     tau: FloatArray,
     period: float,
     use_measured: bool,
-) -> tuple[FloatArray, FloatArray]:
-    """Take in a measurement; time, and q, v, a, tau, of each sample that it completes, shapes (k,) and (k, 4, n)."""
+    times: FloatArray,
+    out: FloatArray,
+) -> int:
+    """Take in a measurement; time, and q, v, a, tau, of each sample that it completes go to ``times`` and ``out``, shapes (k,),
+    (k, 4, n). How many these are; if these have no place, nothing is taken in, and it is minus the places that are needed."""
     width, completed = weights.shape[1], 0
+    if clock[MEASUREMENTS] >= 3.0:
+        needed = int(np.floor((window[3, 0] + 1e-3 * period - clock[NEXT]) / period)) + 1
+        if needed > times.size:
+            return -needed
     grid = _resample(window, clock, usual, t, q, v, tau, period, GAP)
-    times, out = np.empty(len(grid)), np.empty((len(grid), 4, q.size))
     for point in range(len(grid)):
         newest = int(clock[POINTS]) % width
         ring[newest] = grid[point]
@@ -129,7 +136,7 @@ def _advance(
         if clock[POINTS] >= width:
             times[completed] = _differentiate(ring, weights, newest, period, use_measured, out[completed])
             completed += 1
-    return times[:completed], out[:completed]
+    return completed
 
 
 def slope_weights(half_width: int, period: float) -> FloatArray:
@@ -172,6 +179,10 @@ class CausalDerivative:
         n: number of joints. period: usual time between measurements [s].
         half_width: samples on each side; at least 2.
         use_message_velocity: take the velocity of the message, delayed alike, where it has one.
+
+    Attributes:
+        times, channels: of the samples that the last :meth:`advance` completed, shape (k,) and, of q, v, a, tau, (k, 4, n) with k
+            large enough; overwritten by the next.
     """
 
     def __init__(self, n: int, period: float, half_width: int, use_message_velocity: bool = False) -> None:
@@ -181,6 +192,7 @@ class CausalDerivative:
         self._ring = np.zeros((2 * half_width + 1, 1 + 3 * n))
         self._weights = np.stack([value_weights(half_width), slope_weights(half_width, period)])
         self._use_message_velocity = use_message_velocity
+        self.times, self.channels = np.zeros(_PLACES), np.zeros((_PLACES, 4, n))
         self._no_velocity = np.full(n, np.nan)
         self._no_velocity.setflags(write=False)  # as a measured one is: another type would be compiled for anew
 
@@ -196,15 +208,21 @@ class CausalDerivative:
 
     def push(self, measurement: Measurement) -> list[Sample]:
         """The samples that a measurement completes: usually one, none while the window fills, a few after a gap."""
-        v_reported = self._no_velocity if measurement.v is None else measurement.v
-        times, channels = _advance(
-            self._window, self._clock, self._usual, self._ring, self._weights,
-            measurement.t, measurement.q, v_reported, measurement.tau, self.period, self._use_message_velocity,
+        return [Sample(float(self.times[k]), *self.channels[k].copy()) for k in range(self.advance(measurement))]
+
+    def advance(self, measurement: Measurement) -> int:
+        """As :meth:`push`; how many they are. They stand in ``times`` and ``channels``."""
+        completed = int(
+            _advance(
+                self._window, self._clock, self._usual, self._ring, self._weights, measurement.t, measurement.q,
+                self._no_velocity if measurement.v is None else measurement.v, measurement.tau, self.period,
+                self._use_message_velocity, self.times, self.channels,
+            )
         )  # fmt: skip
-        samples = []
-        for t, (q, v, a, tau) in zip(times.tolist(), channels, strict=True):
-            samples.append(Sample(t, q, v, a, tau))
-        return samples
+        if completed >= 0:
+            return completed
+        self.times, self.channels = np.zeros(-completed), np.zeros((-completed, *self.channels.shape[1:]))
+        return self.advance(measurement)
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]

@@ -36,7 +36,7 @@ class CompiledRows:
         left_out: ids of the free effects that are not needed now.
 
     Attributes:
-        raw: of the sample taken in last, shape (n, p + 6 + c). p: number of free columns.
+        empty: a row of nothing, shape (n, p + 6 + c). p: number of free columns.
     """
 
     def __init__(
@@ -54,8 +54,8 @@ class CompiledRows:
     ) -> None:
         self._robot, self._others, self._errors, self._left_out = robot, others, errors, left_out
         self.p, n, c = slices[-1].stop if slices else 0, robot.n, error_of_links.shape[1]
-        self.raw: FloatArray = np.zeros((n, self.p + BESIDE + c))
-        self.raw[:, self.p + BESIDE - 1] = 1.0
+        self.empty: FloatArray = np.zeros((n, self.p + BESIDE + c))
+        self.empty[:, self.p + BESIDE - 1] = 1.0
         blocks, places = [links[:, None], error_of_links], [np.array([self.p]), self.p + BESIDE + np.arange(c)]
         columns = [np.zeros((0, 4))]
         self._asked: list[tuple[Effect, slice]] = []
@@ -72,10 +72,9 @@ class CompiledRows:
         self._places, self._columns = np.concatenate(places), np.ascontiguousarray(np.vstack(columns))
         self._curves, self._spread = np.ascontiguousarray(curves), np.ascontiguousarray(spread)
         self._torque: FloatArray = np.zeros(n)
-        self._considered = self.raw[:, self.p + BESIDE :]
 
-    def fill(self, t: float, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
-        """Take in a sample, shape (n,) each; ``raw``, which the next call overwrites."""
+    def fill(self, t: float, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray, raw: FloatArray) -> None:
+        """Write the row of a sample, shape (n,) each, over another one, or over :attr:`empty`."""
         asked = [(effect, where) for effect, where in self._asked if id(effect) not in self._left_out] if self._asked else ()
         if self._others or asked:
             sample = Sample(t, q, v, a, tau)
@@ -84,15 +83,14 @@ class CompiledRows:
             for k in self._others:
                 self._torque += k.effect.torque(sample, k.theta)
             for effect, where in asked:
-                effect.fill(sample, self.raw[:, where])
+                effect.fill(sample, raw[:, where])
         regressor = self._robot.regressor(q, v, a)
         _fill(
             regressor, self._linear, self._places, self._columns, self._curves, self._spread, self._torque,
-            v, a, tau, self.raw, self.p,
+            v, a, tau, raw, self.p,
         )  # fmt: skip
         for effect, rows in self._errors:
-            effect.add_spread(Sample(t, q, v, a, tau), rows, self._considered)
-        return self.raw
+            effect.add_spread(Sample(t, q, v, a, tau), rows, raw[:, self.p + BESIDE :])
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
