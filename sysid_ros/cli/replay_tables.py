@@ -25,7 +25,7 @@ def show_replay(result: Replay, name: str) -> None:
         console.print(f"Nothing that was carried was found in {name}.")
     _at_the_end(result, console)
     for e in result.events:
-        mass = "" if e.kind == "external_force" else f": {e.mass_before:.3f} -> {e.mass_after:.3f} kg"
+        mass = "" if e.passes else f": {e.mass_before:.3f} -> {e.mass_after:.3f} kg"
         console.print(f"  {e.t - result.start:7.2f} s  {e.kind.replace('_', ' ')}{mass}")
     console.print(
         f"{result.used} of {result.read} samples used, {result.duration:.1f} s in {result.seconds:.2f} s "

@@ -55,7 +55,7 @@ def carried(series: Sequence[PayloadEstimate], events: Sequence[PayloadEvent], e
     """
     if not series:
         return []
-    changes = [e.t for e in events if e.kind != "external_force"]
+    changes = [e.t for e in events if not e.passes]
     bounds = [series[0].t, *changes, end]
     found: list[Carried] = []
     for t0, t1 in itertools.pairwise(bounds):

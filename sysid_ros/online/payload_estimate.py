@@ -16,6 +16,7 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 STATUSES = ("ok", "warming_up", "not_excited", "not_physical", "stale", "no_payload", "inconsistent")
+_FORCE = "external_force"
 _STAYS_KNOWN = 1.5
 """A mass that was known stays known up to so many times the limit, or the status would flicker at it."""
 
@@ -34,6 +35,11 @@ class PayloadEvent:
     kind: str
     mass_before: float
     mass_after: float
+
+    @property
+    def passes(self) -> bool:
+        """True of a force: what is carried stays."""
+        return self.kind == _FORCE
 
 
 class Body(NamedTuple):

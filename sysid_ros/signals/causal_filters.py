@@ -15,6 +15,7 @@ from numba import njit
 
 from sysid_ros.sample import FloatArray, Measurement, Sample
 from sysid_ros.signals.spikes import remove_spikes
+from sysid_ros.signals.window_weights import slope_weights, value_weights
 
 SLOW: Final = 0.06  # speed of a joint below which dry friction is not what a model says [rad/s]
 GAP: Final = 1.6  # periods from one measurement to the next, above which some were lost
@@ -137,35 +138,6 @@ def _advance(
             times[completed] = _differentiate(ring, weights, newest, period, use_measured, out[completed])
             completed += 1
     return completed
-
-
-def slope_weights(half_width: int, period: float) -> FloatArray:
-    """Weights that give the slope, in the middle, of the cubic that fits ``2 half_width + 1`` even samples best (Savitzky, Golay
-    1964), shape (2 half_width + 1,) [1/s].
-
-    Args:
-        half_width: samples on each side, at least 2. period: time between samples [s].
-    """
-    x = np.arange(-half_width, half_width + 1) / half_width
-    weights: FloatArray = np.linalg.pinv(np.vander(x, 4, increasing=True))[1] / (half_width * period)
-    return weights
-
-
-def value_weights(half_width: int) -> FloatArray:
-    """Weights of the position in the middle of ``2 half_width + 1`` even samples, exact for cubics, whose noise does not
-    correlate with that of the second difference there, shape (2 half_width + 1,).
-
-    The middle sample itself does: the noise s^2 of the encoder would make a mean torque ``-2 s^2 / period^2 dM/dq`` in
-    ``M(q) a``, which no low-pass averages out.
-
-    Args:
-        half_width: samples on each side, at least 2.
-    """
-    x = np.arange(-half_width, half_width + 1) / half_width
-    second_difference = np.zeros(x.size)
-    second_difference[half_width - 1 : half_width + 2] = 1.0, -2.0, 1.0
-    conditions = np.vstack([np.vander(x, 4, increasing=True).T, second_difference])
-    return np.asarray(np.linalg.pinv(conditions)[:, 0])
 
 
 class CausalDerivative:
