@@ -30,8 +30,8 @@ from two_mass import TwoMass, model_of, multisine, published, sweep  # noqa: E40
 
 from sysid_ros.effects import CoulombFriction  # noqa: E402
 from sysid_ros.exceptions import SysidError  # noqa: E402
-from sysid_ros.frequency import FrequencyCheck, check_frequency, modes  # noqa: E402
-from sysid_ros.frequency.tolerances import TOLERANCES  # noqa: E402
+from sysid_ros.frequency_domain import FrequencyCheck, check_frequency, modes  # noqa: E402
+from sysid_ros.frequency_domain.tolerances import TOLERANCES  # noqa: E402
 from sysid_ros.identification import Recording, free_model  # noqa: E402
 from sysid_ros.sample import FloatArray  # noqa: E402
 from sysid_ros.torque.known_effect import KnownEffect  # noqa: E402

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy import fft, signal
 
-from sysid_ros.frequency.beyond_linear import distortion
-from sysid_ros.frequency.causes import find_cause
-from sysid_ros.frequency.lines import Record, bridged, find_periods
-from sysid_ros.frequency.local_fit import circular_quantile, local_fit
-from sysid_ros.frequency.verdict import verdict
+from sysid_ros.frequency_domain.beyond_linear import distortion
+from sysid_ros.frequency_domain.causes import find_cause
+from sysid_ros.frequency_domain.lines import Record, bridged, find_periods
+from sysid_ros.frequency_domain.local_fit import circular_quantile, local_fit
+from sysid_ros.frequency_domain.verdict import verdict
 from sysid_ros.sample import FloatArray
 
 PERIOD = 0.01

@@ -26,7 +26,7 @@ LEVELS = (
     {"control"},
     {"simulation"},
     {"identification"},
-    {"diagnosis", "frequency"},
+    {"diagnosis", "frequency_domain"},
     {"sources"},
     {"pages"},
     {"nodes"},

@@ -18,7 +18,7 @@ from test_payload_plot import pick_and_drop
 from sysid_ros.control.tracking_run import TrackingRun
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter, Predictions, SimulationError, TorqueRmse, Tracking
 from sysid_ros.excitation.excite import Excitation
-from sysid_ros.frequency import FrequencyCheck
+from sysid_ros.frequency_domain import FrequencyCheck
 from sysid_ros.identification.result import ResidualSeries
 from sysid_ros.pages import diagnosis_figures, identification_figures, write_payload_plot, write_plot
 from sysid_ros.pages.diagnosis_page import diagnosis_page

@@ -13,9 +13,9 @@ from sysid_ros.cli import options as opt
 from sysid_ros.cli.inputs import provenance, read_config, settings_from
 from sysid_ros.cli.output import ManyValues, note, progress_bar, report, require_folders, table, warn, write_json
 from sysid_ros.cli.recordings import read_recordings, warn_of
-from sysid_ros.frequency import FrequencyCheck, JointCheck, check_frequency
-from sysid_ros.frequency.causes import Cause
-from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency_domain import FrequencyCheck, JointCheck, check_frequency
+from sysid_ros.frequency_domain.causes import Cause
+from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.pages import check_plot_path
 from sysid_ros.torque.model_file import ModelFile
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from sysid_ros.exceptions import DataError
-from sysid_ros.frequency import FrequencyCheck, JointCheck, Response
-from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency_domain import FrequencyCheck, JointCheck, Response
+from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.pages import palette
 from sysid_ros.pages.figure import Axis, Band, Curve, Figure, Item, Mark, Panel, Spans, Stack
 from sysid_ros.pages.page import check_plot_path, write_plot
@@ -28,7 +28,7 @@ def write_frequency_plot(path: Path, result: FrequencyCheck, title: str) -> None
 
     Args:
         path: .png, .svg or .pdf for a report; .html for a page that holds all it needs.
-        result: of :func:`sysid_ros.frequency.check_frequency`. title: of the figure.
+        result: of :func:`sysid_ros.frequency_domain.check_frequency`. title: of the figure.
 
     Raises:
         SettingsError: the suffix is not known, or the folder is not there. DataError: no joint has a response.

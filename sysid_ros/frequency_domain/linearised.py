@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.frequency.lines import ComplexArray, cleaned_torque
-from sysid_ros.frequency.stretches import Stretch
-from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency_domain.lines import ComplexArray, cleaned_torque
+from sysid_ros.frequency_domain.stretches import Stretch
+from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel

@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.exceptions import DataError
-from sysid_ros.frequency.beyond_linear import distortion, missing_friction
-from sysid_ros.frequency.causes import find_cause
-from sysid_ros.frequency.linearised import linearised
-from sysid_ros.frequency.lines import Channel, Record, joint_records
-from sysid_ros.frequency.local_fit import local_fit
-from sysid_ros.frequency.modes import Modes, find_modes
-from sysid_ros.frequency.result import FrequencyCheck, JointCheck, Response
-from sysid_ros.frequency.sentences import common_findings, with_sentences
-from sysid_ros.frequency.stretches import Stretch, stretches_of, top_frequency
-from sysid_ros.frequency.tolerances import TOLERANCES
-from sysid_ros.frequency.transfer_functions import FORMS, Form
-from sysid_ros.frequency.verdict import verdict
+from sysid_ros.frequency_domain.beyond_linear import distortion, missing_friction
+from sysid_ros.frequency_domain.causes import find_cause
+from sysid_ros.frequency_domain.linearised import linearised
+from sysid_ros.frequency_domain.lines import Channel, Record, joint_records
+from sysid_ros.frequency_domain.local_fit import local_fit
+from sysid_ros.frequency_domain.modes import Modes, find_modes
+from sysid_ros.frequency_domain.result import FrequencyCheck, JointCheck, Response
+from sysid_ros.frequency_domain.sentences import common_findings, with_sentences
+from sysid_ros.frequency_domain.stretches import Stretch, stretches_of, top_frequency
+from sysid_ros.frequency_domain.tolerances import TOLERANCES
+from sysid_ros.frequency_domain.transfer_functions import FORMS, Form
+from sysid_ros.frequency_domain.verdict import verdict
 from sysid_ros.identification.channel_checks import check_channels
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import SLIDE, smoothed_sign

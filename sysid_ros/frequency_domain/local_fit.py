@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.frequency.lines import ComplexArray, Record
-from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency_domain.lines import ComplexArray, Record
+from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 
 _ORDERS = (2, 1, 0)

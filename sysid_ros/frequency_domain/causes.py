@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.frequency.lines import ComplexArray, Record
-from sysid_ros.frequency.local_fit import Window
-from sysid_ros.frequency.tolerances import TOLERANCES
-from sysid_ros.frequency.transfer_functions import FOLDS, FORMS, UNITS, Form, LineFit, bounds
+from sysid_ros.frequency_domain.lines import ComplexArray, Record
+from sysid_ros.frequency_domain.local_fit import Window
+from sysid_ros.frequency_domain.tolerances import TOLERANCES
+from sysid_ros.frequency_domain.transfer_functions import FOLDS, FORMS, UNITS, Form, LineFit, bounds
 from sysid_ros.sample import FloatArray
 
 _GRID = 60

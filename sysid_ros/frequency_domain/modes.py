@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.frequency.linearised import Linearised
-from sysid_ros.frequency.lines import ComplexArray
-from sysid_ros.frequency.subspace import Moments, StateSpace
-from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency_domain.linearised import Linearised
+from sysid_ros.frequency_domain.lines import ComplexArray
+from sysid_ros.frequency_domain.subspace import Moments, StateSpace
+from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 
 _PAST = 0.5

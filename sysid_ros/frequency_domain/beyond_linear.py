@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.frequency.causes import Cause
-from sysid_ros.frequency.lines import Record
-from sysid_ros.frequency.local_fit import Window
-from sysid_ros.frequency.stretches import Stretch
-from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency_domain.causes import Cause
+from sysid_ros.frequency_domain.lines import Record
+from sysid_ros.frequency_domain.local_fit import Window
+from sysid_ros.frequency_domain.stretches import Stretch
+from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.robot.smoothed_sign import SLIDE, TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray
 

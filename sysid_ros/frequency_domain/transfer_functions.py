@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.frequency.lines import ComplexArray, Record
-from sysid_ros.frequency.local_fit import Window, beside_basis, enough, smoothed_noise
-from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency_domain.lines import ComplexArray, Record
+from sysid_ros.frequency_domain.local_fit import Window, beside_basis, enough, smoothed_noise
+from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 
 Shape = Callable[[FloatArray, FloatArray], ComplexArray]

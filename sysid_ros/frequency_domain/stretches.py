@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid_ros.effects import Motion
 from sysid_ros.exceptions import DataError
-from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.identification.channel_checks import CheckedRecording
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid_ros.frequency.causes import Cause, Parameter
-from sysid_ros.frequency.modes import Mode
-from sysid_ros.frequency.result import JointCheck, Response
-from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency_domain.causes import Cause, Parameter
+from sysid_ros.frequency_domain.modes import Mode
+from sysid_ros.frequency_domain.result import JointCheck, Response
+from sysid_ros.frequency_domain.tolerances import TOLERANCES
 
 _TWO_SIDED = 1.96
 

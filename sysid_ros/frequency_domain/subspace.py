@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.frequency.lines import ComplexArray
+from sysid_ros.frequency_domain.lines import ComplexArray
 from sysid_ros.sample import FloatArray
 
 _FAR = 10.0

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, interpolate
 
-from sysid_ros.frequency.stretches import Stretch
-from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency_domain.stretches import Stretch
+from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 
 _TREND = 4

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.frequency.local_fit import Window, circular_quantile, smoothed_noise
-from sysid_ros.frequency.tolerances import TOLERANCES
+from sysid_ros.frequency_domain.local_fit import Window, circular_quantile, smoothed_noise
+from sysid_ros.frequency_domain.tolerances import TOLERANCES
 
 _THIRD_OCTAVE = 2.0 ** (1.0 / 3.0)
 
