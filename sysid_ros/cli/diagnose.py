@@ -23,6 +23,8 @@ from sysid_ros.sources import temperatures, urdf_text
 from sysid_ros.torque.model_file import ModelFile
 
 BAD_INPUT = 2
+Reading = tuple[str, Path | None]
+"""Topic of the joint states in a bag, and the mapping of a table's columns."""
 
 
 @click.command(cls=ManyValues, one_each=("--urdf",))
@@ -40,6 +42,7 @@ BAD_INPUT = 2
 @click.option("--simulator", type=click.Choice(SIMULATORS), help="Of the gain in simulation.  [default: the first installed]")
 @opt.CONFIG
 @opt.TOPIC
+@opt.COLUMNS
 @opt.JSON
 def command(
     bags: tuple[Path, ...],
@@ -50,6 +53,7 @@ def command(
     simulator: str | None,
     config_path: Path | None,
     topic: str,
+    columns_path: Path | None,
     json_path: Path | None,
 ) -> int:
     """Find what the model of a robot gets wrong: the causes by name, with evidence, and a model extended by them.
@@ -84,7 +88,7 @@ def command(
     origin = provenance(bags, validate=validate, urdf=urdfs or "/robot_description of the first bag", model=model_path)
     robot: RobotModel | None = None
     try:
-        robots, fitted, judged = _read_with_urdfs(bags, validate, urdfs, topic, settings)
+        robots, fitted, judged = _read_with_urdfs(bags, validate, urdfs, settings, (topic, columns_path))
         ranked = _ranked(urdfs, robots, fitted)
         robot = robots[max(ranked, key=lambda x: x.probability).urdf] if ranked else next(iter(robots.values()))
         for sentence in known.notes(robot.urdf) if known else []:
@@ -101,7 +105,7 @@ def command(
 
 
 def _read_with_urdfs(
-    bags: tuple[Path, ...], validate: tuple[Path, ...], urdfs: tuple[Path, ...], topic: str, settings: OnlineSettings
+    bags: tuple[Path, ...], validate: tuple[Path, ...], urdfs: tuple[Path, ...], settings: OnlineSettings, read: Reading
 ) -> tuple[dict[str, RobotModel], list[Recording], list[Recording]]:
     """The robots of the URDFs that have the joints of the bags, by the URDFs' names, and the recordings, as :func:`_read_all`.
 
@@ -110,12 +114,12 @@ def _read_with_urdfs(
     """
     first, *others = urdfs or (None,)
     try:
-        robot, fitted, judged = _read_all(bags, validate, first, topic, settings)
+        robot, fitted, judged = _read_all(bags, validate, first, settings, read)
     except RobotModelError as error:
         if not others:
             raise
         warn(f"{first}: {error}")
-        return _read_with_urdfs(bags, validate, tuple(x for x in others if x is not None), topic, settings)
+        return _read_with_urdfs(bags, validate, tuple(x for x in others if x is not None), settings, read)
     robots = {str(first): robot}
     for path in others:
         try:
@@ -137,7 +141,7 @@ def _ranked(urdfs: tuple[Path, ...], robots: dict[str, RobotModel], fitted: list
 
 
 def _read_all(
-    bags: tuple[Path, ...], validate: tuple[Path, ...], urdf: Path | None, topic: str, settings: OnlineSettings
+    bags: tuple[Path, ...], validate: tuple[Path, ...], urdf: Path | None, settings: OnlineSettings, read: Reading
 ) -> tuple[RobotModel, list[Recording], list[Recording]]:
     """The robot of the first bag, and the recordings to fit and to judge on.
 
@@ -147,7 +151,7 @@ def _read_all(
     robot: RobotModel | None = None
     recordings = []
     for path in (*bags, *validate):
-        source, own = open_bag(path, topic, urdf, settings)
+        source, own = open_bag(path, read[0], urdf, settings, read[1])
         if robot is None:
             robot = own
             if not settings.joint_names and (reason := missing_joints(own)):

@@ -30,6 +30,7 @@ from sysid_ros.torque.model_file import ModelFile
 )
 @opt.CONFIG
 @opt.TOPIC
+@opt.COLUMNS
 @opt.PLOT
 @opt.JSON
 def command(
@@ -40,6 +41,7 @@ def command(
     top: float | None,
     config_path: Path | None,
     topic: str,
+    columns_path: Path | None,
     plot_path: Path | None,
     json_path: Path | None,
 ) -> None:
@@ -63,7 +65,7 @@ def command(
     require_folders(json=json_path)
     settings = settings_from(read_config(config_path), joint_names=joint_names)
     file = ModelFile.read(model_path) if model_path else None
-    robot, recordings, problems = read_recordings(bags, urdf, topic, settings)
+    robot, recordings, problems = read_recordings(bags, urdf, topic, settings, columns_path)
     warn_of(problems)
     for sentence in file.notes(robot.urdf) if file else []:
         note(sentence)

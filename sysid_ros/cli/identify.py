@@ -75,6 +75,7 @@ from sysid_ros.torque.urdf_export import check_model_file, export_urdf
 @click.option("--payload-frame", default="", metavar="LINK", help="Link that carries it; the last one by default.")
 @click.option("--accept-doubts", is_flag=True, help="Go on where effort and URDF, or the bags among each other, don't fit.")
 @opt.TOPIC
+@opt.COLUMNS
 @opt.path("--report", "report_path", metavar="HTML", help="Write a report for people, one file.")
 @opt.JSON
 def command(
@@ -87,6 +88,7 @@ def command(
     cutoff: float | None,
     payload_bag: tuple[Path, ...],
     topic: str,
+    columns_path: Path | None,
     report_path: Path | None,
     json_path: Path | None,
     **choices: Any,
@@ -105,7 +107,7 @@ def command(
     """
     require_folders(out=out_path, urdf_out=urdf_out, report=report_path, json=json_path)
     settings = settings_from(read_config(config_path))
-    robot, read, problems = read_recordings((*bags, *validate, *payload_bag), urdf, topic, settings)
+    robot, read, problems = read_recordings((*bags, *validate, *payload_bag), urdf, topic, settings, columns_path)
     origin = provenance(bags)
     first, second = len(bags), len(bags) + len(validate)
     try:

@@ -14,7 +14,8 @@ from sysid_ros.cli.output import command_line, note
 from sysid_ros.exceptions import RobotModelError, SettingsError
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.sources import BagSource, urdf_text
+from sysid_ros.sources import BagSource, TableSource, open_source, urdf_text
+from sysid_ros.sources.columns import read_columns
 
 
 def provenance(bags: Sequence[Path], **others: Path | Sequence[Path] | str | None) -> dict[str, object]:
@@ -24,10 +25,15 @@ def provenance(bags: Sequence[Path], **others: Path | Sequence[Path] | str | Non
     return {**words, "command": command_line(), "version": __version__}
 
 
-def open_bag(path: Path, topic: str, urdf: Path | None, settings: OnlineSettings) -> tuple[BagSource, RobotModel]:
-    """A bag and the model of the joints that it names; what the user should know of either goes to stderr."""
-    source = BagSource(path, topic)
-    robot = RobotModel.for_messages(urdf_text(urdf, source), source.joint_names, settings.joint_names, settings.gravity)
+def open_bag(
+    path: Path, topic: str, urdf: Path | None, settings: OnlineSettings, columns: Path | None = None
+) -> tuple[BagSource | TableSource, RobotModel]:
+    """A bag or a table, and the model of the joints that it names; what the user should know of either goes to stderr."""
+    source = open_source(path, topic, read_columns(columns) if columns else None)
+    text = urdf_text(urdf, source)
+    if isinstance(source, TableSource):
+        source = source.named(settings.joint_names or RobotModel.from_urdf(text).joint_names)
+    robot = RobotModel.for_messages(text, source.joint_names, settings.joint_names, settings.gravity)
     for sentence in (*source.notes, *robot.notes):
         note(sentence)
     return source, robot

@@ -19,7 +19,7 @@ _MOST_REJECTED = 0.5
 
 
 def read_recordings(
-    bags: Sequence[Path], urdf: Path | None, topic: str, settings: OnlineSettings
+    bags: Sequence[Path], urdf: Path | None, topic: str, settings: OnlineSettings, columns: Path | None = None
 ) -> tuple[RobotModel, list[Recording], list[Problem]]:
     """The robot of the first bag, the recordings of all as far as the gate accepts their messages, and what was found in them.
 
@@ -30,7 +30,7 @@ def read_recordings(
     recordings: list[Recording] = []
     problems: list[Problem] = []
     for path in bags:
-        source, robot = open_bag(path, topic, urdf, settings)
+        source, robot = open_bag(path, topic, urdf, settings, columns)
         first = first or robot
         require_same_robot(path, robot, first)
         gate = InputGate(robot, settings)

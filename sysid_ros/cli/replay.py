@@ -10,13 +10,13 @@ from sysid_ros.cli import options as opt
 from sysid_ros.cli.inputs import open_bag, read_config, settings_from
 from sysid_ros.cli.output import progress_bar, require_folders, said_if_slow, warn, write_json
 from sysid_ros.cli.replay_tables import show_replay
-from sysid_ros.exceptions import BagError
+from sysid_ros.exceptions import BagError, DataError
 from sysid_ros.input_gate import Gate, gate_for
 from sysid_ros.online.carried import write_carried
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.replay import Replay, as_json, replay, write_series
 from sysid_ros.online.warm_up import warm_up
-from sysid_ros.sources import FloatingBagSource
+from sysid_ros.sources import FloatingBagSource, Source, TableSource
 from sysid_ros.torque.model_file import ModelFile
 
 
@@ -27,6 +27,7 @@ from sysid_ros.torque.model_file import ModelFile
 @opt.path("--model", "model_path", help="model.yaml of 'sysid identify': what is known of the arm itself.")
 @opt.CONFIG
 @opt.TOPIC
+@opt.COLUMNS
 @click.option("--imu-topic", default="", help="sensor_msgs/Imu of a legged robot; else /imu, or the only one in the bag.")
 @click.option("--contact-topic", default="", help="Which feet stand; else /contacts, if it is in the bag.")
 @opt.JSON
@@ -40,6 +41,7 @@ def command(
     model_path: Path | None,
     config_path: Path | None,
     topic: str,
+    columns_path: Path | None,
     imu_topic: str,
     contact_topic: str,
     json_path: Path | None,
@@ -49,12 +51,14 @@ def command(
 ) -> None:
     """Estimate from BAG, exactly as the node does live, what was carried: one row for each thing.
 
-    BAG is a rosbag2 folder, an .mcap or a .db3 file with sensor_msgs/JointState that holds effort.
+    BAG is a rosbag2 folder, an .mcap or a .db3 file with sensor_msgs/JointState that holds effort; or a table of times, positions
+    and efforts: .csv, .parquet, .npz.
 
     \b
     Example:
       sysid identify empty_run/ --urdf arm.urdf --out model.yaml
       sysid replay pick_and_drop.mcap --urdf arm.urdf --model model.yaml --json estimate.json --plot estimate.png
+      sysid replay log.csv --urdf arm.urdf --columns columns.yaml
       sysid replay walk.mcap --urdf quadruped.urdf --imu-topic /imu/data --contact-topic /feet --json estimate.json
 
     Exit codes: 0 done; 2 bad input or usage, or nothing in BAG tells of a payload. Whether an estimate can be believed is its
@@ -65,9 +69,13 @@ def command(
     require_folders(json=json_path, series=series_path, payloads=payloads_path, plot=plot_path)
     urdf = urdf or _path_in(parameters, "urdf_path")
     model_path = model_path or _path_in(parameters, "model_path")
-    source, robot = open_bag(bag, topic, urdf, settings)
+    source, robot = open_bag(bag, topic, urdf, settings, columns_path)
     estimation = OnlineEstimation(robot, settings, ModelFile.read(model_path) if model_path else None)
-    records = FloatingBagSource(source, imu_topic, contact_topic) if estimation.base else source
+    records: FloatingBagSource | Source = source
+    if estimation.base:
+        if isinstance(source, TableSource):
+            raise DataError(f"table '{bag}' holds no IMU, which a robot on legs needs. Give a bag.")
+        records = FloatingBagSource(source, imu_topic, contact_topic)
     gate = gate_for(robot, estimation.base, settings)
     with said_if_slow("Compiling for this machine, once after an install"):
         warm_up(robot, settings)

@@ -67,5 +67,5 @@ def _within(value: float, band: float, digits: int) -> str:
 def _at_the_end(result: Replay, console: Console) -> None:
     final = result.final
     state = {"ok": f"{final.mass:.3f} ± {1.96 * final.mass_std:.3f} kg", "no_payload": "nothing is carried"}
-    said = state.get(result.status, result.status.replace("_", " "))
-    console.print(f"At the end: {said}. {result.reason}".rstrip())
+    said = f"{state[result.status]} " if result.status in state else ""
+    console.print(f"At the end: {said}(status {result.status}). {result.reason}".rstrip())

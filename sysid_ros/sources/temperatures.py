@@ -17,6 +17,7 @@ from sysid_ros.exceptions import BagError
 from sysid_ros.sample import TemperatureSeries
 from sysid_ros.sources.bag import BagSource
 from sysid_ros.sources.joint_state_cdr import typestore
+from sysid_ros.sources.table import TableSource
 
 TEMPERATURE = "sensor_msgs/msg/Temperature"
 DYNAMIC = "control_msgs/msg/DynamicJointState"
@@ -31,10 +32,12 @@ Reading = tuple[str, float, float]
 """Frame, time [s] and value [degrees Celsius]."""
 
 
-def temperatures(source: BagSource) -> tuple[list[TemperatureSeries], tuple[str, ...]]:
+def temperatures(source: BagSource | TableSource) -> tuple[list[TemperatureSeries], tuple[str, ...]]:
     """Every temperature in a bag, a series a topic and frame, and a sentence for each topic that can't be read."""
     found: list[TemperatureSeries] = []
-    notes = []
+    notes: list[str] = []
+    if isinstance(source, TableSource):
+        return found, ()
     for topic, (kind, count) in sorted(source.topics.items()):
         readers = {TEMPERATURE: _stamped, DYNAMIC: _dynamic}
         if kind not in readers or count == 0:
