@@ -4,10 +4,36 @@ Every torque has a cause, and a cause is an effect: some columns ``Y`` and some 
 
     tau_measured(t) = sum_k Y_k(q, v, a) theta_k + noise.
 
-The jobs of the package differ only in which effects are known and which are free. Import from its modules, for instance
-``from sysid_ros.robot.robot_model import RobotModel``: this file imports nothing, so that commands start quickly.
+The jobs of the package differ only in which effects are known and which are free::
+
+    import sysid_ros as sysid
+
+    empty, run = sysid.load("empty_run.mcap"), sysid.load("pick_and_drop.csv")
+    robot = sysid.Robot("arm.urdf")
+    model = sysid.identify(empty, robot)
+    print(sysid.replay(run, robot, model=model))
+
+Names are imported when they are first used, so that commands start quickly.
 """
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-__all__ = ["__version__"]
+if TYPE_CHECKING:
+    from sysid_ros.library import Recording, Robot, diagnose, excite, frequency, identify, load, replay
+
+__all__ = ["Recording", "Robot", "__version__", "diagnose", "excite", "frequency", "identify", "load", "replay"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in __all__:
+        return getattr(importlib.import_module("sysid_ros.library"), name)
+    raise AttributeError(f"module 'sysid_ros' has no attribute {name!r}; it has {', '.join(__all__)}.")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

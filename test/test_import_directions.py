@@ -31,6 +31,7 @@ LEVELS = (
     {"pages"},
     {"nodes"},
     {"cli"},
+    {"library"},
 )
 LEVEL_OF = {unit: level for level, units in enumerate(LEVELS) for unit in units}
 

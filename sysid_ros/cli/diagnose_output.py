@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
 from rich.table import Table
 
 from sysid_ros.cli.output import note, report, table, write_json
@@ -62,9 +63,9 @@ def write_files(result: Diagnosis, robot: RobotModel | None, folder: Path, prove
             note(sentence)
 
 
-def show(result: Diagnosis) -> None:
+def show(result: Diagnosis, console: Console | None = None) -> None:
     """Print the answer, faults of the data, the causes with their shares, and the torque errors."""
-    console = report(_WIDTH)
+    console = console or report(_WIDTH)
     console.print(f"{result.headline} {result.refinements}".rstrip())
     if result.refusal:
         console.print(first_sentence(result.refusal)[1])

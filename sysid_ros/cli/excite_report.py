@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+from rich.console import Console
 
 from sysid_ros.cli.output import report, table
 from sysid_ros.excitation.criteria import Criteria
@@ -29,9 +30,9 @@ def median(random: tuple[Criteria, ...]) -> Criteria:
     return Criteria(**{name: float(np.median([getattr(c, name) for c in random])) for name in asdict(random[0])})
 
 
-def show(result: Excitation) -> None:
+def show(result: Excitation, console: Console | None = None) -> None:
     """Criteria before and after, and what is used of the limits, on stdout."""
-    console = report()
+    console = console or report()
     names = result.limits.robot.joint_names
     before = (median(result.random), result.random[0])
     title = f"Excitation of {len(result.parameters)} base parameters; before: {len(result.random)} random feasible motions"

@@ -86,9 +86,9 @@ def command(
         note(f"Plot written to {plot_path}.")
 
 
-def show(result: FrequencyCheck) -> None:
+def show(result: FrequencyCheck, console: Console | None = None) -> None:
     """Print the table and the findings."""
-    console = report()
+    console = console or report()
     _show_joints(console, result)
     console.print("[bold]Findings[/bold]")
     for sentence in (*result.sentences, *(s for check in result.joints for s in check.sentences)):

@@ -19,9 +19,9 @@ from sysid_ros.pages.residual_curves import residual_curves
 from sysid_ros.plain_json import plain
 
 
-def show(result: Identification) -> None:
+def show(result: Identification, console: Console | None = None) -> None:
     """Print the tables."""
-    console = report()
+    console = console or report()
     console.print(
         f"Low-pass at {result.cutoff.hz:.3g} Hz on both sides: {escape(result.cutoff.reason)}.\n"
         f"Links held to the URDF's with weight {result.prior.weight:g}: {result.prior.reason}.\n"

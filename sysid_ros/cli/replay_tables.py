@@ -12,9 +12,9 @@ from sysid_ros.online.carried import Carried
 from sysid_ros.online.replay import Replay
 
 
-def show_replay(result: Replay, name: str) -> None:
+def show_replay(result: Replay, name: str, console: Console | None = None) -> None:
     """Print the answer first, on stdout."""
-    console = report()
+    console = console or report()
     if result.payloads:
         console.print(_bodies(result, name))
         console.print(_inertias(result))

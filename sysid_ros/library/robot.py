@@ -1,0 +1,61 @@
+"""Robot: the model that data are compared with, from a URDF, an MJCF or by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from sysid_ros.exceptions import RobotModelError
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sources import urdf_text
+
+
+class Robot:
+    """A robot model.
+
+    Args:
+        source: path of a URDF or an MJCF, the text of a URDF, or the name of a robot of example-robot-data, such as "panda".
+        joint_names: joints that move, others are locked at 0; all without it. gravity: in the base frame, shape (3,) [m/s^2].
+
+    Attributes:
+        urdf: text. joint_names, gravity: as given.
+
+    Raises:
+        RobotModelError: there is no such robot, or it can't be used.
+    """
+
+    def __init__(self, source: str | Path, joint_names: Sequence[str] = (), gravity: Sequence[float] = (0.0, 0.0, -9.81)) -> None:
+        text = str(source)
+        self.urdf = text if text.lstrip().startswith("<") else urdf_text(_path_of(text))
+        self.joint_names, self.gravity = tuple(joint_names), tuple(gravity)
+        self.model: RobotModel = RobotModel.from_urdf(self.urdf, self.joint_names, self.gravity)
+
+    def __repr__(self) -> str:
+        model = self.model
+        mass = float(model.pi.reshape(-1, 10)[:, 0].sum())
+        notes = "".join(f"\n  {note}" for note in model.notes)
+        return f"Robot {model.name}: {model.n} joints, {mass:.2f} kg that moves\n  {', '.join(model.joint_names)}{notes}"
+
+
+def _path_of(text: str) -> Path:
+    path = Path(text)
+    if path.exists() or path.suffix:
+        return path
+    if (found := packaged(text)) is not None:
+        return found
+    raise RobotModelError(
+        f"there is no file '{text}', and no robot of that name in example-robot-data. Give the path of a URDF or an MJCF; robots "
+        "by name need: pip install example-robot-data."
+    )
+
+
+def packaged(name: str) -> Path | None:
+    """The URDF of a robot of example-robot-data, None where there is no such one or the package is not installed."""
+    import pinocchio
+
+    for parent in Path(pinocchio.__file__).parents:
+        folder = parent / "share" / "example-robot-data" / "robots"
+        if folder.is_dir():
+            found = sorted(folder.glob(f"**/{name}.urdf")) + sorted(folder.glob(f"**/{name}_*.urdf"))
+            return found[0] if found else None
+    return None
