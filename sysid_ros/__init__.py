@@ -16,22 +16,17 @@ The jobs of the package differ only in which effects are known and which are fre
 Names are imported when they are first used, so that commands start quickly.
 """
 
-from __future__ import annotations
-
 import importlib
-from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
-
-if TYPE_CHECKING:
-    from sysid_ros.library import Recording, Robot, diagnose, excite, frequency, identify, load, replay
 
 __all__ = ["Recording", "Robot", "__version__", "diagnose", "excite", "frequency", "identify", "load", "replay"]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name in __all__:
-        return getattr(importlib.import_module("sysid_ros.library"), name)
+        found: object = getattr(importlib.import_module("sysid_ros.library"), name)
+        return found
     raise AttributeError(f"module 'sysid_ros' has no attribute {name!r}; it has {', '.join(__all__)}.")
 
 

@@ -117,6 +117,17 @@ def test_the_replay_takes_the_model_and_finds_nothing_carried(identified: tuple[
     assert document["warnings"] == []
 
 
+def test_a_run_in_which_something_is_carried_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["identify", str(EMPTY.parent / "arm_pick_and_drop"), "--out", str(tmp_path / "m.yaml")]
+    assert run(arguments) == 2
+    said = capsys.readouterr().err
+    assert "carries 1.80 kg" in said
+    assert "--accept-doubts" in said
+    assert not (tmp_path / "m.yaml").exists()
+    assert run([*arguments, "--accept-doubts"]) == 0
+    assert "carries 1.80 kg" in capsys.readouterr().err
+
+
 def test_tables_for_people(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["identify", str(EMPTY), "--out", str(tmp_path / "m.yaml"), "--cutoff", "5"]) == 0
     captured = capsys.readouterr()

@@ -78,6 +78,7 @@ from sysid_ros.torque.urdf_export import check_model_file, export_urdf
 @opt.COLUMNS
 @opt.path("--report", "report_path", metavar="HTML", help="Write a report for people, one file.")
 @opt.JSON
+@click.option("--verbose", is_flag=True, help="Show the base parameters, the noise and the repeatability too.")
 def command(
     bags: tuple[Path, ...],
     urdf: Path | None,
@@ -91,6 +92,7 @@ def command(
     columns_path: Path | None,
     report_path: Path | None,
     json_path: Path | None,
+    verbose: bool,
     **choices: Any,
 ) -> None:
     """Identify link inertials, friction, rotor inertia and torque offsets of an arm from BAGs in which it carries nothing.
@@ -129,7 +131,7 @@ def command(
         # what was wrong with the messages may be the reason
         warn_of(problems)
         raise
-    _write(robot, result, origin, out_path, json_path, urdf_out, report_path)
+    _write(robot, result, origin, out_path, json_path, urdf_out, report_path, verbose)
 
 
 def _write(
@@ -140,6 +142,7 @@ def _write(
     json_path: Path | None,
     urdf_out: Path | None,
     report_path: Path | None,
+    verbose: bool,
 ) -> None:
     """Warnings, the files that were asked for, and the tables."""
     warn_of(result.problems)
@@ -149,7 +152,7 @@ def _write(
     check_model_file(robot, result.model, out_path)
     if json_path:
         write_json(json_path, as_json(result))
-    show(result)
+    show(result, verbose=verbose)
     note(f"Model written to {out_path}.")
     if urdf_out:
         for sentence in export_urdf(robot, result.model, urdf_out):

@@ -15,24 +15,28 @@ from sysid_ros.effects import EFFECTS
 from sysid_ros.identification import Identification
 from sysid_ros.identification.free_effects import frictions, own_knobs
 from sysid_ros.identification.result import Parameter, TorqueError
+from sysid_ros.pages.identification_page import summary
 from sysid_ros.pages.residual_curves import residual_curves
 from sysid_ros.plain_json import plain
 
 
-def show(result: Identification, console: Console | None = None) -> None:
-    """Print the tables."""
+def show(result: Identification, console: Console | None = None, verbose: bool = False) -> None:
+    """Print the answer and what it was found with; ``verbose``: with the base parameters and the noise."""
     console = console or report()
-    console.print(
-        f"Low-pass at {result.cutoff.hz:.3g} Hz on both sides: {escape(result.cutoff.reason)}.\n"
-        f"Links held to the URDF's with weight {result.prior.weight:g}: {result.prior.reason}.\n"
-        f"Dry friction: {escape(_friction(result))}.",
-    )
-    _show_joints(console, result)
-    _show_groups(console, result)
-    _show_errors(console, result)
-    _show_noise(console, result)
-    _show_repeatability(console, result)
+    for sentence in summary(result):
+        console.print(escape(sentence))
+    console.print(f"Dry friction: {escape(_friction(result))}.")
     _show_payload(console, result)
+    _show_joints(console, result, verbose)
+    _show_errors(console, result)
+    if verbose:
+        console.print(
+            f"Low-pass at {result.cutoff.hz:.3g} Hz on both sides: {escape(result.cutoff.reason)}.\n"
+            f"Links held to the URDF's with weight {result.prior.weight:g}: {result.prior.reason}."
+        )
+        _show_groups(console, result)
+        _show_noise(console, result)
+        _show_repeatability(console, result)
     if result.record_next:
         console.print("[bold]What to record next[/bold]")
         for sentence in result.record_next:
@@ -54,18 +58,18 @@ def _friction(result: Identification) -> str:
     return f"{', '.join(found)}{' (chosen by what was not fitted)' if chosen else ''}"
 
 
-def _show_joints(console: Console, result: Identification) -> None:
+def _show_joints(console: Console, result: Identification, bound: bool) -> None:
     by_place = {(p.name.split("[")[0], p.joint): p for p in result.parameters}
     beside = [p for p in result.parameters if not EFFECTS[p.effect].replaces_links]
     of_joints = [p for p in beside if p.joint in result.joint_names]
     symbols = {p.name.split("[")[0]: p for p in of_joints}
     out = table(
-        "Joints, with 95 % intervals (in brackets: by the Cramér-Rao bound, for white residuals)",
+        "Joints, with 95 % intervals" + (" (in brackets: by the Cramér-Rao bound, for white residuals)" if bound else ""),
         "joint",
         *(f"{symbol}\n{p.unit}" for symbol, p in symbols.items()),
     )
     for joint in result.joint_names:
-        out.add_row(joint, *(_interval(by_place.get((symbol, joint))) for symbol in symbols))
+        out.add_row(joint, *(_interval(by_place.get((symbol, joint)), bound) for symbol in symbols))
     console.print(out)
     labels = {symbol: EFFECTS[p.effect].label for symbol, p in symbols.items()}
     console.print("; ".join(f"{escape(symbol)}: {label}" for symbol, label in labels.items()) + ".")
@@ -78,8 +82,10 @@ def _show_joints(console: Console, result: Identification) -> None:
         console.print(f"{knob.name} of {knob.joint or 'the arm'}: {knob.value:.3g} {knob.unit}{doubt}")
 
 
-def _interval(p: Parameter | None) -> str:
-    return "" if p is None else f"{p.value:.3g} ± {1.96 * p.std:.2g}\n(± {1.96 * p.crb:.2g})"
+def _interval(p: Parameter | None, bound: bool) -> str:
+    if p is None:
+        return ""
+    return f"{p.value:.3g} ± {1.96 * p.std:.2g}" + (f"\n(± {1.96 * p.crb:.2g})" if bound else "")
 
 
 def _show_groups(console: Console, result: Identification) -> None:

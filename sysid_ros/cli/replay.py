@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -16,7 +17,7 @@ from sysid_ros.online.carried import write_carried
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.replay import Replay, as_json, replay, write_series
 from sysid_ros.online.warm_up import warm_up
-from sysid_ros.sources import FloatingBagSource, Source, TableSource
+from sysid_ros.sources import BagSource, FloatingBagSource, Source, TableSource
 from sysid_ros.torque.model_file import ModelFile
 
 
@@ -71,11 +72,7 @@ def command(
     model_path = model_path or _path_in(parameters, "model_path")
     source, robot = open_bag(bag, topic, urdf, settings, columns_path)
     estimation = OnlineEstimation(robot, settings, ModelFile.read(model_path) if model_path else None)
-    records: FloatingBagSource | Source = source
-    if estimation.base:
-        if isinstance(source, TableSource):
-            raise DataError(f"table '{bag}' holds no IMU, which a robot on legs needs. Give a bag.")
-        records = FloatingBagSource(source, imu_topic, contact_topic)
+    records = _records(bag, source, estimation, imu_topic, contact_topic)
     gate = gate_for(robot, estimation.base, settings)
     with said_if_slow("Compiling for this machine, once after an install"):
         warm_up(robot, settings)
@@ -84,6 +81,33 @@ def command(
     if result.used == 0:
         worst = max(gate.counts, key=lambda reason: gate.counts[reason], default="")
         raise BagError(f"bag '{bag}': no joint state of it can be used. {gate.last_texts.get(worst, '')}".rstrip())
+    _write(result, bag.name, robot.joint_names, json_path, series_path, payloads_path, plot_path)
+    for sentence in result.warnings:
+        warn(sentence)
+    show_replay(result, bag.name)
+    if not any(e.status != "warming_up" for e in result.series):
+        raise BagError(f"bag '{bag}' tells nothing of a payload: {_why_nothing(result, gate)}")
+
+
+def _records(
+    bag: Path, source: BagSource | TableSource, estimation: OnlineEstimation, imu_topic: str, contact_topic: str
+) -> FloatingBagSource | Source:
+    if estimation.base is None:
+        return source
+    if isinstance(source, TableSource):
+        raise DataError(f"table '{bag}' holds no IMU, which a robot on legs needs. Give a bag.")
+    return FloatingBagSource(source, imu_topic, contact_topic)
+
+
+def _write(
+    result: Replay,
+    name: str,
+    joints: Sequence[str],
+    json_path: Path | None,
+    series_path: Path | None,
+    payloads_path: Path | None,
+    plot_path: Path | None,
+) -> None:
     if json_path:
         write_json(json_path, as_json(result))
     if series_path:
@@ -93,14 +117,7 @@ def command(
     if plot_path:
         from sysid_ros.pages import write_payload_plot  # drawing libraries take a second to import
 
-        write_payload_plot(
-            plot_path, result.series, result.events, robot.joint_names, f"Payload in {bag.name}", carried=result.payloads
-        )
-    for sentence in result.warnings:
-        warn(sentence)
-    show_replay(result, bag.name)
-    if not any(e.status != "warming_up" for e in result.series):
-        raise BagError(f"bag '{bag}' tells nothing of a payload: {_why_nothing(result, gate)}")
+        write_payload_plot(plot_path, result.series, result.events, joints, f"Payload in {name}", carried=result.payloads)
 
 
 def _path_in(parameters: dict[str, object], name: str) -> Path | None:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from sysid_ros.exceptions import DataError, SettingsError
+from sysid_ros.identification.carried_check import check_carried
 from sysid_ros.identification.channel_checks import check_channels
 from sysid_ros.identification.effect_choice import choose_effects
 from sysid_ros.identification.free_effects import free_model, wishes
@@ -50,6 +51,7 @@ def identify_recordings(
     _require(choices)
     checked = [check_channels(robot, r, max_gap) for r in (*recordings, *validation, *loaded)]
     found = [*problems, *(p for c in checked for p in c.problems)]
+    found += _check_empty(robot, (*recordings, *validation), choices.accept_doubts)
     cutoff = CutOff(cutoff_hz, "as given") if cutoff_hz else choose_cutoff(recordings, robot.joint_names, max_gap)
     smooth = []
     for c in checked:
@@ -64,6 +66,18 @@ def identify_recordings(
     bags, checks, with_load = ([x.rows(model) for x in part] for part in (fitted, judged, carrying))
     progress("solving")
     return identify(model, bags, checks, provenance, choices, cutoff, found, knobs, with_load)
+
+
+def _check_empty(robot: RobotModel, recordings: Sequence[Recording], accept_doubts: bool) -> list[Problem]:
+    """What was carried for a part of a recording.
+
+    Raises:
+        DataError: something was, and that is not accepted.
+    """
+    found = [problem for recording in recordings for problem in check_carried(robot, recording)]
+    if found and not accept_doubts:
+        raise DataError(f"{found[0].bag}: {found[0].text} --accept-doubts goes on regardless.")
+    return found
 
 
 def _check_motion(robot: RobotModel, recordings: Sequence[SmoothRecording], accept_doubts: bool) -> list[Problem]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sysid_ros.exceptions import RobotModelError
+from sysid_ros.robot.packaged import packaged
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sources import urdf_text
 
@@ -47,15 +48,3 @@ def _path_of(text: str) -> Path:
         f"there is no file '{text}', and no robot of that name in example-robot-data. Give the path of a URDF or an MJCF; robots "
         "by name need: pip install example-robot-data."
     )
-
-
-def packaged(name: str) -> Path | None:
-    """The URDF of a robot of example-robot-data, None where there is no such one or the package is not installed."""
-    import pinocchio
-
-    for parent in Path(pinocchio.__file__).parents:
-        folder = parent / "share" / "example-robot-data" / "robots"
-        if folder.is_dir():
-            found = sorted(folder.glob(f"**/{name}.urdf")) + sorted(folder.glob(f"**/{name}_*.urdf"))
-            return found[0] if found else None
-    return None

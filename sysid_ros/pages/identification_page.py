@@ -99,6 +99,18 @@ def _summary(result: Identification, judged: Sequence[TorqueError]) -> dict[str,
     }
 
 
+def summary(result: Identification) -> list[str]:
+    """What the report's head says, in sentences for a terminal."""
+    judged = result.validation or result.errors
+    told = _summary(result, judged)
+    sure = f"{told['determined']} of {result.base.rank} base parameters are determined by the recordings"
+    return [
+        f"{told['found']} of a joint's torque is left unexplained, {_judged_on(result)} (the URDF alone: {told['urdf']}); the "
+        f"most at {told['worst']}.",
+        f"{sure}.",
+    ]
+
+
 def _range(parts: np.ndarray[Any, Any]) -> str:
     low, high = 100.0 * float(parts.min()), 100.0 * float(parts.max())
     texts = [f"{x:.2g}" if x < 99.5 else f"{x:.0f}" for x in (low, high)]

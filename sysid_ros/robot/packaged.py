@@ -1,0 +1,17 @@
+"""packaged: robots by name, from example-robot-data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pinocchio
+
+
+def packaged(name: str) -> Path | None:
+    """The URDF of a robot of example-robot-data, None where there is no such one or the package is not installed."""
+    for parent in Path(pinocchio.__file__).parents:
+        folder = parent / "share" / "example-robot-data" / "robots"
+        if folder.is_dir():
+            found = sorted(folder.glob(f"**/{name}.urdf")) + sorted(folder.glob(f"**/{name}_*.urdf"))
+            return found[0] if found else None
+    return None
