@@ -16,8 +16,8 @@ _SURE = 5.0
 
 
 def check_carried(robot: RobotModel, recording: Recording) -> list[Problem]:
-    """A problem for each thing that the online estimation believes was carried for a part of the recording, where it believes that
-    nothing was in another part. What is carried all the time can't be told from the last link."""
+    """A problem for each thing that the online estimation believes was carried for a part of the recording, where nothing was in
+    another part. What is carried all the time can't be told from the last link."""
     gravity = tuple(map(float, robot.gravity))
     try:
         estimation = OnlineEstimation(robot, OnlineSettings(joint_names=robot.joint_names, gravity=gravity))
