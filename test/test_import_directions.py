@@ -42,7 +42,7 @@ ONLY = {"estimators": {"exceptions", "sample"}}
 ROS = ("rclpy", "ament_index_python", "builtin_interfaces", "rcl_interfaces", "launch", "launch_ros")
 CONFINED = {
     **{package: {"nodes"} for package in ROS},
-    "mujoco": {"simulation"},
+    "mujoco": {"robot", "simulation"},
     "pybullet": {"simulation", "nodes"},
     "pybullet_data": {"simulation", "nodes"},
     "pybullet_utils": {"simulation", "nodes"},

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numba import njit
 
 from sysid_ros.exceptions import RobotModelError
-from sysid_ros.robot.urdf import lock_joints, read_urdf
+from sysid_ros.robot.urdf import lock_joints, read_urdf, stated_armatures
 from sysid_ros.sample import FloatArray
 
 
@@ -98,11 +98,10 @@ class RobotModel:
         locked = [name for name in full.names[1:] if name not in wanted]
         reduced = pin.buildModelFromXML(lock_joints(prepared, locked)) if locked else full
         reduced.gravity.linear = np.asarray(gravity, dtype=float)
-        notes = []
-        if plain := [name for name in locked if name not in mimic]:
-            notes.append(f"Joints of the URDF that are not used are locked at 0: {', '.join(plain)}.")
-        if mimics := [name for name in locked if name in mimic]:
-            notes.append(f"Mimic joints are locked at 0: {', '.join(mimics)}.")
+        reduced.armature = stated_armatures(urdf, list(reduced.names)[1:])
+        kinds = {"Joints of the URDF that are not used": set(locked) - mimic, "Mimic joints": set(locked) & mimic}
+        listed = {what: [name for name in locked if name in some] for what, some in kinds.items()}
+        notes = [f"{what} are locked at 0: {', '.join(some)}." for what, some in listed.items() if some]
         return cls(reduced, urdf, notes, types)
 
     @classmethod

@@ -5,7 +5,10 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Sequence
 
+import numpy as np
+
 from sysid_ros.exceptions import RobotModelError
+from sysid_ros.sample import FloatArray
 
 _MOVABLE = ("revolute", "continuous", "prismatic")
 
@@ -48,6 +51,14 @@ def read_urdf(urdf: str, keep: Sequence[str] = ()) -> tuple[dict[str, str], set[
             for element in link.findall(tag):
                 link.remove(element)
     return types, mimic, ElementTree.tostring(root, encoding="unicode")
+
+
+def stated_armatures(urdf: str, names: Sequence[str]) -> FloatArray:
+    """Rotor inertia of each joint, shape (n,) [kg m^2]: the attribute ``armature`` of ``<dynamics>``, which a URDF made of
+    an MJCF has; 0 where there is none."""
+    joints = {str(joint.get("name")): joint.find("dynamics") for joint in ElementTree.fromstring(urdf).findall("joint")}
+    found = [joints.get(name) for name in names]
+    return np.array([0.0 if dynamics is None else float(dynamics.get("armature", 0.0)) for dynamics in found])
 
 
 def lock_joints(urdf: str, names: Collection[str]) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from sysid_ros.exceptions import RobotModelError
+from sysid_ros.robot.mjcf import is_mjcf, urdf_of_mjcf
 from sysid_ros.sample import JointStateRecord
 
 
@@ -69,7 +70,8 @@ class MemorySource:
 
 
 def urdf_text(urdf_path: str | Path | None, source: Source | None = None) -> str:
-    """The URDF's text from ``urdf_path``, else from the ``/robot_description`` that was recorded with the data.
+    """The URDF's text from ``urdf_path``, else from the ``/robot_description`` that was recorded with the data. An MJCF gives
+    what :func:`.urdf_of_mjcf` makes of it.
 
     Raises:
         RobotModelError: there is no such file, it is not text, or neither of the two gives a URDF.
@@ -90,6 +92,8 @@ def urdf_text(urdf_path: str | Path | None, source: Source | None = None) -> str
         raise RobotModelError(
             f"URDF '{path}' can't be read as text: {error}. Give the path of the robot's .urdf file."
         ) from error
+    if is_mjcf(text):
+        return urdf_of_mjcf(path)
     if "<xacro:" in text or path.suffix == ".xacro":
         raise RobotModelError(f"URDF '{path}' is a xacro file. Expand it first: xacro {path.name} > robot.urdf")
     return text

@@ -1,0 +1,140 @@
+"""urdf_of_mjcf: a robot that is described for MuJoCo, as a URDF of the same bodies, joints and joint dynamics."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from sysid_ros.exceptions import RobotModelError
+from sysid_ros.sample import FloatArray
+
+_FREE, _BALL, _SLIDE = 0, 1, 2
+"""Types of joints in MuJoCo, beside the hinge."""
+
+
+def is_mjcf(text: str) -> bool:
+    """Whether a text describes a robot for MuJoCo."""
+    return "<mujoco" in text[:4000]
+
+
+def urdf_of_mjcf(path: Path) -> str:
+    """The URDF of the robot in an MJCF, as MuJoCo itself reads it.
+
+    Bodies keep their names, inertials and frames; a hinge or slide away from its body's origin gets a frame of its own.
+    ``damping`` and ``frictionloss`` become ``<dynamics>``, ``armature`` its attribute of that name, which URDFs do not have and
+    this package reads. A free joint is left out: its body is the root, as of a robot on legs. Shapes are left out.
+
+    Raises:
+        RobotModelError: MuJoCo is not installed or can't read the file, or it has ball joints.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        raise RobotModelError(f"'{path}' is an MJCF, which MuJoCo reads: pip install 'sysid_ros[mujoco]'.") from None
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise RobotModelError(f"MuJoCo can't read '{path}': {error}.") from None
+    if np.any(model.jnt_type == _BALL):
+        raise RobotModelError(f"'{path}' has ball joints; only hinges and slides can be estimated.")
+    root = ElementTree.Element("robot", name=bytes(model.names).split(b"\0", 1)[0].decode(errors="replace") or path.stem)
+    ElementTree.SubElement(root, "link", name="world")
+    shifts = {0: np.zeros(3)}
+    links = {0: "world"}
+    for body in range(1, model.nbody):
+        links[body], shifts[body] = _body(root, model, body, links[int(model.body_parentid[body])], shifts)
+    _without_free_base(root)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _body(root: ElementTree.Element, model: Any, body: int, parent: str, shifts: dict[int, FloatArray]) -> tuple[str, FloatArray]:
+    """Add a body with its joints; its link, and where its origin is in that."""
+    name = model.body(body).name or f"body_{body}"
+    first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+    rotation = pin.Quaternion(*model.body_quat[body].tolist()).toRotationMatrix()
+    at = shifts[int(model.body_parentid[body])] + model.body_pos[body]
+    behind: FloatArray = np.zeros(3)  # the body's origin in the frame that the next joint starts from
+    link = parent
+    for k in range(first, first + count):
+        joint = model.joint(k)
+        own = name if k == first + count - 1 else f"{name}_before_{model.joint(k + 1).name or k + 1}"
+        free = int(model.jnt_type[k]) == _FREE
+        place = np.zeros(3) if free else np.array(model.jnt_pos[k])
+        _joint(root, model, k, joint.name or f"joint_{k}", link, own, at + rotation @ (behind + place), rotation)
+        link, at, rotation, behind = own, np.zeros(3), np.eye(3), -place
+    if count == 0:
+        _joint(root, model, -1, f"{name}_fixed", parent, name, at, rotation)
+        behind = np.zeros(3)
+    last = ElementTree.SubElement(root, "link", name=name)
+    _inertial(last, model, body, behind)
+    for k in range(first, first + count - 1):
+        ElementTree.SubElement(root, "link", name=f"{name}_before_{model.joint(k + 1).name or k + 1}")
+    return name, behind
+
+
+def _joint(
+    root: ElementTree.Element, model: Any, k: int, name: str, parent: str, child: str, at: FloatArray, rotation: FloatArray
+) -> None:
+    kind = "fixed" if k < 0 else {_FREE: "floating", _SLIDE: "prismatic"}.get(int(model.jnt_type[k]), "revolute")
+    limited = k >= 0 and bool(model.jnt_limited[k])
+    if kind == "revolute" and not limited:
+        kind = "continuous"
+    element = ElementTree.SubElement(root, "joint", name=name, type=kind)
+    _origin(element, at, rotation)
+    ElementTree.SubElement(element, "parent", link=parent)
+    ElementTree.SubElement(element, "child", link=child)
+    if kind in ("fixed", "floating"):
+        return
+    ElementTree.SubElement(element, "axis", xyz=_words(model.jnt_axis[k]))
+    low, high = model.jnt_range[k] if limited else (-1e6, 1e6)
+    bounds = {} if kind == "continuous" else {"lower": repr(float(low)), "upper": repr(float(high))}
+    ElementTree.SubElement(element, "limit", {**bounds, "effort": repr(_effort(model, k)), "velocity": "0"})
+    dof = int(model.jnt_dofadr[k])
+    values = {"damping": model.dof_damping, "friction": model.dof_frictionloss, "armature": model.dof_armature}
+    ElementTree.SubElement(element, "dynamics", {word: repr(float(x[dof])) for word, x in values.items()})
+
+
+def _effort(model: Any, k: int) -> float:
+    """Largest effort of a joint; 0 where nothing limits it."""
+    found = [float(np.abs(model.jnt_actfrcrange[k]).max())] if model.jnt_actfrclimited[k] else []
+    for a in range(model.nu):
+        if model.actuator_forcelimited[a] and int(model.actuator_trnid[a, 0]) == k and int(model.actuator_trntype[a]) in (0, 1):
+            found.append(float(np.abs(model.actuator_forcerange[a] * model.actuator_gear[a, 0]).max()))
+    return min(found, default=0.0)
+
+
+def _inertial(link: ElementTree.Element, model: Any, body: int, behind: FloatArray) -> None:
+    mass = float(model.body_mass[body])
+    if mass <= 0.0:
+        return
+    element = ElementTree.SubElement(link, "inertial")
+    turned = pin.Quaternion(*model.body_iquat[body].tolist()).toRotationMatrix()
+    tensor = turned @ np.diag(model.body_inertia[body]) @ turned.T
+    _origin(element, behind + model.body_ipos[body], np.eye(3))
+    ElementTree.SubElement(element, "mass", value=repr(mass))
+    entries = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+    ElementTree.SubElement(element, "inertia", {key: repr(float(tensor[ij])) for key, ij in entries.items()})
+
+
+def _without_free_base(root: ElementTree.Element) -> None:
+    """A body that floats is the root itself."""
+    free = [joint for joint in root.findall("joint") if joint.get("type") == "floating"]
+    if len(free) != 1:
+        return
+    parents = {j.find("child").get("link"): j for j in root.findall("joint")}  # type: ignore[union-attr]
+    if sum(j.find("parent").get("link") == "world" for j in parents.values()) == 1:  # type: ignore[union-attr]
+        root.remove(free[0])
+        root.remove(next(link for link in root.findall("link") if link.get("name") == "world"))
+
+
+def _origin(element: ElementTree.Element, at: FloatArray, rotation: FloatArray) -> None:
+    ElementTree.SubElement(element, "origin", xyz=_words(at), rpy=_words(pin.rpy.matrixToRpy(np.asarray(rotation))))
+
+
+def _words(values: Any) -> str:
+    return " ".join(repr(float(x)) for x in values)
