@@ -20,6 +20,8 @@ COMMANDS = {
     "excite": ("sysid_ros.cli.excite", "Find the motion that tells most about an arm."),
     "diagnose": ("sysid_ros.cli.diagnose", "Find what a robot's model gets wrong, why, and what it costs."),
     "frequency": ("sysid_ros.cli.frequency", "Up to what frequency a model holds, and what it misses beyond."),
+    "export": ("sysid_ros.cli.export", "Write an identified model for a simulator."),
+    "doctor": ("sysid_ros.cli.doctor", "What is installed, what works, what to do."),
     "control": ("sysid_ros.cli.control", "Compare control laws on an arm that picks up an unknown payload."),
 }
 """Name of each sub-command: the module that exposes it as ``command``, and the sentence of the overview."""

@@ -45,6 +45,7 @@ def numbers(ctx: click.Context, param: click.Parameter, value: str | None) -> tu
 BAGS = click.argument("bags", type=PATH, nargs=-1, required=True, metavar="BAG...")
 COLUMNS = path("--columns", "columns_path", metavar="YAML", help="Which columns of a table are which; else guessed, and shown.")
 CONFIG = path("--config", "config_path", help="Parameters of the node (effort_scale, joint_names, ...), a ROS 2 YAML file.")
+FORCE = click.option("--force", is_flag=True, help="Overwrite files that are there.")
 JOINT_NAMES = click.option(
     "--joint-names", multiple=True, metavar="NAME...", help="Joints that move; others are locked at 0.  [default: all]"
 )

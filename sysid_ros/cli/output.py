@@ -6,7 +6,7 @@ import json
 import shlex
 import sys
 import threading
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
@@ -58,6 +58,21 @@ def require_folders(**paths: Path | None) -> None:
         if path is not None and not path.parent.is_dir():
             option = "--" + name.replace("_", "-")
             raise SettingsError(f"{option} is '{path}', but the folder '{path.parent}' does not exist. Create it first.")
+
+
+def require_new(paths: Iterable[Path | None], force: bool) -> None:
+    """Check, before the work, that no result of before is overwritten.
+
+    Raises:
+        SettingsError: a folder does not exist, or a file does and ``force`` is not given.
+    """
+    for path in paths:
+        if path is None:
+            continue
+        if not path.parent.is_dir():
+            raise SettingsError(f"The folder '{path.parent}' of '{path.name}' does not exist. Create it first.")
+        if path.exists() and not force:
+            raise SettingsError(f"'{path}' exists already and is not overwritten. Choose another name, or give --force.")
 
 
 def command_line() -> str:
