@@ -259,6 +259,30 @@ def test_the_estimate_is_a_value(make: Factory) -> None:
     assert not np.any(estimator.theta == 7.0)
 
 
+def test_noise_of_the_regressors_is_compensated() -> None:
+    """Noise that is in Y and in the rows looks like information, and draws the estimate to where it hides in the noise."""
+    rng = np.random.default_rng(0)
+    prior_std, floor, spread, count = np.array([2.0, 2.0]), np.full(2, 0.05**2), 0.02, 4000
+    truth, hidden = np.array([0.5, -0.3]), np.array([[3.0, 0.5], [0.2, 1.0]])  # what a unit of each source does to the rows
+    columns = np.array([[[1.0, 0.2], [0.3, 0.5]], [[0.1, 0.7], [0.2, 1.0]]])  # and to Y, a source each
+    slow = smooth_rows(rng, count, 2, 2, highest=0.05) * 0.05
+    found = {}
+    for compensated in (False, True):
+        estimator = make_variable(prior_std, floor)
+        for k in range(count):
+            noise = spread * np.random.default_rng([1, k]).normal(size=2)
+            Y = slow[k] + np.einsum("s,smp->mp", noise, columns)
+            tau = slow[k] @ truth - noise @ hidden + 0.05 * np.random.default_rng([2, k]).normal(size=2)
+            estimator.update(Y, tau)
+            if compensated and k % 10 == 9:
+                size = spread * np.sqrt(10.0)
+                estimator.compensate((size * columns, -size * hidden, np.zeros((2, 2, 0))), False, None)
+                assert_positive_definite(estimator.covariance())
+        found[compensated] = np.abs(estimator.theta - truth) / np.sqrt(estimator.covariance().diagonal())
+    assert found[False].max() > 5.0
+    assert found[True].max() < 3.0
+
+
 @every_estimator
 def test_hold_changes_nothing(make: Factory) -> None:
     Y, tau, _ = problem()

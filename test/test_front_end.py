@@ -77,6 +77,38 @@ def test_rows_are_values() -> None:
     assert not np.array_equal(first[0].Y, first[-1].Y)
 
 
+@pytest.mark.parametrize("rate", [250.0, 1000.0])
+def test_the_first_rows_hold_nothing_of_a_noisy_first_acceleration(rate: float) -> None:
+    """A second difference of noisy positions is off by hundreds of rad/s^2, which only cancels with those that follow."""
+    model, rng = robot("iiwa"), np.random.default_rng(0)
+    front_end = FrontEnd(TorqueModel(model, [Payload(model)]), 1.0 / rate, 100.0, noise=5e-4)
+    still = np.array(0.3 * np.arange(model.n))
+    torque = model.gravity_torque(still)
+    stream = [Measurement(1.0 + k / rate, still + 5e-4 * rng.normal(size=model.n), None, torque) for k in range(int(2.0 * rate))]
+    rows = rows_of(front_end, stream)
+    assert len(rows) > 80
+    left = np.array([row.y for row in rows])
+    assert np.abs(left[:20]).max() < 3.0 * np.abs(left[60:]).max()
+
+
+def test_what_the_noise_of_accelerations_does_to_the_rows_is_told() -> None:
+    model, rng = robot("iiwa"), np.random.default_rng(0)
+    front_end = FrontEnd(TorqueModel(model, [Payload(model)]), 1e-3, 100.0, noise=2e-4)
+    still, none = np.array(0.3 * np.arange(model.n)), np.zeros(model.n)
+    torque = model.gravity_torque(still)
+    stream = [Measurement(1.0 + 1e-3 * k, still + 2e-4 * rng.normal(size=model.n), None, torque) for k in range(40_000)]
+    rows = rows_of(front_end, stream)
+    told = [row.noise for row in rows if row.noise is not None]
+    assert len(rows) / 11 < len(told) < len(rows) / 9
+    Y, tau, _ = told[-1]
+    at_rest = model.payload_regressor(still, none, none, model.frame_id(model.default_frame))
+    seen_Y = sum(((row.Y - at_rest)[:, :4].T @ (row.Y - at_rest)[:, :4] for row in rows), np.zeros((4, 4))) / len(rows)
+    seen_tau = np.mean([row.y**2 for row in rows], axis=0)
+    expected_Y = np.einsum("kmp,kmq->pq", Y[:, :, :4], Y[:, :, :4]) / 10.0
+    np.testing.assert_allclose(np.sqrt(seen_Y.diagonal()[1:4]), np.sqrt(expected_Y.diagonal()[1:4]), rtol=0.35)
+    np.testing.assert_allclose(np.sqrt(seen_tau), np.sqrt((tau**2).sum(axis=0) / 10.0), rtol=0.35)
+
+
 def test_links_that_are_free_leave_all_of_the_torque() -> None:
     model = robot("small_arm")
     links = LinkInertia(model)

@@ -12,6 +12,8 @@ from sysid_ros.estimators import kernels
 from sysid_ros.estimators.jump_search import JumpRule
 from sysid_ros.sample import FloatArray
 
+Noise = tuple[FloatArray, FloatArray, FloatArray] | None
+"""As of :meth:`Estimator.compensate`."""
 STATUSES = ("warming_up", "ok", "not_excited", "outlier", "not_finite")
 
 
@@ -159,6 +161,16 @@ class Estimator(ABC):
                 times as much.
             considered: Z, shape (m, c), where z ~ N(0, 1) is an error of what is taken as known. It is not estimated, but what it
                 does to theta is in the covariance.
+        """
+
+    def compensate(self, noise: Noise, hold: bool, extra_variance: FloatArray | None) -> None:  # noqa: B027
+        """Take out what errors of the regressors have brought in since the last time. ``Y + Y_n``, where the noise ``Y_n`` is
+        that of the rows too, looks like information, and draws theta towards what makes the noise small (errors in variables; the
+        bias is compensated as by Stoica, Soderstrom 1982). Here nothing, as of an estimator that lives with it.
+
+        Args:
+            noise: one standard deviation of each of k sources of it, in Y, shape (k, m, p), tau (k, m) and Z (k, m, c), or None.
+            hold, extra_variance: as of :meth:`update`, for the rows that it was in.
         """
 
     def _fit_considered(self, considered: FloatArray | None) -> FloatArray:

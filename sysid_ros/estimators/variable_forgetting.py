@@ -7,17 +7,12 @@ from typing import ClassVar
 import numpy as np
 
 from sysid_ros.estimators import kernels, variable_update
-from sysid_ros.estimators.estimator import Estimate, Estimator, Problem
+from sysid_ros.estimators.estimator import Estimate, Estimator, Noise, Problem
 from sysid_ros.estimators.jump_search import JumpSearch
 from sysid_ros.estimators.long_run_variance import BlockInnovations, LongRunVariance
 from sysid_ros.estimators.row_sums import RowSums
-from sysid_ros.estimators.variable_update import BLOCK_FULL, BROKEN_DOWN, NOT_ORDINARY, TAKEN_IN
+from sysid_ros.estimators.variable_update import BLOCK_FULL, BROKEN_DOWN, NOT_ORDINARY, SAID, TAKEN_IN
 from sysid_ros.sample import FloatArray
-
-_NOT_FINITE = "the rows hold values that are not finite, or absurd"
-_UNKNOWN_NOISE = "the noise of the torques is not known yet"
-_JUMPED = "the parameters have just jumped"
-_BROKEN_DOWN = "the recursion broke down and started again"
 
 
 class VariableForgetting(Estimator):
@@ -76,8 +71,7 @@ class VariableForgetting(Estimator):
         self._blocks = BlockInnovations(self.noise.lengths, self.m, self.p)
         self._sums = RowSums(self._prior_variance, self.m)
         self._search = JumpSearch(self._jump, self._prior_variance)
-        self._early: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-        self._early_jump = False
+        self._early, self._early_jump = list[tuple[FloatArray, FloatArray, FloatArray]](), False
         self._kept: tuple[FloatArray, ...] = ()
         self.before_jump = self.last_jump = np.zeros(self._jump.least.size)
 
@@ -107,13 +101,13 @@ class VariableForgetting(Estimator):
             if self._is_idle(Y, innovation, extra, z, hold):
                 return self._estimate(innovation, "not_excited", "nothing excites the parameters; the estimate is held")
             if self.jumps != jumps and self._jump.memory == 0.0:
-                return self._estimate(innovation, "warming_up", _JUMPED)
+                return self._estimate(innovation, "warming_up", SAID.jumped)
             outlier = z > self.THRESHOLD and not self._settling
             done = self._take_in(Y, tau, extra, Z, innovation, np.inf, z if outlier else 1.0)
         if done == BROKEN_DOWN:
             self.reset()
         if done not in (TAKEN_IN, BLOCK_FULL):
-            return self._estimate(innovation, "not_finite", _BROKEN_DOWN if done == BROKEN_DOWN else _NOT_FINITE)
+            return self._estimate(innovation, "not_finite", SAID.broken_down if done == BROKEN_DOWN else SAID.not_finite)
         if self._settling:
             self._settle()
         if not self.noise.known:
@@ -129,7 +123,13 @@ class VariableForgetting(Estimator):
             return self._estimate(innovation, "outlier", "the torques do not fit the estimate; they were given less weight")
         if self.noise.known and not self._settling:
             return self._estimate(innovation, "ok", "")
-        return self._estimate(innovation, "warming_up", _JUMPED if self.noise.known else _UNKNOWN_NOISE)
+        return self._estimate(innovation, "warming_up", SAID.jumped if self.noise.known else SAID.unknown_noise)
+
+    def compensate(self, noise: Noise, hold: bool, extra_variance: FloatArray | None) -> None:
+        if noise is not None and not hold:
+            level = self._levels[variable_update.NOISE]
+            variance = level if extra_variance is None else level + self._colour * extra_variance
+            variable_update.remove(*noise, variance, level, self._theta, self._P, self._sensitivity, self._sums.rows)
 
     def _is_idle(self, Y: FloatArray, innovation: FloatArray, extra: FloatArray, z: float, hold: bool) -> bool:
         """Look for a jump; True where nothing excites the parameters and none has just been found, so that the rows are left."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -20,6 +20,17 @@ TAKEN_IN, BLOCK_FULL, NOT_ORDINARY, NOT_USABLE, BROKEN_DOWN = range(5)
 not finite or absurd; or it took them in, and theta is not finite any more."""
 SPREAD, NOISE, FLOOR = range(3)
 """Rows of ``levels``, shape (3, m): total variance of the innovations, variance that weighs a row, and the least of both."""
+
+
+class _Said(NamedTuple):
+    not_finite: str = "the rows hold values that are not finite, or absurd"
+    unknown_noise: str = "the noise of the torques is not known yet"
+    jumped: str = "the parameters have just jumped"
+    broken_down: str = "the recursion broke down and started again"
+
+
+SAID: Final = _Said()
+"""Reasons of a status."""
 FILLED, LENGTH = range(2)
 """Rows of ``progress``, shape (2, number of lengths): updates in each block so far, and in a full one."""
 
@@ -152,3 +163,61 @@ def take_in(
         if not np.isfinite(theta[a]):
             return BROKEN_DOWN
     return BLOCK_FULL if full else TAKEN_IN
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def remove(
+    Y: FloatArray,
+    tau: FloatArray,
+    Z: FloatArray,
+    variance: FloatArray,
+    level: FloatArray,
+    theta: FloatArray,
+    P: FloatArray,
+    S: FloatArray,
+    sums: FloatArray,
+) -> None:
+    """Take out of P, theta, S and the sums what rows ``Y[k], tau[k], Z[k]`` would have brought in, k sets of m rows of this
+    ``variance``: :func:`joseph_update_considering` with a negative one. Never more than half of what is known in a direction.
+
+    Args:
+        Y: shape (k, m, p). tau: (k, m). Z: (k, m, c). variance, level: of each row, and the part of it that is noise, (m,).
+        theta, P, S: as in :func:`joseph_update_considering`. sums: as ``rows`` in :func:`accumulate_row_sums`.
+    """
+    p, c = S.shape
+    projected, carried = np.empty(p), np.empty(c)
+    for k in range(Y.shape[0]):
+        for i in range(Y.shape[1]):
+            y = Y[k, i]
+            projected[:] = 0.0
+            innovation, square = tau[k, i], 0.0
+            for b in range(p):
+                if y[b] != 0.0:
+                    for a in range(p):
+                        projected[a] += P[b, a] * y[b]
+            for a in range(p):
+                square += projected[a] * y[a]
+                innovation -= y[a] * theta[a]
+            carried[:] = Z[k, i]
+            for a in range(p):
+                if y[a] != 0.0:
+                    for b in range(c):
+                        carried[b] += y[a] * S[a, b]
+            r = max(variance[i], 2.0 * square)
+            s = square - r
+            for a in range(p):
+                g = projected[a] / s
+                theta[a] += g * innovation
+                for b in range(c):
+                    S[a, b] -= g * carried[b]
+            for a in range(p):
+                for b in range(p):
+                    P[a, b] -= projected[a] * projected[b] / s
+            weight = level[i] / r
+            for a in range(p):
+                if y[a] != 0.0:
+                    for b in range(p):
+                        sums[i, a, b] -= weight * y[a] * y[b]
+                    sums[i, a, p] -= weight * y[a] * tau[k, i]
+                    for b in range(c):
+                        sums[i, a, p + 1 + b] -= weight * y[a] * Z[k, i, b]

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid_ros.estimators.estimator import Estimate, Estimator, Problem
+from sysid_ros.estimators.estimator import Estimate, Estimator, Noise, Problem
 from sysid_ros.estimators.jump_search import JumpSearch
 from sysid_ros.estimators.variable_forgetting import VariableForgetting
 from sysid_ros.sample import FloatArray
@@ -53,6 +53,10 @@ class WatchedEstimator(Estimator):
     def shift(self, where: slice, by: FloatArray) -> None:
         self._inner.shift(where, by)
         self._watch.shift(where, by)
+
+    def compensate(self, noise: Noise, hold: bool, extra_variance: FloatArray | None) -> None:
+        self._inner.compensate(noise, hold, extra_variance)
+        self._watch.compensate(noise, hold, extra_variance)
 
     def fix(self, where: slice, std: float) -> None:
         self._inner.fix(where, std)

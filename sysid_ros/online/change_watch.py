@@ -50,6 +50,7 @@ class ChangeWatch:
             known, jumps = estimator.noise_known, estimator.jumps
             extra = self._free.extra_variance(rows, estimator, front_end.passed)
             estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
+            estimator.compensate(rows.noise, hold, extra)
             if estimator.jumps != jumps or estimator.misfits:
                 estimate = self.changed(rows, hold, estimator, front_end, estimate, estimator.jumps != jumps, known)
         return self._follow(self.trial, rows.sample.t, hold, estimator, front_end), estimate
@@ -110,6 +111,7 @@ class ChangeWatch:
         for rows in since:
             extra = self._free.extra_variance(rows, estimator, front_end.passed)
             estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
+            estimator.compensate(rows.noise, hold, extra)
         return t, estimate
 
     def _follow(self, trial: ChangeTrial, t: float, hold: bool, estimator: Estimator, front_end: FrontEnd) -> Estimator:

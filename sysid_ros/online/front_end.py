@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
+from sysid_ros.estimators.estimator import Noise
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.stance_log import StanceLog
 from sysid_ros.floating.trunk_rows import TrunkRows
@@ -14,7 +15,7 @@ from sysid_ros.online.row_history import RowHistory
 from sysid_ros.online.rows import Rows
 from sysid_ros.sample import FloatArray, Measurement, Sample
 from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank, fill_beside
-from sysid_ros.signals.cutoff import default_cutoff, position_noise, window_half_width
+from sysid_ros.signals.cutoff import acceleration_variance, default_cutoff, position_noise, window_half_width
 from sysid_ros.signals.floating_derivative import FloatingDerivative
 from sysid_ros.torque.compiled_rows import BESIDE
 from sysid_ros.torque.torque_model import TorqueModel
@@ -31,6 +32,8 @@ _FINER = 0.8
 """A cut-off that is right below so much of the one at work takes its place."""
 _FILLED = 0.98
 """Part of the low-pass above which it counts as filled."""
+_NOISE_EVERY = 10
+"""Rows after which what the noise of the accelerations does to them is looked at again."""
 _LONGEST_FILL = 10.5
 """Longest step that is interpolated over [periods]."""
 
@@ -95,6 +98,7 @@ class ArmRows:
 
     Attributes:
         derivative: what makes samples of measurements. bank: the low-pass. rows: of an update.
+        noise: standard deviation of the positions' white noise [rad].
     """
 
     def __init__(self, model: TorqueModel, cutoff_hz: float, period: float, every: int, use_message_velocity: bool) -> None:
@@ -105,7 +109,10 @@ class ArmRows:
         self.bank = LowPassBank(self._compiled.empty.shape, cutoff_hz, rate)
         self._history = RowHistory(self._compiled.empty, model.slices[0], period, self.bank)
         self._filling, self._fresh = round(self.bank.memory / (every * period)), 0
-        self._rising = -1
+        self._rising = 0
+        self.bank.rest()  # primed with a first acceleration, a second difference, it would hold that one's noise for long
+        self.noise, self._since = 0.0, 0
+        self._pushed, self._still = np.tile(self._compiled.empty, (n, 1, 1)), self._compiled.empty.copy()
         self._tick = -max(round(2.0 * self.bank.memory * rate), every)
 
     def push(self, measurement: Measurement) -> list[Rows]:
@@ -149,9 +156,21 @@ class ArmRows:
         filled = _split(out, p, Y, beside, considered)
         self._fresh = self._filling if filled < _FILLED else max(self._fresh - 1, 0)
         y, speed, slow, acceleration, tau = beside
-        rows = Rows(Y, y, speed, slow, acceleration, tau, considered, sample, fresh=self._fresh > 0)
+        self._since = (self._since + 1) % _NOISE_EVERY
+        noise = self._noise(sample) if self._since == 0 and self.noise > 0.0 else None
+        rows = Rows(Y, y, speed, slow, acceleration, tau, considered, sample, fresh=self._fresh > 0, noise=noise)
         self._history.updates.append((rows.Y, rows.y))
         return rows
+
+    def _noise(self, sample: Sample) -> Noise:
+        """What a standard deviation of each joint's acceleration does to the rows, times the root of how many there were."""
+        variance = _NOISE_EVERY * acceleration_variance(1.0 / self.derivative.period, self.noise, self.bank.cutoff_hz)
+        p, zero = self._p, np.zeros(self.rows)
+        self._compiled.fill(sample.t, sample.q, zero, zero, zero, self._still)
+        for pushed, unit in zip(self._pushed, np.sqrt(variance) * np.eye(self.rows), strict=True):
+            self._compiled.fill(sample.t, sample.q, zero, unit, zero, pushed)
+        moved = self._pushed - self._still
+        return np.ascontiguousarray(moved[:, :, :p]), moved[:, :, p].copy(), np.ascontiguousarray(moved[:, :, p + BESIDE :])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
@@ -219,6 +238,7 @@ class FrontEnd:
         self._arm: ArmRows | None = None
         if base is None:
             self._arm = ArmRows(model, cutoff, period, self._every, use_message_velocity)
+            self._arm.noise = noise
             self.derivative: CausalDerivative | FloatingDerivative = self._arm.derivative
             bank, self.rows, self.projection = self._arm.bank, self._arm.rows, None
         else:
@@ -236,11 +256,12 @@ class FrontEnd:
 
     def push(self, measurement: Measurement) -> list[Rows]:
         """Rows that are due: none while the filters fill and between updates, seldom more than one."""
-        if self._adapts:
+        if self._arm is not None:
             self._positions.append(measurement.q)
             if len(self._positions) == _CHECK_EVERY:
                 self.noise, self._positions = position_noise(np.array(self._positions)), []
-                self.too_fast = default_cutoff(self.rate, self.noise) < _FINER * self._cutoff
+                self.too_fast = self._adapts and default_cutoff(self.rate, self.noise) < _FINER * self._cutoff
+                self._arm.noise = self.noise
         if self._arm is not None:
             return self._arm.push(measurement)
         assert self._trunk is not None

@@ -207,6 +207,7 @@ class OnlineEstimation:
             elif friction is not None:  # the same in fewer steps
                 extra = friction.hidden_variance(rows.slow, rows.speed, *estimator.marginal(self._free.friction_slice))
             estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
+            estimator.compensate(rows.noise, hold, extra)
             jumped = estimator.jumps != jumps
             if estimate.status != "not_finite" and (jumped or estimator.misfits):
                 estimate = self._changes.changed(rows, hold, estimator, front_end, estimate, jumped, known)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from sysid_ros.estimators.estimator import Noise
 from sysid_ros.sample import FloatArray, Sample
 
 
@@ -21,6 +22,8 @@ class Rows:
         considered: torque of the errors of what is known, shape (n, c) [N m], see :class:`.known_effect.KnownError`.
         sample: the newest sample that went in, not filtered.
         fresh: True where the low-pass has not been filled for long, as after a change.
+        noise: what the noise of the accelerations has done to Y, y and considered, as of :meth:`.Estimator.compensate`, over rows
+            since the last with one.
         trust: part of the row from when the feet of a floating base carried it, 0 to 1; 1 on an arm.
     """
 
@@ -33,4 +36,5 @@ class Rows:
     considered: FloatArray
     sample: Sample
     trust: float = 1.0
+    noise: Noise = None
     fresh: bool = False

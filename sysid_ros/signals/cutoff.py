@@ -24,8 +24,13 @@ def default_cutoff(rate: float, noise: float = 0.0) -> float:
     cutoff = min(10.0, rate / 20.0)
     if noise <= 0.0:
         return cutoff
-    quiet = _ACCELERATION_NOISE**2 * rate / (2.0 * noise**2 * (2.0 * math.pi) ** 4 * 0.425)
+    quiet = _ACCELERATION_NOISE**2 / acceleration_variance(rate, noise, 1.0)
     return float(max(min(cutoff, quiet**0.2), _SLOWEST))
+
+
+def acceleration_variance(rate: float, noise: float, cutoff: float) -> float:
+    """Variance of what the low-pass passes of the second difference of positions with white ``noise`` [rad], [(rad/s^2)^2]."""
+    return float(2.0 * noise**2 / rate * (2.0 * math.pi) ** 4 * 0.425 * cutoff**5)
 
 
 def position_noise(q: FloatArray) -> float:
