@@ -104,9 +104,9 @@ def test_what_the_noise_of_accelerations_does_to_the_rows_is_told() -> None:
     at_rest = model.payload_regressor(still, none, none, model.frame_id(model.default_frame))
     seen_Y = sum(((row.Y - at_rest)[:, :4].T @ (row.Y - at_rest)[:, :4] for row in rows), np.zeros((4, 4))) / len(rows)
     seen_tau = np.mean([row.y**2 for row in rows], axis=0)
-    expected_Y = np.einsum("kmp,kmq->pq", Y[:, :, :4], Y[:, :, :4]) / 10.0
+    expected_Y = np.einsum("kmp,kmq->pq", Y[:, :, :4], Y[:, :, :4])
     np.testing.assert_allclose(np.sqrt(seen_Y.diagonal()[1:4]), np.sqrt(expected_Y.diagonal()[1:4]), rtol=0.35)
-    np.testing.assert_allclose(np.sqrt(seen_tau), np.sqrt((tau**2).sum(axis=0) / 10.0), rtol=0.35)
+    np.testing.assert_allclose(np.sqrt(seen_tau), np.sqrt((tau**2).sum(axis=0)), rtol=0.35)
 
 
 def test_links_that_are_free_leave_all_of_the_torque() -> None:

@@ -169,7 +169,7 @@ class Estimator(ABC):
         bias is compensated as by Stoica, Soderstrom 1982). Here nothing, as of an estimator that lives with it.
 
         Args:
-            noise: one standard deviation of each of k sources of it, in Y, shape (k, m, p), tau (k, m) and Z (k, m, c), or None.
+            noise: in a row, one standard deviation of each of k sources: in Y, shape (k, m, p), tau (k, m), Z (k, m, c); or None.
             hold, extra_variance: as of :meth:`update`, for the rows that it was in.
         """
 

@@ -7,6 +7,9 @@ from numba import njit
 
 from sysid_ros.sample import FloatArray
 
+_LEAST = 1e-3
+"""Information of a direction, over the prior's, below which there is none."""
+
 
 class RowSums:
     """``P^-1 = L + sum_i A_i / r_i`` and ``P^-1 theta = h + sum_i b_i / r_i``, with the noise r_i of row i left open.
@@ -49,7 +52,14 @@ class RowSums:
         total = self.known.copy()
         for weight, rows in zip(1.0 / variance, self.rows, strict=True):
             total += weight * rows
-        P = self._invert(total[:, :p], 1.0 / np.sqrt(self._prior_variance))
+        scale = np.sqrt(self._prior_variance)
+        values, vectors = np.linalg.eigh(total[:, :p] * np.outer(scale, scale))
+        if values[0] <= _LEAST:  # weighted like this, more was compensated than there is: there nothing is known but the prior
+            known = values > _LEAST
+            kept = vectors[:, known] @ vectors[:, known].T
+            scaled = (vectors * np.where(known, values, 1.0)) @ vectors.T / np.outer(scale, scale)
+            total = np.column_stack([scaled, (kept @ (total[:, p:] * scale[:, None])) / scale[:, None]])
+        P = self._invert(total[:, :p], 1.0 / scale)
         return P @ total[:, p].copy(), P, -P @ total[:, p + 1 :]
 
     @staticmethod

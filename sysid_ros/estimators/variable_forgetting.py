@@ -37,14 +37,9 @@ class VariableForgetting(Estimator):
     found_after: ClassVar[int] = JumpSearch.HITS
     THRESHOLD = 4.0
     FORGET_EVERY = 10
-    SPREAD_MEMORY = 10.0
-    """Time constant of the mean of squared residuals [s]."""
-    CLIP_AFTER = 0.5
-    """Time from which on a squared residual counts as :data:`.variable_update.MOST_SPREAD` times their mean at most [s]."""
-    SPREAD_ANEW = 0.2
-    """What the mean of squared residuals before a jump counts for after it [s]."""
-    INDEPENDENT = 0.1
-    """Time after which a coloured residual counts as a new one, in the first rows [s]."""
+    SPREAD_MEMORY, CLIP_AFTER, SPREAD_ANEW, INDEPENDENT = 10.0, 0.5, 0.2, 0.1
+    """Time constant of the mean of squared residuals; from when on one of them counts as :data:`.variable_update.MOST_SPREAD`
+    times their mean at most; what that mean counts for after a jump; after when a coloured residual is a new one at first [s]."""
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(len(problem.prior_std), len(problem.floor))
@@ -67,7 +62,7 @@ class VariableForgetting(Estimator):
         self._levels = np.stack([self._floor * self.noise.CAUTION, self._floor, self._part * self._floor])
         self.row_variance = self._levels[variable_update.SPREAD]
         self.noise_known, self.noise_variance = False, self.noise.variance
-        self._spread_count = self._updates = self._settling = self._burst = self.jumps = self.misfits = 0
+        self._spread_count = self._updates = self._settling = self._burst = self.jumps = self.misfits = self._taken = 0
         self._blocks = BlockInnovations(self.noise.lengths, self.m, self.p)
         self._sums = RowSums(self._prior_variance, self.m)
         self._search = JumpSearch(self._jump, self._prior_variance)
@@ -126,10 +121,12 @@ class VariableForgetting(Estimator):
         return self._estimate(innovation, "warming_up", SAID.jumped if self.noise.known else SAID.unknown_noise)
 
     def compensate(self, noise: Noise, hold: bool, extra_variance: FloatArray | None) -> None:
-        if noise is not None and not hold:
+        if noise is not None and self._taken > 0:
             level = self._levels[variable_update.NOISE]
-            variance = level if extra_variance is None else level + self._colour * extra_variance
-            variable_update.remove(*noise, variance, level, self._theta, self._P, self._sensitivity, self._sums.rows)
+            variance = (level if extra_variance is None else level + self._colour * extra_variance) / self._taken
+            state = self._prior_variance, self._theta, self._P, self._sensitivity, self._sums.rows
+            variable_update.remove(*noise, variance, level, *state)
+            self._taken = 0
 
     def _is_idle(self, Y: FloatArray, innovation: FloatArray, extra: FloatArray, z: float, hold: bool) -> bool:
         """Look for a jump; True where nothing excites the parameters and none has just been found, so that the rows are left."""
@@ -159,8 +156,9 @@ class VariableForgetting(Estimator):
             blocks.total, blocks.starts, blocks.known, blocks.progress,
             innovation, threshold, inflation, rate, count * self._period > self.CLIP_AFTER, self._colour,
         )  # fmt: skip
-        if rate > 0.0 and done in (TAKEN_IN, BLOCK_FULL):
-            self._spread_count += 1
+        if done in (TAKEN_IN, BLOCK_FULL):
+            self._spread_count += rate > 0.0
+            self._taken += inflation == 1.0
         return done
 
     def _consider(self, count: int) -> None:

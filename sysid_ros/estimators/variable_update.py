@@ -172,16 +172,19 @@ def remove(
     Z: FloatArray,
     variance: FloatArray,
     level: FloatArray,
+    prior_variance: FloatArray,
     theta: FloatArray,
     P: FloatArray,
     S: FloatArray,
     sums: FloatArray,
 ) -> None:
     """Take out of P, theta, S and the sums what rows ``Y[k], tau[k], Z[k]`` would have brought in, k sets of m rows of this
-    ``variance``: :func:`joseph_update_considering` with a negative one. Never more than half of what is known in a direction.
+    ``variance``: :func:`joseph_update_considering` with a negative one. Never more than half of what is known in the
+    direction of a row, nor more than what was not known before any data.
 
     Args:
         Y: shape (k, m, p). tau: (k, m). Z: (k, m, c). variance, level: of each row, and the part of it that is noise, (m,).
+        prior_variance: shape (p,).
         theta, P, S: as in :func:`joseph_update_considering`. sums: as ``rows`` in :func:`accumulate_row_sums`.
     """
     p, c = S.shape
@@ -190,8 +193,9 @@ def remove(
         for i in range(Y.shape[1]):
             y = Y[k, i]
             projected[:] = 0.0
-            innovation, square = tau[k, i], 0.0
+            innovation, square, before = tau[k, i], 0.0, 0.0
             for b in range(p):
+                before += prior_variance[b] * y[b] * y[b]
                 if y[b] != 0.0:
                     for a in range(p):
                         projected[a] += P[b, a] * y[b]
@@ -203,7 +207,9 @@ def remove(
                 if y[a] != 0.0:
                     for b in range(c):
                         carried[b] += y[a] * S[a, b]
-            r = max(variance[i], 2.0 * square)
+            if square >= before:
+                continue
+            r = max(variance[i], 2.0 * square, square * before / (before - square))
             s = square - r
             for a in range(p):
                 g = projected[a] / s

@@ -163,8 +163,8 @@ class ArmRows:
         return rows
 
     def _noise(self, sample: Sample) -> Noise:
-        """What a standard deviation of each joint's acceleration does to the rows, times the root of how many there were."""
-        variance = _NOISE_EVERY * acceleration_variance(1.0 / self.derivative.period, self.noise, self.bank.cutoff_hz)
+        """What a standard deviation of each joint's acceleration does to a row."""
+        variance = acceleration_variance(1.0 / self.derivative.period, self.noise, self.bank.cutoff_hz)
         p, zero = self._p, np.zeros(self.rows)
         self._compiled.fill(sample.t, sample.q, zero, zero, zero, self._still)
         for pushed, unit in zip(self._pushed, np.sqrt(variance) * np.eye(self.rows), strict=True):

@@ -22,8 +22,8 @@ class Rows:
         considered: torque of the errors of what is known, shape (n, c) [N m], see :class:`.known_effect.KnownError`.
         sample: the newest sample that went in, not filtered.
         fresh: True where the low-pass has not been filled for long, as after a change.
-        noise: what the noise of the accelerations has done to Y, y and considered, as of :meth:`.Estimator.compensate`, over rows
-            since the last with one.
+        noise: what the noise of the accelerations has done to Y, y and considered, as of :meth:`.Estimator.compensate`;
+            not of each row.
         trust: part of the row from when the feet of a floating base carried it, 0 to 1; 1 on an arm.
     """
 
