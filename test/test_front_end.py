@@ -91,6 +91,19 @@ def test_the_first_rows_hold_nothing_of_a_noisy_first_acceleration(rate: float) 
     assert np.abs(left[:20]).max() < 3.0 * np.abs(left[60:]).max()
 
 
+def test_a_change_right_after_a_rest_begins_with_all_there_is() -> None:
+    model = robot("iiwa")
+    front_end = FrontEnd(TorqueModel(model, [Payload(model)]), 1e-3, 100.0)
+    stream = measurements(Motion(model), 2.0, 1000.0, [])
+    rows_of(front_end, stream[:1500])
+    front_end.rest()
+    (row,) = rows_of(front_end, stream[1500:1510])
+    t, rows = front_end.since_change(np.zeros(10), np.ones(model.n), np.ones(10))
+    assert len(rows) == 1
+    assert t <= row.sample.t
+    np.testing.assert_allclose(rows[0].Y, row.Y, atol=1e-12)
+
+
 def test_what_the_noise_of_accelerations_does_to_the_rows_is_told() -> None:
     model, rng = robot("iiwa"), np.random.default_rng(0)
     front_end = FrontEnd(TorqueModel(model, [Payload(model)]), 1e-3, 100.0, noise=2e-4)

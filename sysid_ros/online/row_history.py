@@ -71,6 +71,8 @@ class RowHistory:
         e = np.array([y - Y @ theta for Y, y in rows])
         raw = np.ascontiguousarray(self._recent()[:, :, self._block])
         starts = np.arange(kept - _NEWEST * self._step, 0, -self._step)
+        if starts.size == 0:  # too little is kept to tell: all of it
+            return 0
         gains = np.empty(starts.size)
         for i, start in enumerate(starts):
             columns = _windowed(raw, self._sections, start, due)
