@@ -216,7 +216,6 @@ def remove(
                 theta[a] += g * innovation
                 for b in range(c):
                     S[a, b] -= g * carried[b]
-            for a in range(p):
                 for b in range(p):
                     P[a, b] -= projected[a] * projected[b] / s
             weight = level[i] / r
