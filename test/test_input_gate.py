@@ -299,6 +299,27 @@ def row_15_everything_stuck_at_speed() -> None:
     assert gate.counts.keys() == {"effort_stuck"}
 
 
+def row_15_nothing_of_what_is_stuck_enters() -> None:
+    records = motion(2.0)
+    last = records[100]
+    stuck = [replace(last, stamp=r.stamp, receive_time=r.receive_time) for r in records[101:250]]
+    gate = gate_of()
+    taken = [m.t for r in records[:101] + stuck + records[250:] for m in gate.take(r)]
+    assert taken == [r.stamp for r in records[:101] + records[250:]]
+    assert gate.counts["effort_stuck"] == len(stuck)
+    assert gate.accepted == len(taken)
+
+
+def row_15_a_driver_that_publishes_faster_than_it_reads_loses_nothing() -> None:
+    records = motion(2.0)
+    read = [records[k - k % 4] for k in range(len(records))]
+    shown = [replace(old, stamp=r.stamp, receive_time=r.receive_time) for old, r in zip(read, records, strict=True)]
+    gate = gate_of()
+    taken = [m.t for r in shown for m in gate.take(r)]
+    assert taken == [r.stamp for r in records][: len(taken)]
+    assert len(records) - len(taken) < 4
+
+
 def row_15_standing_with_a_quantised_effort_is_fine() -> None:
     record = motion(1.0)[0]
     still = [replace(record, stamp=r.stamp, receive_time=r.receive_time, velocity=np.zeros(4)) for r in motion(3.0)]

@@ -8,7 +8,6 @@ from dataclasses import replace
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.input_gate.gate import InputGate
 from sysid_ros.input_gate.health import GateHealth, Level
-from sysid_ros.input_gate.rejections import Rejection
 from sysid_ros.input_gate.trunk_gate import TrunkGate
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
@@ -80,11 +79,11 @@ class FloatingGate:
         if isinstance(record, ImuRecord):
             found = self.trunk.imu(record)
         else:
-            measurement = self.joints.accept(record)
+            measurements = self.joints.take(record)
             if self.joints.restarts != self._restarts:
                 self._restarts = self.joints.restarts
                 self.trunk.reset()
-            found = [] if isinstance(measurement, Rejection) else self.trunk.joints(measurement)
+            found = [m for measurement in measurements for m in self.trunk.joints(measurement)]
         if found:
             self.accepted += len(found)
             self._last_matched = record.receive_time

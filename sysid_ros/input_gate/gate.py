@@ -64,7 +64,7 @@ class InputGate:
         self._mapping: Mapping | Rejection = self.last_rejection
         self._limits = self._limit_table()
         self._state = np.zeros((8, robot.n))
-        self._clock = np.zeros(5)
+        self._clock = np.zeros(6)
         self._state[kernel.LAST_EFFORT] = np.nan
         self._clock[kernel.FRESH] = 1.0
         self._last_t = -np.inf
@@ -77,6 +77,7 @@ class InputGate:
         self._velocity_warning = ""
         self._past_warnings: dict[str, str] = {}
         self._events: deque[tuple[float, str]] = deque(maxlen=_REMEMBERED_EVENTS)
+        self._repeated: list[Measurement] = []
         self._last_received: float | None = None
         self._last_accepted: tuple[float, float] | None = None  # receive time, stamp
         self._compile()
@@ -86,15 +87,29 @@ class InputGate:
         """What was found doubtful since the start without being rejected, the last sentence of each kind."""
         return tuple(self._past_warnings.values())
 
-    def accept(self, record: JointStateRecord) -> Measurement | Rejection:
-        """The measurement that a message holds, or why it is not used."""
-        found = self.take(record)
-        return found[0] if found else self.last_rejection
-
     def take(self, record: JointStateRecord | ImuRecord | ContactRecord) -> list[Measurement]:
-        """The measurement that a message holds, in a list that is empty where it is not used; an IMU tells nothing of an arm."""
+        """The measurements that are believed now that a message is in; an IMU tells nothing of an arm.
+
+        A message in which no effort has changed while the arm moves repeats an old one, of a driver that publishes faster than it
+        reads, or of one that hangs. It is kept until the next one that differs; where none comes in time, none of them is used.
+        """
         if not isinstance(record, JointStateRecord):
             return []
+        measurement = self.accept(record)
+        if isinstance(measurement, Rejection):
+            if measurement.reason == rejections.STUCK and self._repeated:
+                self.accepted -= len(self._repeated)
+                self.counts[measurement.reason] += len(self._repeated)
+                self._repeated.clear()
+            return []
+        self._repeated.append(measurement)
+        if self._clock[kernel.DOUBTFUL] != 0.0:
+            return []
+        found, self._repeated = self._repeated, []
+        return found
+
+    def accept(self, record: JointStateRecord) -> Measurement | Rejection:
+        """The measurement that a message holds, or why it is not used; at once, also if it may be a repeated one."""
         self.received += 1
         self._last_received = record.receive_time
         try:
@@ -107,11 +122,11 @@ class InputGate:
             self.last_texts.pop(reason, None)  # the newest comes last
             self.last_texts[reason] = result.text
             self._events.append((record.receive_time, reason))
-            return []
-        self.accepted += 1
-        self._last_accepted = (record.receive_time, self._last_t)
-        self._events.append((record.receive_time, health.ACCEPTED))
-        return [result]
+        else:
+            self.accepted += 1
+            self._last_accepted = (record.receive_time, self._last_t)
+            self._events.append((record.receive_time, health.ACCEPTED))
+        return result
 
     @property
     def suspicion(self) -> str:

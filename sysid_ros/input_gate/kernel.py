@@ -29,8 +29,8 @@ CODES: Final = 16  # what check() returns is code + CODES * joint
 MAX_POSITION, MAX_VELOCITY, MAX_EFFORT, MAX_JUMP_RATE, JUMP_FLOOR, PERIODIC, SCALE, MOVED = range(8)
 # rows of `state`, shape (8, n)
 LAST_Q, LAST_V, LAST_EFFORT, TURNS, STILL_Q, WINDOW_Q, INTEGRAL, TRAVEL = range(8)
-# entries of `clock`, shape (5,)
-LAST_T, FRESH, REPEATS, REPEATS_SINCE, WINDOW_SINCE = range(5)
+# entries of `clock`, shape (6,)
+LAST_T, FRESH, REPEATS, REPEATS_SINCE, WINDOW_SINCE, DOUBTFUL = range(6)
 
 SMALLEST: Final = 2.2250738585072014e-308  # below it a number is denormal, what misread bytes often are
 STUCK_SAMPLES: Final = 20
@@ -79,8 +79,9 @@ def _is_stuck(
     clock: FloatArray,
     out: FloatArray,
 ) -> bool:
-    """Take note of whether the efforts repeat; True where they have for long while a joint moves."""
+    """Take note of whether the efforts repeat, and while a joint moves; True where they have for long."""
     repeats, moving = True, False
+    clock[DOUBTFUL] = 0.0
     for j in range(index.size):
         repeats = repeats and raw[2, index[j]] == state[LAST_EFFORT, j]
     if not repeats:
@@ -92,6 +93,7 @@ def _is_stuck(
     clock[REPEATS] += 1.0
     for j in range(index.size):
         moving = moving or abs(out[1, j]) > standstill or abs(out[0, j] - state[STILL_Q, j]) > limits[MOVED, j]
+    clock[DOUBTFUL] = 1.0 if moving else 0.0
     return moving and clock[REPEATS] >= STUCK_SAMPLES and t - clock[REPEATS_SINCE] >= STUCK_TIME
 
 
@@ -160,7 +162,7 @@ def check(
         standstill: speed below which a joint stands [rad/s or m/s].
         limits: shape (8, n), rows as named above.
         state: shape (8, n), rows as named above.
-        clock: shape (5,), entries as named above.
+        clock: shape (6,), entries as named above.
         out: q, v, tau in the model's order, shape (3, n), written; v is NaN where there is none.
 
     Returns:

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from sysid_ros.input_gate import kernel
 from sysid_ros.sample import FloatArray, JointStateRecord
 
+STUCK = "effort_stuck"
+"""Reason of a message whose efforts repeat while the arm moves."""
+
 
 @dataclass(frozen=True, slots=True)
 class Rejection:
@@ -124,7 +127,7 @@ def of_check(code: int, joints: Sequence[str], values: FloatArray, limits: Float
             )
         case _:
             return Rejection(
-                "effort_stuck",
+                STUCK,
                 f"The effort has not changed on any joint for {kernel.STUCK_TIME:g} s or more while the arm moves. "
                 "The driver repeats an old value: check the fieldbus or the controller.",
             )
