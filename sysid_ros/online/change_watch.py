@@ -10,6 +10,7 @@ from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
 from sysid_ros.online.front_end import FrontEnd
 from sysid_ros.online.payload_events import EventLog
 from sysid_ros.online.rows import Rows
+from sysid_ros.online.standstill import Standstill
 from sysid_ros.online.tare import Tare
 from sysid_ros.robot.urdf_bodies import reach
 from sysid_ros.sample import FloatArray
@@ -30,6 +31,7 @@ class ChangeWatch:
 
     Attributes:
         tare: taken from what is estimated. trial: of the newest change, while it is not known what it was.
+        standstill: what may have changed while the arm stands.
     """
 
     def __init__(self, free: FreeParameters, log: EventLog) -> None:
@@ -37,6 +39,12 @@ class ChangeWatch:
         self._reach, self._prior_std = reach(free.model.robot), free.prior_std[PAYLOAD]
         self.tare = Tare()
         self.trial: ChangeTrial | None = None
+        self.standstill = Standstill(self._prior_std**2)
+
+    def stand(self, rows: Rows, stands: bool, left: FloatArray, estimator: Estimator, front_end: FrontEnd) -> None:
+        """Look whether the torques of a standing arm have changed. ``left``: of the row's torques, shape (n,) [N m]."""
+        hidden = self._free.extra_variance(rows, estimator, front_end.passed) if stands else None
+        self.standstill.add(rows, stands and estimator.noise_known, left, estimator.row_variance, hidden, front_end.memory)
 
     def take(self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd) -> tuple[Estimator, Estimate]:
         """Take in a row while there is a trial; the estimator that goes on, and what it says. ``hold``: nothing excites the
@@ -57,8 +65,10 @@ class ChangeWatch:
 
     def status(self, t: float, status: str, reason: str) -> tuple[str, str]:
         """What is said at ``t`` [s] in place of a status and its reason while something has changed."""
-        if self.trial is None or status not in ("ok", "no_payload", "warming_up"):
+        if status not in ("ok", "no_payload", "warming_up"):
             return status, reason
+        if self.trial is None:
+            return "warming_up", self.standstill.told
         since = f"{t - self.trial.t:.1f} s"
         if self.trial.force:
             what = "A force that no body fixed to the robot makes acts on it: a contact, or a load that moves by itself"

@@ -170,9 +170,8 @@ class OnlineEstimation:
             s.standstill_velocity, self._stances, self._gravity, self._free.bias, noise,
         )  # fmt: skip
         if front_end.rate < 20.0:
-            self._warnings["rate"] = (
-                f"The joint states come at {front_end.rate:.1f} Hz; below 20 Hz the accelerations are lost. Publish them faster."
-            )
+            said = f"The joint states come at {front_end.rate:.1f} Hz; below 20 Hz the accelerations are lost."
+            self._warnings["rate"] = f"{said} Publish them faster."
         if self.estimator is None:
             self._floor = self._free.noise_density(measurements, self._cadence.period) / front_end.period
             self.estimator = self._free.make_estimator(front_end, self._floor)
@@ -212,6 +211,8 @@ class OnlineEstimation:
             if estimate.status != "not_finite" and (jumped or estimator.misfits):
                 estimate = self._changes.changed(rows, hold, estimator, front_end, estimate, jumped, known)
         self._outliers += estimate.status == "outlier"
+        if hold or self._changes.standstill.lasts:
+            self._changes.stand(rows, hold, estimate.innovation, estimator, front_end)
         if not hold and estimator.noise_known:
             judgement.check.add(rows.tau, rows.Y, rows.y, estimate.theta[PAYLOAD])
         if estimate.status == "not_finite":
@@ -264,7 +265,7 @@ class OnlineEstimation:
         self._warnings.pop("inconsistent", None)
         if status == "inconsistent":
             self._warnings["inconsistent"] = reason
-        if self._changes.trial is not None:
+        if self._changes.trial is not None or self._changes.standstill.told:
             status, reason = self._changes.status(t, status, reason)
         if status == "ok":
             nearest = np.empty(10)

@@ -1,0 +1,69 @@
+"""What is put on an arm while it stands, and friction could hide it, is not denied."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from motions import Motion, measurements
+from robots import robot
+
+from sysid_ros.effects import CoulombFriction, Payload
+from sysid_ros.online.online_estimation import OnlineEstimation
+from sysid_ros.online.payload_estimate import PayloadEstimate
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot import inertial_parameters
+from sysid_ros.sample import FloatArray, Measurement
+
+RATE, START = 250.0, 100.0
+STOPS, GOES = 8.0, 10.0
+MODEL = robot("iiwa")
+
+
+class Stopping(Motion):
+    """Stands from ``STOPS`` to ``GOES`` [s]."""
+
+    def __call__(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        at = t - START
+        ramp = np.clip(np.maximum(STOPS - at, at - GOES) / 0.6, 0.0, 1.0)
+        speed = ramp**2 * (3.0 - 2.0 * ramp)
+        h = float(np.median(np.diff(t)))
+        q, v, a = super().__call__(START + np.cumsum(speed) * h)
+        rate = np.gradient(speed, h)[:, None]
+        return q, v * speed[:, None], a * speed[:, None] ** 2 + v * rate
+
+
+def stream(mass: float, at: float, seed: int, seconds: float = 14.0) -> list[Measurement]:
+    """An arm with dry friction of 3 N m that is given a payload [kg] at ``at`` [s]."""
+    body = inertial_parameters.from_com(mass, np.array([0.03, -0.02, 0.08]), 0.004 * mass * np.eye(3))
+    effects = [(CoulombFriction(MODEL), np.full(MODEL.n, 3.0)), (Payload(MODEL), body, at, np.inf)]
+    return measurements(Stopping(MODEL, seed=seed), seconds, RATE, effects, 0.1, 1e-5, velocity=False)  # type: ignore[arg-type]
+
+
+def estimates(recording: list[Measurement]) -> list[PayloadEstimate]:
+    return [e for e in map(OnlineEstimation(MODEL, OnlineSettings()).step, recording) if e is not None]
+
+
+@pytest.mark.parametrize(("seed", "mass"), [(1, 1.0), (2, 2.0)])
+def test_a_pick_of_a_standing_arm_is_not_denied(seed: int, mass: float) -> None:
+    pick = 9.0
+    series = estimates(stream(mass, pick, seed))
+    during = [e for e in series if pick + 0.3 <= e.t - START < GOES]
+    assert during
+    assert all(e.status not in ("ok", "no_payload") for e in during)
+    assert any("while the arm stood" in e.reason for e in during)
+    assert series[-1].status == "ok"
+    assert abs(series[-1].mass - mass) < 4.0 * series[-1].mass_std
+    denied = [e for e in series if e.t - START > pick + 0.3 and e.status == "no_payload"]
+    assert not denied
+
+
+def test_friction_that_creeps_while_the_arm_stands_is_no_change() -> None:
+    recording = stream(0.0, np.inf, seed=1, seconds=GOES)
+    creep = np.linspace(-1.0, 1.0, MODEL.n)
+    begins = START + STOPS + 0.3
+    crept = [replace(m, tau=m.tau + creep * (1.0 - np.exp(-max(m.t - begins, 0.0) / 1.0))) for m in recording]
+    standing = [e for e in estimates(crept) if e.t > begins]
+    assert len(standing) > 50
+    assert {e.status for e in standing} == {"no_payload"}
