@@ -17,7 +17,7 @@ from sysid_ros.diagnosis.inexactness import BESIDE, INEXACT
 from sysid_ros.diagnosis.left_out import LeftOut
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.plain_baseline import no_worse, plain_terms
-from sysid_ros.diagnosis.posterior import posterior_of
+from sysid_ros.diagnosis.posterior import _Rival, _shares, posterior_of
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.set_prior import _WORLDS, SetPrior
@@ -272,3 +272,34 @@ def test_masses_and_places_are_inexact_each_by_itself() -> None:
         grown = {k for i in grown for k in BESIDE[i]} - reached
         reached |= grown
     assert reached == set(range(len(INEXACT)))
+
+
+@pytest.mark.parametrize(("part", "told"), [(0.01, False), (0.15, True)])
+def test_an_offset_is_told_where_it_is_more_than_dry_friction_differs_by_direction(part: float, told: bool) -> None:
+    """However small the noise is."""
+    dry = 20.0
+
+    def off(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
+        out = coulomb(model, t, q, v, a, tau).copy()
+        out[:, 1] += part * dry
+        return out
+
+    train = prepare(robot(ARM), [record(off, 1, 12.0)], [])
+    library = Library(robot(ARM), train.band)
+    terms = [library.local("coulomb_friction", 1), library.local("torque_offset", 1)]
+    noise = train.problem.fit(terms).noise
+    level = np.zeros(robot(ARM).n)
+    level[1] = dry
+    prior = SetPrior(library, [int(j) for j in train.problem.active])
+    search = SetSearch(train.problem, [(train.problem, lambda t: t)], terms, prior, noise, level, lambda *_: True)
+    probability = posterior_of(search, search.state([0, 1], 0)).probability
+    assert probability[terms[0]] > 0.99
+    assert (probability[terms[1]] > 0.5) is told
+
+
+def test_rows_that_scatter_more_than_their_noise_tell_less() -> None:
+    rng = np.random.default_rng(3)
+    rivals = [_Rival("", -6.0 + rng.normal(size=200), 2.0)]
+    surely, less = (1.0 - float(_shares(rivals, scatter).sum()) for scatter in (1.0, 4.0))
+    assert surely > 0.9
+    assert less < 0.5

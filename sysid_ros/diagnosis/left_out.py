@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from sysid_ros.diagnosis import never_known
+from sysid_ros.diagnosis.block_scatter import scatter_ratios
 from sysid_ros.diagnosis.fit import Problem
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.diagnosis.torque_noise import Noise
@@ -243,6 +244,13 @@ class LeftOut:
         """
         size = self._size[:, None, None]
         return np.asarray(-np.sum(size * np.log1p(power / size), axis=2) - 0.5 * known / self.stretches)
+
+    def scatter(self, state: Predicted) -> FloatArray:
+        """By how much more the parameters of a set scatter from stretch to stretch than its noise explains, variance over
+        variance, at least 1, shape (a,)."""
+        covariance, theta = state.with_all_rows
+        scores = self._b[:, state.at] - self._G[:, state.at[:, None], state.at] @ theta
+        return scatter_ratios(scores[self._fitted], covariance)
 
     def noise(self, left: FloatArray) -> Noise:
         """The noise that makes what is left of the fitted recordings, of whitened rows of shape (S, L, n), the most likely."""

@@ -1,4 +1,4 @@
-"""What is never exactly known of a joint: how its friction turns at a reversal, and its torque constant.
+"""What is never exactly known of a joint: how its friction turns at a reversal, or differs with direction, and its torque gain.
 
 These are columns with a prior beside the causes of every set. No cause wins over another by what they can take, and what they
 could have taken is in the intervals of the others; the model itself has none of them.
@@ -18,6 +18,8 @@ _EARLY = 0.002
 """Time by which the sign of a measured velocity turns early or late [s]."""
 _WIDTHS = (0.005, 0.05)
 """Speeds at which that sign has turned [rad/s], of a hard and of a soft one."""
+_ONE_WAY = 0.02
+"""Part by which dry friction differs from one direction to the other."""
 _GAIN = 0.02
 """Part by which the torque constant of a joint is off, where the links are not exact either."""
 
@@ -36,7 +38,8 @@ def columns(problem: Problem, dry: FloatArray, whole: bool = False) -> FloatArra
         v, a = motion.v / unit, motion.a / unit
         bumps = [smoothed_sign(v, _WIDTHS[0]) * np.exp(-((v / speed) ** 2)) for speed in _BUMPS]
         turning = [smoothed_sign_slope(v, width) * a for width in _WIDTHS]
-        curves.append(np.stack([*(x * dry for x in (*bumps, *turning)), motion.drive_torque if whole else motion.link_torque]))
+        rubs = (*bumps, *turning, np.ones_like(v))
+        curves.append(np.stack([*(x * dry for x in rubs), motion.drive_torque if whole else motion.link_torque]))
     rows: FloatArray = problem.band.curves(curves)
     return rows
 
@@ -48,4 +51,4 @@ def prior(scale: float) -> FloatArray:
         scale: how inexact the links are, in units of the usual inexactness; 0 for a simulation, in which all is exact.
     """
     gain = _GAIN if scale > 0.0 else 1e-6
-    return np.array([*_BUMPS.values(), *(_EARLY for _ in _WIDTHS), gain]) ** -2.0
+    return np.array([*_BUMPS.values(), *(_EARLY for _ in _WIDTHS), _ONE_WAY, gain]) ** -2.0
