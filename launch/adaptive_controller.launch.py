@@ -16,7 +16,7 @@ from launch import LaunchContext, LaunchDescription
 ARGUMENTS = (
     ("urdf_path", "", "the robot's URDF; empty: from the topic robot_description"),
     ("model_path", "", "model.yaml of 'sysid identify'; empty: the URDF is what is known"),
-    ("frame_id", "", "frame that the payload is fixed to; empty: the link that the last joint moves"),
+    ("frame_id", "", "frame that the payload is fixed to; empty: the arm's flange"),
     ("law", "composite", "the control law"),
     ("autostart", "false", "configure and activate at the start: efforts are sent from the first state on"),
     ("joint_states", "joint_states", "topic of the joint states"),

@@ -14,7 +14,7 @@ DEFAULT_CONFIG = PathJoinSubstitution([FindPackageShare("sysid_ros"), "config", 
 ARGUMENTS = (
     ("urdf_path", "", "the robot's URDF; empty: from the topic robot_description"),
     ("model_path", "", "model.yaml of 'sysid identify'; empty: the URDF is what is known"),
-    ("frame_id", "", "frame that the payload is expressed in; empty: the link that the last joint moves"),
+    ("frame_id", "", "frame that the payload is expressed in; empty: the arm's flange"),
     ("config", DEFAULT_CONFIG, "parameters of the node"),
     ("namespace", "", "namespace of the node and its topics"),
     ("joint_states", "joint_states", "topic of the joint states"),

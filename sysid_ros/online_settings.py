@@ -91,7 +91,7 @@ class OnlineSettings(Settings):
     joint_names: tuple[str, ...] = setting(
         (), "joints that are used; empty: every movable joint of the URDF that the messages name"
     )
-    frame_id: str = setting("", "frame that the payload is expressed in; empty: the link that the last joint moves")
+    frame_id: str = setting("", "frame that the payload is expressed in; empty: the arm's flange")
     gravity: tuple[float, ...] = setting((0.0, 0.0, -9.81), "gravity in the base frame", "m/s^2", -30.0, 30.0)
     base: str = setting(
         "auto",

@@ -10,6 +10,8 @@ import pytest
 from robots import ROBOTS, random_sample, robot, urdf
 
 from sysid_ros.exceptions import RobotModelError
+from sysid_ros.robot.flange import gripper_joints
+from sysid_ros.robot.packaged import packaged
 from sysid_ros.robot.robot_model import RobotModel
 
 every_robot = pytest.mark.parametrize("robot_name", ROBOTS)
@@ -186,6 +188,37 @@ def test_frames() -> None:
 def test_default_frame_with_a_gripper_is_the_link_that_both_fingers_share() -> None:
     model = RobotModel.from_urdf(urdf("tree_robot"), ("lift", "left_shoulder", "left_wrist", "grip", "grip_mimic"))
     assert model.default_frame == "left_hand"
+
+
+ARMS = {
+    "panda": ("panda_link7", "panda_link8"),
+    "ur5_robot": ("wrist_3_link", "tool0"),
+    "ur10_robot": ("wrist_3_link", "tool0"),
+    "ur3_gripper": ("wrist_3_link", "tool0"),
+    "xarm7": ("link7", "link_eef"),
+    "kinova": ("j2s6s200_link_6", "j2s6s200_link_6"),
+    "z1": ("link06", "link06"),
+    "so100": ("wrist", "wrist"),
+    "baxter": ("right_wrist", "right_wrist"),
+    "talos_left_arm": ("arm_left_7_link", "arm_left_7_link"),
+    "allegro_left_hand": ("link_11.0", "link_11.0"),
+}
+"""Link that the arm's last joint moves, and its flange."""
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_the_flange_is_no_finger(name: str) -> None:
+    path = packaged(name)
+    if path is None:
+        pytest.skip("example-robot-data is not installed")
+    model = RobotModel.from_urdf(path.read_text())
+    assert (model.default_frame, model.flange) == ARMS[name]
+    assert model.model.frames[model.frame_id(model.flange)].parentJoint == model.body_names.index(model.default_frame) + 1
+
+
+def test_fingers_come_in_pairs_or_are_called_so() -> None:
+    assert gripper_joints(urdf("tree_robot")) == {"grip", "grip_mimic"}
+    assert gripper_joints(urdf("small_arm")) == frozenset()  # its slide bears the arm
 
 
 def test_frame_placement_against_pinocchio() -> None:

@@ -72,7 +72,7 @@ from sysid_ros.torque.urdf_export import check_model_file, export_urdf
     help="How strongly the links are held to the URDF's; inf keeps them. Else chosen by the error on held-out data.",
 )
 @opt.path("--payload-bag", multiple=True, metavar="BAG...", help="Bags with a payload, found as the difference to BAGs.")
-@click.option("--payload-frame", default="", metavar="LINK", help="Link that carries it; the last one by default.")
+@click.option("--payload-frame", default="", metavar="LINK", help="Link that carries it; the flange by default.")
 @click.option("--accept-doubts", is_flag=True, help="Go on where effort and URDF, or the bags among each other, don't fit.")
 @opt.TOPIC
 @opt.COLUMNS

@@ -24,7 +24,7 @@ from sysid_ros.torque.model_file import ModelFile
 @click.command()
 @click.argument("bag", type=opt.PATH)
 @opt.path("--urdf", help="The robot; else /robot_description of the bag.")
-@click.option("--frame", help="Link that the payload is expressed in; else the one that the last joint moves.")
+@click.option("--frame", help="Link that the payload is expressed in; else the arm's flange.")
 @opt.path("--model", "model_path", help="model.yaml of 'sysid identify': what is known of the arm itself.")
 @opt.CONFIG
 @opt.TOPIC

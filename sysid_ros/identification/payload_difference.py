@@ -70,7 +70,7 @@ def payload_difference(model: TorqueModel, empty: Fit, loaded: Fit, frame: str =
     from scipy.stats import chi2  # takes longer to load than the rest of the package
 
     robot = model.robot
-    frame = frame or robot.default_frame
+    frame = frame or robot.flange
     links = next((s for e, s in zip(model.free, model.slices, strict=True) if e.replaces_links), None)
     placed = robot.model.frames[robot.frame_id(frame)]
     if links is None or links.stop - links.start != 10 * robot.n or placed.parentJoint == 0:

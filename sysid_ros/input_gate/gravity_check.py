@@ -47,7 +47,7 @@ class GravityCheck:
     """
 
     def __init__(self, robot: RobotModel, frame: str, prior_std: FloatArray) -> None:
-        self._robot, self._frame = robot, robot.frame_id(frame or robot.default_frame)
+        self._robot, self._frame = robot, robot.frame_id(frame or robot.flange)
         self._prior = np.diag(prior_std**-2.0)
         largest = float(largest_gravity_torque(robot).max())
         self._weightless, self._large = 0.01 * largest, _SHARE * largest

@@ -132,7 +132,7 @@ class AdaptiveController(LifecycleNode):
     def _load(self, urdf: str, settings: ControllerSettings) -> None:
         known = ModelFile.read(Path(settings.model_path)) if settings.model_path else None
         robot = RobotModel.from_urdf(urdf, settings.joint_names or (known.joints if known else ()), settings.gravity)
-        arm = ArmTorque(robot, known.known_effects(robot) if known else (), settings.frame_id)
+        arm = ArmTorque(robot, known.known_effects(robot) if known else (), settings.frame_id or robot.flange)
         still = np.zeros(robot.n)
         # compiles now and not at the first message; the law that is used has seen nothing
         gains = self._parameter_source.read(ControlSettings)

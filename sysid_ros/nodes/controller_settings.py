@@ -15,7 +15,7 @@ class ControllerSettings(Settings):
     urdf_path: str = setting("", "the robot's URDF; empty: it is taken from the topic robot_description")
     model_path: str = setting("", "model.yaml of 'sysid identify'; empty: the URDF's links and <dynamics> are what is known")
     joint_names: tuple[str, ...] = setting((), "joints that are moved, in the order of the commands; empty: all of the URDF")
-    frame_id: str = setting("", "frame that the payload is fixed to; empty: the link that the last joint moves")
+    frame_id: str = setting("", "frame that the payload is fixed to; empty: the arm's flange")
     gravity: tuple[float, ...] = setting((0.0, 0.0, -9.81), "gravity in the base frame", "m/s^2", -30.0, 30.0)
     law: str = setting("composite", "the control law", choices=LAWS)
     autostart: bool = setting(False, "configure and activate at the start: efforts are sent from the first state on")

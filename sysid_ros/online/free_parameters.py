@@ -71,7 +71,7 @@ class FreeParameters:
                 f"one for each of {', '.join(robot.joint_names)}."
             )
         whole = base.robot if base else robot
-        self.payload = Payload(whole, frame=settings.frame_id or (base.trunk if base else ""))
+        self.payload = Payload(whole, frame=settings.frame_id or (base.trunk if base else robot.flange))
         known_effects = known.known_effects(whole) if known else None
         self.friction = None if base else FrictionCorrection(robot, settings, known_effects)
         effects: list[Effect] = [self.payload]

@@ -11,6 +11,7 @@ import pinocchio as pin
 from numba import njit
 
 from sysid_ros.exceptions import RobotModelError
+from sysid_ros.robot.flange import flange_of, last_joint
 from sysid_ros.robot.urdf import lock_joints, read_urdf, stated_armatures
 from sysid_ros.sample import FloatArray
 
@@ -29,7 +30,8 @@ class RobotModel:
         is_prismatic, is_continuous: shape (n,), bool.
         body_names: the links that the joints move, one a joint, in the order of ``pi``.
         frame_names: every frame that a payload can be expressed in.
-        default_frame: the link that the last joint moves (the last link that all end joints share, for a gripper).
+        default_frame: the link that the last joint of the arm moves, not that of its gripper (of several ends, the last link
+            that all share). flange: the frame on it that tools are mounted in, see :func:`.flange.flange_of`.
         damping, friction: shape (n,), the URDF's ``<dynamics>`` [N m s/rad], [N m].
 
     Raises:
@@ -59,7 +61,8 @@ class RobotModel:
             next(name for name, f in bodies.items() if f.parentJoint == j and f.placement.isIdentity())
             for j in range(1, model.njoints)
         )
-        self.default_frame = self._default_frame()
+        self.default_frame = self.body_names[last_joint(model, urdf) - 1]
+        self.flange = flange_of(urdf, self.default_frame)
         self.notes: tuple[str, ...] = (*notes, *self._massless())
         self._pi: FloatArray = np.concatenate([model.inertias[j].toDynamicParameters() for j in range(1, model.njoints)])
 
@@ -130,13 +133,6 @@ class RobotModel:
                 f"{', '.join(types) or 'none'}. Give the URDF of the robot that published them (--urdf)."
             )
         return cls.from_urdf(urdf, wanted, gravity)
-
-    def _default_frame(self) -> str:
-        model = self.model
-        ends = [j for j in range(1, model.njoints) if len(model.children[j]) == 0]
-        chains = [list(model.supports[j]) for j in ends]
-        shared = [j for j in chains[0] if all(j in chain for chain in chains)]
-        return self.body_names[shared[-1] - 1] if shared and shared[-1] > 0 else self.body_names[ends[-1] - 1]
 
     def _massless(self) -> list[str]:
         empty = [self.body_names[j - 1] for j in range(1, self.model.njoints) if self.model.inertias[j].mass < 1e-9]
