@@ -193,7 +193,19 @@ def row_07_gripper_on_the_same_topic_is_fine() -> None:
         records += [record, finger]
     health = health_after(gate, records)
     assert health.level == Level.OK
-    assert gate.counts == {"joints_missing": 500}
+    assert (gate.counts, gate.others, health.others) == ({}, 500, 500)
+    assert (gate.received, gate.accepted) == (500, 500)
+    (said,) = gate.notes
+    assert "500 of finger" in said
+
+
+def row_07_only_a_gripper_on_the_topic() -> None:
+    gate = gate_of()
+    fingers = [replace(r, names=("finger",), position=(0.1,), velocity=(), effort=()) for r in motion(1.0)]
+    health = health_after(gate, fingers)
+    assert health.level == Level.ERROR
+    assert "finger" in health.text
+    assert (gate.counts, gate.others, health.accepted) == ({}, len(fingers), 0)
 
 
 def row_07_second_publisher_of_zeros() -> None:
@@ -543,8 +555,9 @@ def test_names_that_never_repeat_take_no_memory() -> None:
     gate = gate_of()
     for k, record in enumerate(motion(4.0)):
         gate.accept(replace(record, names=tuple(f"{name}_{k}" for name in NAMES)))
-    assert gate.counts == {"joints_missing": 1000}
+    assert (gate.counts, gate.others) == ({}, 1000)
     assert len(gate._mappings) < 100
+    assert len(gate._joined._kinds) < 100
 
 
 def test_scale_and_sign_follow_the_order_of_joint_names() -> None:

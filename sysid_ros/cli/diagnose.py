@@ -40,6 +40,7 @@ Reading = tuple[str, Path | None]
 @opt.path("--validate", multiple=True, metavar="BAG...", help="Bags to judge on, never fitted; of another motion, if possible.")
 @opt.path("--model", "model_path", help="model.yaml of 'sysid identify' or of an earlier diagnosis: the known part.")
 @click.option("--simulator", type=click.Choice(SIMULATORS), help="Of the gain in simulation.  [default: the first installed]")
+@opt.READ_JOINTS
 @opt.CONFIG
 @opt.TOPIC
 @opt.COLUMNS
@@ -51,6 +52,7 @@ def command(
     validate: tuple[Path, ...],
     model_path: Path | None,
     simulator: str | None,
+    joint_names: tuple[str, ...],
     config_path: Path | None,
     topic: str,
     columns_path: Path | None,
@@ -83,7 +85,7 @@ def command(
     """
     started = time.monotonic()
     installed(simulator)
-    settings = settings_from(read_config(config_path))
+    settings = settings_from(read_config(config_path), joint_names=joint_names)
     known = ModelFile.read(model_path) if model_path else None
     origin = provenance(bags, validate=validate, urdf=urdfs or "/robot_description of the first bag", model=model_path)
     robot: RobotModel | None = None

@@ -24,7 +24,7 @@ from sysid_ros.torque.model_file import ModelFile
 @opt.BAGS
 @opt.path("--urdf", help="The model to check; else /robot_description of the first bag.")
 @opt.path("--model", "model_path", help="model.yaml of 'sysid identify' or 'sysid diagnose': the model to check.")
-@opt.JOINT_NAMES
+@opt.READ_JOINTS
 @click.option(
     "--top", type=click.FloatRange(1.0, 400.0), help="Upper end of the band. [Hz]  [default: a fifth of the rate, 40 at most]"
 )

@@ -14,7 +14,7 @@ from sysid_ros.cli.output import command_line, note
 from sysid_ros.exceptions import RobotModelError, SettingsError
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.sources import BagSource, TableSource, open_source, urdf_text
+from sysid_ros.sources import BagSource, TableSource, open_source, robot_of_source, urdf_text
 from sysid_ros.sources.columns import read_columns
 
 
@@ -30,10 +30,7 @@ def open_bag(
 ) -> tuple[BagSource | TableSource, RobotModel]:
     """A bag or a table, and the model of the joints that it names; what the user should know of either goes to stderr."""
     source = open_source(path, topic, read_columns(columns) if columns else None)
-    text = urdf_text(urdf, source)
-    if isinstance(source, TableSource):
-        source = source.named(settings.joint_names or RobotModel.from_urdf(text).joint_names)
-    robot = RobotModel.for_messages(text, source.joint_names, settings.joint_names, settings.gravity)
+    source, robot = robot_of_source(source, urdf_text(urdf, source), settings)
     for sentence in (*source.notes, *robot.notes):
         note(sentence)
     return source, robot

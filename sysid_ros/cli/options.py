@@ -49,6 +49,12 @@ FORCE = click.option("--force", is_flag=True, help="Overwrite files that are the
 JOINT_NAMES = click.option(
     "--joint-names", multiple=True, metavar="NAME...", help="Joints that move; others are locked at 0.  [default: all]"
 )
+READ_JOINTS = click.option(
+    "--joint-names",
+    multiple=True,
+    metavar="NAME...",
+    help="Joints of the messages that are the robot's; in the URDF's order, where it calls them otherwise.  [default: all]",
+)
 JSON = path("--json", "json_path", help="Write the result for machines.")
 NEW_BAG = path("--bag", required=True, help="Folder to create; the truth goes to BAG.truth.json.")
 PLOT = path("--plot", "plot_path", help="Write a figure: .png, .svg, .pdf, or .html to look around in.")

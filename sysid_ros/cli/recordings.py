@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sysid_ros.cli.inputs import open_bag, require_same_robot
-from sysid_ros.cli.output import progress_bar, warn
+from sysid_ros.cli.output import note, progress_bar, warn
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification import Recording
 from sysid_ros.identification.result import Problem
 from sysid_ros.input_gate import InputGate
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.sample import Measurement
 
 _MOST_REJECTED = 0.5
 
@@ -35,13 +34,14 @@ def read_recordings(
         require_same_robot(path, robot, first)
         gate = InputGate(robot, settings)
         with progress_bar(path.name, source.message_count) as advance:
-            accepted = (m for m in map(gate.accept, source) if isinstance(m, Measurement))
             try:
-                recordings.append(Recording.from_measurements(str(path), accepted, advance))
+                recordings.append(Recording.from_measurements(str(path), gate.measurements(source), advance))
             except DataError:
                 _require_accepted(path, gate)
                 raise
         _require_accepted(path, gate)
+        for sentence in gate.notes:
+            note(f"{path.name}: {sentence}")
         for key, n in gate.counts.items():
             problems.append(Problem(str(path), "", key, f"{n} of {gate.received} messages rejected: {gate.last_texts[key]}"))
         problems += [Problem(str(path), "", "gate", sentence) for sentence in gate.warnings]

@@ -9,7 +9,7 @@ import click
 
 from sysid_ros.cli import options as opt
 from sysid_ros.cli.inputs import open_bag, read_config, settings_from
-from sysid_ros.cli.output import progress_bar, require_folders, said_if_slow, warn, write_json
+from sysid_ros.cli.output import ManyValues, progress_bar, require_folders, said_if_slow, warn, write_json
 from sysid_ros.cli.replay_tables import show_replay
 from sysid_ros.exceptions import BagError, DataError
 from sysid_ros.input_gate import Gate, gate_for
@@ -21,11 +21,12 @@ from sysid_ros.sources import BagSource, FloatingBagSource, Source, TableSource
 from sysid_ros.torque.model_file import ModelFile
 
 
-@click.command()
+@click.command(cls=ManyValues)
 @click.argument("bag", type=opt.PATH)
 @opt.path("--urdf", help="The robot; else /robot_description of the bag.")
 @click.option("--frame", help="Link that the payload is expressed in; else the arm's flange.")
 @opt.path("--model", "model_path", help="model.yaml of 'sysid identify': what is known of the arm itself.")
+@opt.READ_JOINTS
 @opt.CONFIG
 @opt.TOPIC
 @opt.COLUMNS
@@ -40,6 +41,7 @@ def command(
     urdf: Path | None,
     frame: str | None,
     model_path: Path | None,
+    joint_names: tuple[str, ...],
     config_path: Path | None,
     topic: str,
     columns_path: Path | None,
@@ -66,7 +68,7 @@ def command(
     status.
     """
     parameters = read_config(config_path)
-    settings = settings_from(parameters, frame_id=frame)
+    settings = settings_from(parameters, frame_id=frame, joint_names=joint_names)
     require_folders(json=json_path, series=series_path, payloads=payloads_path, plot=plot_path)
     urdf = urdf or _path_in(parameters, "urdf_path")
     model_path = model_path or _path_in(parameters, "model_path")
@@ -79,7 +81,7 @@ def command(
     with progress_bar("replay", source.message_count) as advance:
         result = replay(records, gate, estimation, advance)
     if result.used == 0:
-        worst = max(gate.counts, key=lambda reason: gate.counts[reason], default="")
+        worst = max(gate.counts, key=lambda reason: gate.counts[reason], default="joints_missing")
         raise BagError(f"bag '{bag}': no joint state of it can be used. {gate.last_texts.get(worst, '')}".rstrip())
     _write(result, bag.name, robot.joint_names, json_path, series_path, payloads_path, plot_path)
     for sentence in result.warnings:

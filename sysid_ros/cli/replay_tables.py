@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from sysid_ros.cli.output import report, table
@@ -27,6 +28,8 @@ def show_replay(result: Replay, name: str, console: Console | None = None) -> No
     for e in result.events:
         mass = "" if e.passes else f": {e.mass_before:.3f} -> {e.mass_after:.3f} kg"
         console.print(f"  {e.t - result.start:7.2f} s  {e.kind.replace('_', ' ')}{mass}")
+    for sentence in result.notes:
+        console.print(escape(sentence))
     console.print(
         f"{result.used} of {result.read} samples used, {result.duration:.1f} s in {result.seconds:.2f} s "
         f"({result.duration / result.seconds:.0f} times real time)",

@@ -6,12 +6,13 @@ Nothing that a diagnosis must see is rejected here: an effort that is a thousand
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.exceptions import DataError
+from sysid_ros.input_gate.joined import JoinedRecords
 from sysid_ros.input_gate.mapping import effort_factor
 from sysid_ros.input_gate.rejections import of_length, of_names
 from sysid_ros.online_settings import OnlineSettings
@@ -39,10 +40,12 @@ def read_messages(
     Raises:
         DataError: no message can be used; it says why.
     """
-    rows, received, reasons = _collect(records, robot, advance)
+    joined = JoinedRecords(robot.joint_names, settings.max_gap)
+    rows, received, reasons = _collect(_joined(records, joined, advance), robot)
     notes = tuple(f"{name}: {count} messages are not used: {text}" for text, count in reasons.items())
+    notes += tuple(f"{name}: {sentence}" for sentence in joined.notes)
     if not rows:
-        why = next(iter(reasons), "There is none. Record /joint_states while the robot moves.")
+        why = next(iter((*reasons, *joined.notes)), "There is none. Record /joint_states while the robot moves.")
         raise DataError(f"{name}: no message can be used. {why}")
     values = np.array(rows)
     t, q, v, tau = values[:, 0, 0], values[:, 1], values[:, 2], values[:, 3]
@@ -58,9 +61,16 @@ def read_messages(
     return Recording(name, t, q, v if measured else None, tau), notes
 
 
-def _collect(
-    records: Iterable[JointStateRecord], robot: RobotModel, advance: Callable[[int], None]
-) -> tuple[list[FloatArray], list[float], Counter[str]]:
+def _joined(
+    records: Iterable[JointStateRecord], joined: JoinedRecords, advance: Callable[[int], None]
+) -> Iterator[JointStateRecord]:
+    """The messages with all of the joints."""
+    for record in records:
+        advance(1)
+        yield from joined.take(record)
+
+
+def _collect(records: Iterable[JointStateRecord], robot: RobotModel) -> tuple[list[FloatArray], list[float], Counter[str]]:
     """Stamp, positions, velocities and efforts of each message as rows of (4, n); NaN where it holds none."""
     n = robot.n
     index: dict[tuple[str, ...], NDArray[np.intp] | str] = {}
@@ -68,7 +78,6 @@ def _collect(
     received: list[float] = []
     reasons: Counter[str] = Counter()
     for record in records:
-        advance(1)
         where = index.get(record.names)
         if where is None:
             rejection = of_names(record.names, robot.joint_names)

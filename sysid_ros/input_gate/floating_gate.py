@@ -42,6 +42,16 @@ class FloatingGate:
         return self.joints.received
 
     @property
+    def others(self) -> int:
+        """As of :class:`InputGate`."""
+        return self.joints.others
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """As of :class:`InputGate`."""
+        return self.joints.notes
+
+    @property
     def counts(self) -> Counter[str]:
         """Rejected messages by reason."""
         return self.joints.counts + self.trunk.counts
@@ -83,7 +93,7 @@ class FloatingGate:
             if self.joints.restarts != self._restarts:
                 self._restarts = self.joints.restarts
                 self.trunk.reset()
-            found = [m for measurement in measurements for m in self.trunk.joints(measurement)]
+            found = [matched for measurement in measurements for matched in self.trunk.joints(measurement)]
         if found:
             self.accepted += len(found)
             self._last_matched = record.receive_time

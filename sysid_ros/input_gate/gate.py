@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter, deque
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 from sysid_ros.input_gate import gravity_check, health, kernel, rejections
 from sysid_ros.input_gate.gravity_check import GravityCheck
 from sysid_ros.input_gate.health import GateHealth
-from sysid_ros.input_gate.mapping import Mapping, effort_factor, largest_gravity_torque, plausible_limits
+from sysid_ros.input_gate.joined import JoinedRecords
+from sysid_ros.input_gate.mapping import Mapping, largest_gravity_torque, limit_table
 from sysid_ros.input_gate.rejections import Rejection
+from sysid_ros.input_gate.velocity_agreement import VelocityAgreement
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import ContactRecord, FloatArray, ImuRecord, JointStateRecord, Measurement
@@ -19,7 +22,6 @@ _BACK_IN_TIME = 1.0  # s; more is a restart of the clock, less a message that wa
 _LATEST_STAMP = 1e12
 _KINDS_OF_MESSAGES = 64
 _REMEMBERED_EVENTS = 8192
-_WINDOWS_TO_DECIDE = 4
 
 
 class InputGate:
@@ -38,9 +40,8 @@ class InputGate:
             ``sensor_timeout``, ``standstill_velocity`` are read.
 
     Attributes:
-        received, accepted: number of messages.
-        counts: rejected messages by reason.
-        gaps, restarts: see above.
+        received, accepted: number of messages, those of other publishers apart. others: of these, see :class:`.JoinedRecords`.
+        counts: rejected messages by reason. gaps, restarts: see above.
         last_texts: the last sentence for each reason. last_rejection: of the last message that was not used.
 
     Raises:
@@ -62,7 +63,8 @@ class InputGate:
         self._mappings: dict[tuple[str, ...], Mapping | Rejection] = {}
         self._names: tuple[str, ...] | None = None
         self._mapping: Mapping | Rejection = self.last_rejection
-        self._limits = self._limit_table()
+        self._joined = JoinedRecords(robot.joint_names, settings.max_gap)
+        self._limits = limit_table(robot, settings)
         self._state = np.zeros((8, robot.n))
         self._clock = np.zeros(6)
         self._state[kernel.LAST_EFFORT] = np.nan
@@ -72,9 +74,7 @@ class InputGate:
         self._gravity = GravityCheck(robot, settings.frame_id, settings.payload_prior)
         self._next_gravity = -np.inf
         self._may_be_zero = not self._total_effort
-        self._disagreements = 0
-        self._trust_velocity = True
-        self._velocity_warning = ""
+        self._velocity = VelocityAgreement()
         self._past_warnings: dict[str, str] = {}
         self._events: deque[tuple[float, str]] = deque(maxlen=_REMEMBERED_EVENTS)
         self._repeated: list[Measurement] = []
@@ -87,46 +87,84 @@ class InputGate:
         """What was found doubtful since the start without being rejected, the last sentence of each kind."""
         return tuple(self._past_warnings.values())
 
+    @property
+    def others(self) -> int:
+        """Messages of other publishers on the topic."""
+        return self._joined.left_out.total()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was put together from several publishers and what was left out, a sentence each."""
+        return self._joined.notes
+
+    def accept(self, record: JointStateRecord) -> Measurement | Rejection:
+        """The measurement that a message holds, or why it is not used; at once, also if it may be a repeated one."""
+        return next(iter(self._taken(record)), self.last_rejection)
+
+    def measurements(self, records: Iterable[JointStateRecord]) -> Iterator[Measurement]:
+        """What many messages hold, without those that are not used."""
+        return (measurement for record in records for measurement in self.take(record))
+
     def take(self, record: JointStateRecord | ImuRecord | ContactRecord) -> list[Measurement]:
-        """The measurements that are believed now that a message is in; an IMU tells nothing of an arm.
+        """The measurements that are believed now that a message is in, one as a rule; an IMU tells nothing of an arm.
 
         A message in which no effort has changed while the arm moves repeats an old one, of a driver that publishes faster than it
         reads, or of one that hangs. It is kept until the next one that differs; where none comes in time, none of them is used.
         """
-        if not isinstance(record, JointStateRecord):
-            return []
-        measurement = self.accept(record)
-        if isinstance(measurement, Rejection):
-            if measurement.reason == rejections.STUCK and self._repeated:
-                self.accepted -= len(self._repeated)
-                self.counts[measurement.reason] += len(self._repeated)
-                self._repeated.clear()
-            return []
-        self._repeated.append(measurement)
-        if self._clock[kernel.DOUBTFUL] != 0.0:
+        found = self._taken(record) if isinstance(record, JointStateRecord) else []
+        self._repeated += found
+        if not found or self._clock[kernel.DOUBTFUL] != 0.0:
             return []
         found, self._repeated = self._repeated, []
         return found
 
-    def accept(self, record: JointStateRecord) -> Measurement | Rejection:
-        """The measurement that a message holds, or why it is not used; at once, also if it may be a repeated one."""
-        self.received += 1
+    def _taken(self, record: JointStateRecord) -> list[Measurement]:
         self._last_received = record.receive_time
+        if (record.names is self._names or record.names == self._names) and isinstance(self._mapping, Mapping):
+            return self._judged(record)
+        return [measurement for whole in self._whole(record) for measurement in self._judged(whole)]
+
+    def _whole(self, record: JointStateRecord) -> Sequence[JointStateRecord]:
+        """The messages with all of the joints that one makes; itself where it is to be judged for what it lacks."""
+        others, joined = self.others, self._joined.joins
+        try:
+            found = self._joined.take(record)
+        except (TypeError, ValueError):
+            return (record,)
+        if self._joined.joins and not joined:
+            self.received -= self.counts.pop("joints_missing", 0)  # they lacked nothing: the others had not come yet
+        if self.others > others:
+            if rejection := rejections.of_names(tuple(record.names), self.robot.joint_names):
+                self.last_rejection = rejection
+                self.last_texts.setdefault(rejection.reason, rejection.text)
+            self._events.append((record.receive_time, health.OTHERS))
+        return found
+
+    def _judged(self, record: JointStateRecord) -> list[Measurement]:
+        """The measurement in a message with all of the joints, in a list that is empty where it is not used."""
+        self.received += 1
         try:
             result = self._measurement(record)
         except (TypeError, ValueError, OverflowError) as error:
             result = Rejection("malformed", f"The message holds something else than numbers: {error}. Check the publisher.")
         if isinstance(result, Rejection):
-            reason, self.last_rejection = result.reason, result
-            self.counts[reason] += 1
-            self.last_texts.pop(reason, None)  # the newest comes last
-            self.last_texts[reason] = result.text
-            self._events.append((record.receive_time, reason))
-        else:
-            self.accepted += 1
-            self._last_accepted = (record.receive_time, self._last_t)
-            self._events.append((record.receive_time, health.ACCEPTED))
-        return result
+            self._reject(result, record.receive_time)
+            return []
+        self.accepted += 1
+        self._last_accepted = (record.receive_time, self._last_t)
+        self._events.append((record.receive_time, health.ACCEPTED))
+        return [result]
+
+    def _reject(self, rejection: Rejection, receive_time: float) -> None:
+        reason, self.last_rejection = rejection.reason, rejection
+        self.counts[reason] += 1
+        if reason == rejections.STUCK:
+            self.accepted -= len(self._repeated)
+            self.counts[reason] += len(self._repeated)
+            self._repeated.clear()
+        self.last_texts.pop(reason, None)  # the newest comes last
+        self.last_texts[reason] = rejection.text
+        self._events.append((receive_time, reason))
 
     @property
     def suspicion(self) -> str:
@@ -155,15 +193,16 @@ class InputGate:
             rate,
             offset,
             errors=(self._gravity.error,),
-            warnings=(self._gravity.warning, self._velocity_warning),
+            warnings=(self._gravity.warning, self._velocity.warning),
         )
         return GateHealth(
             level=level,
             text=text,
             counts=dict(self.counts),
-            recent={reason: n for reason, n in events.items() if reason not in (health.GAP, health.RESTART, health.ACCEPTED)},
+            recent={reason: n for reason, n in events.items() if reason not in health.NO_FAULTS},
             received=self.received,
             accepted=self.accepted,
+            others=self.others,
             rate=rate,
             last_stamp=self._last_accepted[1] if self._last_accepted else None,
             age=age,
@@ -214,11 +253,13 @@ class InputGate:
             self._events.append((record.receive_time, health.GAP))
         self._last_t = t
         if code != kernel.OK:
-            self._compare_velocity(code)
+            self._velocity.compare(code, self.robot.joint_names)
+            if self._velocity.warning:
+                self._past_warnings["velocity"] = self._velocity.warning
         q, v, tau = out
         if t >= self._next_gravity and self._total_effort:
             self._look_at_gravity(t, q, tau)
-        return Measurement(t, q, v if self._trust_velocity and v[0] == v[0] else None, tau)
+        return Measurement(t, q, v if self._velocity.trusted and v[0] == v[0] else None, tau)
 
     def _mapping_of(self, names: tuple[str, ...]) -> Mapping | Rejection:
         mapping = self._mappings.get(names)
@@ -249,21 +290,6 @@ class InputGate:
         self._state[kernel.LAST_EFFORT] = np.nan
         self._start_afresh()
 
-    def _compare_velocity(self, code: int) -> None:
-        if code == kernel.WINDOW_AGREES:
-            self._disagreements = max(self._disagreements - 1, 0)
-            if self._disagreements == 0:
-                self._trust_velocity, self._velocity_warning = True, ""
-            return
-        self._disagreements = min(self._disagreements + 1, _WINDOWS_TO_DECIDE)
-        if self._disagreements == _WINDOWS_TO_DECIDE:
-            self._trust_velocity = False
-            self._velocity_warning = (
-                f"The velocity of {self.robot.joint_names[code // kernel.CODES]} does not agree with how its position changes. "
-                "The velocity from positions is used instead; set velocity_source to 'position', or correct the driver."
-            )
-            self._past_warnings["velocity"] = self._velocity_warning
-
     def _look_at_gravity(self, t: float, q: FloatArray, tau: FloatArray) -> None:
         self._next_gravity = t + gravity_check.PERIOD
         if self._may_be_zero:
@@ -275,14 +301,3 @@ class InputGate:
 
     def _is_weightless(self, q: FloatArray) -> bool:
         return float(np.abs(self.robot.gravity_torque(q)).max()) <= self._weightless_level
-
-    def _limit_table(self) -> FloatArray:
-        robot = self.robot
-        limits = np.empty((8, robot.n))
-        limits[kernel.MAX_POSITION], limits[kernel.MAX_VELOCITY], limits[kernel.MAX_EFFORT] = plausible_limits(robot)
-        limits[kernel.MAX_JUMP_RATE] = limits[kernel.MAX_VELOCITY]
-        limits[kernel.JUMP_FLOOR] = np.where(robot.is_prismatic, 0.05, 0.1)
-        limits[kernel.PERIODIC] = ~robot.is_prismatic
-        limits[kernel.MOVED] = 0.01
-        limits[kernel.SCALE] = effort_factor(robot, self.settings)
-        return limits

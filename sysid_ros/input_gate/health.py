@@ -25,7 +25,7 @@ class GateHealth:
         text: one sentence or more: what, the value found, what is allowed, the cure.
         counts: rejected since the start, by reason.
         recent: rejected within the last second, by reason.
-        received, accepted: messages since the start.
+        received, accepted: messages since the start, those of other publishers apart. others: of these.
         rate: accepted samples a second over the last second [Hz], by the times they were received.
         last_stamp: stamp of the last accepted sample [s], None before the first.
         age: time since the last accepted sample was received [s], infinite before the first.
@@ -41,6 +41,7 @@ class GateHealth:
     recent: Mapping[str, int]
     received: int
     accepted: int
+    others: int
     rate: float
     last_stamp: float | None
     age: float
@@ -53,7 +54,8 @@ class GateHealth:
 STALE_AFTER = 2.0
 """Without any message for so long the input is stale [s]."""
 
-GAP, RESTART, ACCEPTED = "gap", "restart", ""
+GAP, RESTART, ACCEPTED, OTHERS = "gap", "restart", "", "other publisher"
+NO_FAULTS = (GAP, RESTART, ACCEPTED, OTHERS)
 """Events beside the reasons of rejections."""
 
 _CLOCK_TOLERANCE = 1.0
@@ -93,11 +95,10 @@ def judge(
             f" None of those before was usable; the last: {list(texts.values())[-1]}" if texts and age == float("inf") else ""
         )
         return Level.STALE, f"No message for {silence:.1f} s. Check that the robot's driver still runs.{before}", ()
-    rejected = {reason: n for reason, n in recent.items() if reason not in (GAP, RESTART, ACCEPTED)}
+    rejected = {reason: n for reason, n in recent.items() if reason not in NO_FAULTS}
     if age > timeout:
         since = "No usable message yet" if age == float("inf") else f"No usable message for {age:.1f} s"
-        why = texts[max(rejected, key=lambda reason: rejected[reason])] if rejected else "The messages have stopped."
-        return Level.ERROR, f"{since}: {why}", ()
+        return Level.ERROR, f"{since}: {_why_none(rejected, recent, texts)}", ()
     found_errors, found = [sentence for sentence in errors if sentence], [sentence for sentence in warnings if sentence]
     if recent.get(RESTART, 0) > 1:
         found_errors.append(
@@ -112,6 +113,15 @@ def judge(
     return Level.OK, f"{rate:.0f} samples a second.", ()
 
 
+def _why_none(rejected: Mapping[str, int], recent: Mapping[str, int], texts: Mapping[str, str]) -> str:
+    """Why no message of the last second is usable."""
+    if rejected:
+        return texts[max(rejected, key=lambda reason: rejected[reason])]
+    if recent.get(OTHERS, 0):
+        return f"Only other publishers' messages arrive. {texts.get('joints_missing', '')}".rstrip()
+    return "The messages have stopped."
+
+
 def _doubts(
     recent: Mapping[str, int], rejected: Mapping[str, int], texts: Mapping[str, str], rate: float, clock_offset: float
 ) -> list[str]:
@@ -123,12 +133,10 @@ def _doubts(
         found.append(
             f"{recent[GAP]} gaps between samples within the last second. Messages are lost, or their rate is below 1 / max_gap."
         )
-    # Messages of a gripper or another arm on the same topic are normal, as long as the own joints come through.
-    doubtful = {reason: n for reason, n in rejected.items() if reason != "joints_missing"}
-    total = sum(doubtful.values()) + recent.get(ACCEPTED, 0)
-    if sum(doubtful.values()) > _REJECTED_SHARE * total:
-        worst = max(doubtful, key=lambda reason: doubtful[reason])
-        found.append(f"{sum(doubtful.values())} of {total} messages rejected within the last second: {texts[worst]}")
+    total = sum(rejected.values()) + recent.get(ACCEPTED, 0)
+    if sum(rejected.values()) > _REJECTED_SHARE * total:
+        worst = max(rejected, key=lambda reason: rejected[reason])
+        found.append(f"{sum(rejected.values())} of {total} messages rejected within the last second: {texts[worst]}")
     if abs(clock_offset) > _OTHER_CLOCK:
         found.append(
             f"The stamps are {clock_offset:.0f} s behind the receiving clock: one of them is simulated time. "

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.exceptions import SettingsError
+from sysid_ros.input_gate import kernel
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -78,6 +79,18 @@ def plausible_limits(robot: RobotModel) -> tuple[FloatArray, FloatArray, FloatAr
     own_weight = largest_gravity_torque(robot)
     effort = _MARGIN * np.maximum(robot.effort_limit, np.maximum(own_weight, 0.1 * own_weight.max()))
     return position, _MARGIN * robot.velocity_limit, effort
+
+
+def limit_table(robot: RobotModel, settings: OnlineSettings) -> FloatArray:
+    """What :func:`.kernel.check` holds each joint's values against, shape (8, n)."""
+    limits = np.empty((8, robot.n))
+    limits[kernel.MAX_POSITION], limits[kernel.MAX_VELOCITY], limits[kernel.MAX_EFFORT] = plausible_limits(robot)
+    limits[kernel.MAX_JUMP_RATE] = limits[kernel.MAX_VELOCITY]
+    limits[kernel.JUMP_FLOOR] = np.where(robot.is_prismatic, 0.05, 0.1)
+    limits[kernel.PERIODIC] = ~robot.is_prismatic
+    limits[kernel.MOVED] = 0.01
+    limits[kernel.SCALE] = effort_factor(robot, settings)
+    return limits
 
 
 def largest_gravity_torque(robot: RobotModel) -> FloatArray:

@@ -37,8 +37,8 @@ def of_names(names: Sequence[str], joints: Sequence[str]) -> Rejection | None:
     if missing := [joint for joint in joints if joint not in names]:
         return Rejection(
             "joints_missing",
-            f"A message does not hold {', '.join(missing)}; it holds {', '.join(names)}. All joints must come in one message: "
-            "check the names, or set joint_names to the joints that are there.",
+            f"A message does not hold {', '.join(missing)}; it holds {', '.join(names)}. All joints must come in one message, "
+            "or in several that are at most max_gap apart: check the names, or set joint_names to the joints that are there.",
         )
     return None
 

@@ -15,9 +15,8 @@ from sysid_ros.library.results import Checked, Diagnosed, Excited, Identified, R
 from sysid_ros.library.robot import Robot
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.sample import Measurement
 from sysid_ros.signals.recording import Recording as Channels
-from sysid_ros.sources import TableSource, temperatures, urdf_text
+from sysid_ros.sources import robot_of_source, temperatures, urdf_text
 from sysid_ros.torque.model_file import ModelFile
 
 Given = Recording | str | Path
@@ -50,7 +49,7 @@ def replay(recording: Given, robot: Robot | str | Path | None = None, *, model: 
         records = FloatingBagSource(source, "", "")
     result = run(records, gate, estimation)
     if result.used == 0:
-        worst = max(gate.counts, key=lambda reason: gate.counts[reason], default="")
+        worst = max(gate.counts, key=lambda reason: gate.counts[reason], default="joints_missing")
         raise DataError(f"{given.name}: no joint state of it can be used. {gate.last_texts.get(worst, '')}")
     _warn(result.warnings)
     return Replayed(result, own, _origin([given], "replay"))
@@ -86,8 +85,7 @@ def identify(
         its, source = _robot_of(given, robot, chosen)
         own = _same(own, its, given)
         gate = InputGate(own, chosen)
-        accepted = (m for m in map(gate.accept, source) if isinstance(m, Measurement))
-        channels.append(Channels.from_measurements(given.name, accepted))
+        channels.append(Channels.from_measurements(given.name, gate.measurements(source)))
         for key, n in gate.counts.items():
             problems.append(Problem(given.name, "", key, f"{n} of {gate.received} messages rejected: {gate.last_texts[key]}"))
         problems += [Problem(given.name, "", "gate", sentence) for sentence in gate.warnings]
@@ -162,8 +160,7 @@ def frequency(
         its, source = _robot_of(given, robot, chosen)
         own = _same(own, its, given)
         gate = InputGate(own, chosen)
-        accepted = (m for m in map(gate.accept, source) if isinstance(m, Measurement))
-        channels.append(Channels.from_measurements(given.name, accepted))
+        channels.append(Channels.from_measurements(given.name, gate.measurements(source)))
     assert own is not None
     known, origin = file.known_effects(own) if file else [], _origin(several, "frequency")
     result = check_frequency(own, channels, known, top_hz, chosen.max_gap, provenance=origin)
@@ -204,10 +201,8 @@ def _settings(robot: Robot | str | Path | None, values: Mapping[str, Any]) -> On
 def _robot_of(given: Recording, robot: Robot | str | Path | None, settings: OnlineSettings) -> tuple[RobotModel, Any]:
     """The model of the joints that a recording names, and its source with their names."""
     text = urdf_text(None, given.source) if robot is None else (robot if isinstance(robot, Robot) else Robot(robot)).urdf
-    source = given.source
-    if isinstance(source, TableSource):
-        source = source.named(settings.joint_names or RobotModel.from_urdf(text).joint_names)
-    return RobotModel.for_messages(text, source.joint_names, settings.joint_names, settings.gravity), source
+    source, own = robot_of_source(given.source, text, settings)
+    return own, source
 
 
 def _same(first: RobotModel | None, own: RobotModel, given: Recording) -> RobotModel:

@@ -77,6 +77,7 @@ def input_status(node: NodeState, live: LiveEstimation | None, health: GateHealt
             "received": health.received,
             "accepted": health.accepted,
             "rejected": sum(health.counts.values()),
+            "of other publishers": health.others,
             "rate_hz": health.rate,
             "age_s": health.age,
             "gaps": health.gaps,

@@ -15,6 +15,7 @@ from sysid_ros.input_gate import Gate, GateHealth, Level, gate_for
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.online_settings import CommitSettings, OnlineSettings
+from sysid_ros.robot.flange import gripper_joints
 from sysid_ros.robot.joint_choice import JointChoice
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
@@ -156,7 +157,7 @@ class LiveEstimation:
         if joints:
             self._begin()
         else:
-            self._choice = JointChoice(self.robot.joint_names)
+            self._choice = JointChoice(self.robot.joint_names, gripper_joints(urdf))
             self.estimation = OnlineEstimation(self.robot, _without_joint_settings(settings))
 
     def take(self, record: JointStateRecord | ImuRecord | ContactRecord) -> PayloadEstimate | None:

@@ -28,7 +28,8 @@ class Replay:
     Attributes:
         series: every estimate that a node would have published.
         final: the last one; the prior where the recording gave none.
-        read, used: number of messages. rejected: by reason.
+        read, used: number of messages, those of other publishers apart. rejected: by reason. notes: what was put together from
+            several publishers, and what was left out.
         feet: of a floating base, samples by what was doubtful about its feet.
         start: first stamp [s]. duration: of the recording by its stamps [s]. seconds: that the replay took [s].
     """
@@ -46,6 +47,7 @@ class Replay:
     reason: str
     warnings: list[str] = field(default_factory=list)
     feet: dict[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @cached_property
     def payloads(self) -> list[Carried]:
@@ -88,7 +90,8 @@ def replay(
     timeout = estimation.settings.sensor_timeout
     if not last_received - last_accepted <= timeout and read > 0:
         status, reason = "stale", f"The recording ends without a usable sample for more than {timeout:g} s."
-    warnings = [*gate.warnings, *(f"{n} of {read} messages rejected: {gate.last_texts[key]}" for key, n in gate.counts.items())]
+    warnings = list(gate.warnings)
+    warnings += [f"{n} of {gate.received} messages rejected: {gate.last_texts[key]}" for key, n in gate.counts.items()]
     if estimation.fault:
         warnings.append(estimation.fault)
     if not series:
@@ -97,7 +100,7 @@ def replay(
         series=series,
         final=final,
         events=estimation.events,
-        read=read,
+        read=gate.received,
         used=gate.accepted,
         rejected=dict(gate.counts),
         start=first_t,
@@ -107,6 +110,7 @@ def replay(
         reason=reason,
         warnings=[*estimation.warnings, *warnings],
         feet=estimation.stance_counts,
+        notes=gate.notes,
     )
 
 
@@ -132,6 +136,7 @@ def as_json(result: Replay) -> dict[str, Any]:
         "observable": final.observable,
         "events": [{"t": e.t, "kind": e.kind, "mass_before": e.mass_before, "mass_after": e.mass_after} for e in result.events],
         "warnings": result.warnings,
+        "notes": list(result.notes),
         "payloads": [_entry(c) for c in result.payloads],
     }
     if result.feet:

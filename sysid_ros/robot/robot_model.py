@@ -130,7 +130,8 @@ class RobotModel:
         if not wanted:
             raise RobotModelError(
                 f"the messages name joints {', '.join(message_names) or 'none'}; the URDF has movable joints "
-                f"{', '.join(types) or 'none'}. Give the URDF of the robot that published them (--urdf)."
+                f"{', '.join(types) or 'none'}. Give the URDF of the robot that published them (--urdf), or say "
+                "which of the messages' joints are the URDF's, in its order: --joint-names NAME..."
             )
         return cls.from_urdf(urdf, wanted, gravity)
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from copy import copy
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from sysid_ros.exceptions import BagError
+from sysid_ros.robot.joint_choice import kinds_of
 from sysid_ros.sample import JointStateRecord
 from sysid_ros.sources.bag_files import BagFiles
 from sysid_ros.sources.joint_state_cdr import JOINT_STATE, STRING, JointStateDecoder, decode_string
@@ -28,6 +31,7 @@ class BagSource:
     Attributes:
         topic: the topic that is read. topics: (type, number of messages) of every topic in the bag.
         message_count: messages on the topic. duration: of the bag [s].
+        kinds: of the first messages, by the joints that they name.
         notes: what the user should know of how the bag is read, one sentence each; reading may add to it.
 
     Raises:
@@ -39,6 +43,7 @@ class BagSource:
         self._files = BagFiles(self.path)
         self.notes: list[str] = self._files.notes
         self._names: dict[tuple[str, ...], None] = {}
+        self._new_names: dict[str, str] = {}
         self._robot_description: str | None = None
         self._looked_for_description = False
         self._read_index()
@@ -51,11 +56,20 @@ class BagSource:
             first = list(islice(self, _LOOK_AHEAD))
         if not first:
             raise BagError(f"bag '{self.path}': topic {self.topic} has no message that can be read. Record it again.")
+        self.kinds = kinds_of(first)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """The joints that messages have named so far, in the order in which they came up."""
-        return tuple(dict.fromkeys(name for names in self._names for name in names))
+        return tuple(dict.fromkeys(self._new_names.get(name, name) for names in self._names for name in names))
+
+    def renamed(self, names: Mapping[str, str]) -> Self:
+        """The same bag with other names for some joints, by the names that the messages have."""
+        other = copy(self)
+        other._new_names = dict(names)
+        pairs = ", ".join(f"{old} is {new}" for old, new in names.items())
+        other.notes = [*self.notes, f"Joints of the messages are taken for the URDF's: {pairs}."]
+        return other
 
     @property
     def robot_description(self) -> str | None:
@@ -70,7 +84,17 @@ class BagSource:
             for reader in readers:
                 connections = [c for c in reader.connections if c.topic == self.topic and c.msgtype == JOINT_STATE]
                 if connections:
-                    yield from self._records(reader, connections)
+                    yield from self._with_new_names(self._records(reader, connections))
+
+    def _with_new_names(self, records: Iterator[JointStateRecord]) -> Iterator[JointStateRecord]:
+        if not self._new_names:
+            yield from records
+            return
+        known: dict[tuple[str, ...], tuple[str, ...]] = {}
+        for record in records:
+            if (names := known.get(record.names)) is None:
+                names = known[record.names] = tuple(self._new_names.get(name, name) for name in record.names)
+            yield replace(record, names=names)
 
     def raw_messages(self, topic: str) -> Iterator[tuple[int, bytes, str]]:
         """Receive time [ns], content and type of each message of any topic, in the order of recording."""

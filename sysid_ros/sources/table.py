@@ -82,6 +82,13 @@ class TableSource:
         notes = [*self.notes, f"Joints of {self.name} are taken for the URDF's, in its order: {', '.join(urdf_joints)}."]
         return type(self)(self.name, self.t, self.q, self.tau, self.v, urdf_joints, self.robot_description, notes)
 
+    def renamed(self, names: Mapping[str, str]) -> Self:
+        """The same with other names for some joints, by the names that it has."""
+        joints = tuple(names.get(name, name) for name in self.joint_names)
+        pairs = ", ".join(f"{old} is {new}" for old, new in names.items())
+        notes = [*self.notes, f"Joints of {self.name} are taken for the URDF's: {pairs}."]
+        return type(self)(self.name, self.t, self.q, self.tau, self.v, joints, self.robot_description, notes)
+
     @property
     def message_count(self) -> int:
         """How many rows there are."""
