@@ -13,7 +13,8 @@ from sysid_ros.exceptions import BagError
 from sysid_ros.robot.joint_choice import kinds_of
 from sysid_ros.sample import JointStateRecord
 from sysid_ros.sources.bag_files import BagFiles
-from sysid_ros.sources.joint_state_cdr import JOINT_STATE, STRING, JointStateDecoder, decode_string
+from sysid_ros.sources.joint_messages import Decoder, decoder_of, holds_joints
+from sysid_ros.sources.joint_state_cdr import JOINT_STATE, STRING, decode_string
 
 DEFAULT_TOPIC = "/joint_states"
 _BATCH = 512  # messages decoded at once
@@ -21,15 +22,18 @@ _LOOK_AHEAD = 200  # messages whose joint names are known before the bag is read
 
 
 class BagSource:
-    """The ``sensor_msgs/JointState`` messages of one topic of a bag, in the order of recording. It can be iterated again.
+    """The joint states of one topic of a bag, in the order of recording. It can be iterated again.
+
+    The topic carries ``sensor_msgs/JointState``, or another type of :data:`.joint_messages.DECODERS`.
 
     Args:
         path: a rosbag2 folder, an .mcap file or a .db3 file, with or without metadata.yaml.
         topic: where the joint states are. When the default is not in the bag and there is exactly one other topic of joint
-            states, that one is used, and a note says so.
+            states, that one is used, and a note says so; one of another type, where there is none of JointState.
 
     Attributes:
-        topic: the topic that is read. topics: (type, number of messages) of every topic in the bag.
+        topic: the topic that is read, of the type ``kind``. names_joints: whether its messages name the joints.
+        topics: (type, number of messages) of every topic in the bag.
         message_count: messages on the topic. duration: of the bag [s].
         kinds: of the first messages, by the joints that they name.
         notes: what the user should know of how the bag is read, one sentence each; reading may add to it.
@@ -48,7 +52,8 @@ class BagSource:
         self._looked_for_description = False
         self._read_index()
         self.topic = self._choose(topic if topic.startswith("/") else f"/{topic}")
-        self.message_count = self.topics[self.topic][1]
+        self.kind, self.message_count = self.topics[self.topic]
+        self.names_joints = True
         first = list(islice(self, _LOOK_AHEAD))
         if not first and self._files.use_files_of_folder():
             # The metadata.yaml and the file disagree on the topic's settings, so rosbags finds no message of it.
@@ -82,7 +87,7 @@ class BagSource:
     def __iter__(self) -> Iterator[JointStateRecord]:
         with self._files.opened() as readers:
             for reader in readers:
-                connections = [c for c in reader.connections if c.topic == self.topic and c.msgtype == JOINT_STATE]
+                connections = [c for c in reader.connections if c.topic == self.topic and c.msgtype == self.kind]
                 if connections:
                     yield from self._with_new_names(self._records(reader, connections))
 
@@ -111,7 +116,7 @@ class BagSource:
 
     def _records(self, reader: Any, connections: list[Any]) -> Iterator[JointStateRecord]:
         messages = self._files.messages(reader, connections)
-        decoder = JointStateDecoder()
+        decoder = self._decoder(connections[0])
         read, damage = 0, None
         while damage is None:
             raw: list[bytes] = []
@@ -126,7 +131,10 @@ class BagSource:
                 break
             read += len(raw)
             names: tuple[str, ...] | None = None
-            for record in decoder.decode(raw, times):
+            records = decoder.decode(raw, times)
+            for sentence in decoder.notes:
+                self._note(f"Topic {self.topic}: {sentence}")
+            for record in records:
                 if record.names is not names:
                     names = record.names
                     self._names.setdefault(names)
@@ -142,6 +150,14 @@ class BagSource:
             self._note(f"Only the first {read} messages of '{reader.path}' are read: {damage}")
         if decoder.failures:
             self._note(f"{decoder.failures} of {read} messages can't be decoded and are left out: {decoder.last_failure}.")
+
+    def _decoder(self, connection: Any) -> Decoder:
+        try:
+            decoder = decoder_of(connection.msgdef, self.kind)
+        except BagError as error:
+            raise BagError(f"bag '{self.path}', topic {self.topic}: {error}") from error.__cause__
+        self.names_joints = decoder.names_joints
+        return decoder
 
     def _note(self, sentence: str) -> None:
         if sentence not in self.notes:
@@ -164,7 +180,8 @@ class BagSource:
         self.duration: float = (max(ends) - min(starts)) * 1e-9
 
     def _choose(self, topic: str) -> str:
-        candidates = {name: count for name, (kind, count) in self.topics.items() if kind == JOINT_STATE}
+        candidates = {name: count for name, (kind, count) in self.topics.items() if holds_joints(kind)}
+        plain = [name for name in candidates if self.topics[name][0] == JOINT_STATE]
         listed = ", ".join(f"{name} ({count} messages)" for name, count in candidates.items())
         cure = (
             f"Choose one with --topic: {listed}."
@@ -172,14 +189,14 @@ class BagSource:
             else f"No topic of it carries {JOINT_STATE}; it has {self._listed_topics()}."
         )
         if topic not in self.topics:
-            if topic == DEFAULT_TOPIC and len(candidates) == 1:
-                only = next(iter(candidates))
+            if topic == DEFAULT_TOPIC and len(plain or candidates) == 1:
+                (only,) = plain or candidates
                 self.notes.append(f"Bag '{self.path}' has no topic {topic}; its only topic of joint states, {only}, is used.")
                 topic = only
             else:
                 raise BagError(f"bag '{self.path}' has no topic {topic}. {cure}")
         kind, count = self.topics[topic]
-        if kind != JOINT_STATE:
+        if not holds_joints(kind):
             raise BagError(f"bag '{self.path}': topic {topic} carries {kind}; it must be {JOINT_STATE}. {cure}")
         if count == 0:
             raise BagError(

@@ -49,12 +49,14 @@ class JointStateDecoder:
 
     Attributes:
         failures: how many messages so far were not a JointState and were left out.
-        last_failure: what was wrong with the last of them.
+        last_failure: what was wrong with the last of them. notes, names_joints: see :class:`.joint_messages.Decoder`.
     """
 
     def __init__(self) -> None:
         self.failures = 0
         self.last_failure = ""
+        self.notes: list[str] = []
+        self.names_joints = True
         self._layouts: dict[int, list[_Layout]] = {}
 
     def decode(self, messages: Sequence[bytes], receive_times: Sequence[float]) -> list[JointStateRecord]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from sysid_ros.exceptions import RobotModelError
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.flange import gripper_joints
 from sysid_ros.robot.joint_choice import choose, renamed
@@ -24,6 +27,8 @@ def robot_of_source(source: Source, urdf: str, settings: OnlineSettings) -> tupl
         DataError: a table without names has another number of joints.
     """
     wanted = settings.joint_names
+    if isinstance(source, BagSource) and not source.names_joints:
+        source = _named(source, urdf, wanted)
     if isinstance(source, TableSource):
         source = source.named(wanted or RobotModel.from_urdf(urdf).joint_names)
     if wanted:
@@ -31,7 +36,21 @@ def robot_of_source(source: Source, urdf: str, settings: OnlineSettings) -> tupl
         if names:
             source = source.renamed(names)
             wanted = tuple(names.values())
-    elif isinstance(source, BagSource):
+    elif isinstance(source, BagSource) and source.names_joints:
         types, mimic, _ = read_urdf(urdf)
         wanted = choose([name for name in types if name not in mimic], gripper_joints(urdf), source.kinds)
     return source, RobotModel.for_messages(urdf, source.joint_names, wanted, settings.gravity)
+
+
+def _named(source: BagSource, urdf: str, joint_names: Sequence[str]) -> BagSource:
+    """Messages that name no joints, with the URDF's names in its order."""
+    types, mimic, _ = read_urdf(urdf)
+    grips = gripper_joints(urdf)
+    joints = list(joint_names) or [name for name in types if name not in mimic and name not in grips]
+    n = len(source.joint_names)
+    if len(joints) != n:
+        raise RobotModelError(
+            f"bag '{source.path}': messages of {source.kind} hold {n} joints and no names; there are {len(joints)} to take them "
+            f"for: {', '.join(joints)}. Say which {n} of the URDF they are with --joint-names."
+        )
+    return source.renamed(dict(zip(source.joint_names, joints, strict=True)))

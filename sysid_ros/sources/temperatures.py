@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from rosbags.interfaces import MessageDefinitionFormat
 
 from sysid_ros.exceptions import BagError
 from sysid_ros.sample import TemperatureSeries
 from sysid_ros.sources.bag import BagSource
 from sysid_ros.sources.joint_state_cdr import typestore
+from sysid_ros.sources.own_types import own_types, store_of
 from sysid_ros.sources.table import TableSource
 
 TEMPERATURE = "sensor_msgs/msg/Temperature"
@@ -60,7 +60,7 @@ def _stamped(source: BagSource, topic: str) -> Iterator[Reading]:
 
 def _dynamic(source: BagSource, topic: str) -> Iterator[Reading]:
     found = False
-    for searched, (received, message) in enumerate(_messages(source, topic, _own_types(source, topic), _STEP), start=1):
+    for searched, (received, message) in enumerate(_messages(source, topic, _types(source, topic), _STEP), start=1):
         for joint, values in zip(message.joint_names, message.interface_values, strict=False):
             named = {n.lower().replace(" ", "_"): v for n, v in zip(values.interface_names, values.values, strict=False)}
             name = next((n for n in _INTERFACES if n in named), None)
@@ -86,29 +86,13 @@ def _messages(source: BagSource, topic: str, types: Any, step: float) -> Iterato
         yield received, message
 
 
-def _own_types(source: BagSource, topic: str) -> Any:
+def _types(source: BagSource, topic: str) -> Any:
     """The message types that a bag itself defines for a topic.
 
     Raises:
         BagError: it defines none.
     """
-    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
-
-    kind = source.topics[topic][0]
-    definition = source.definition(topic)
-    store = get_typestore(Stores.EMPTY)
-    try:
-        if definition.format == MessageDefinitionFormat.MSG:
-            store.register(get_types_from_msg(definition.data, kind))
-        elif definition.format == MessageDefinitionFormat.IDL:
-            store.register(get_types_from_idl(definition.data))
-        else:
-            raise BagError(f"the bag does not define {kind}. Record to mcap, which does.")
-    except BagError:
-        raise
-    except Exception as error:
-        raise BagError(f"the bag's definition of {kind} can't be read: {error}.") from error
-    return store
+    return store_of(own_types(source.definition(topic), source.topics[topic][0]))
 
 
 def _stamp(message: Any, received: float) -> float:
