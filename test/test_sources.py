@@ -443,7 +443,8 @@ def test_memory_source() -> None:
     assert MemorySource([]).duration == 0.0
 
 
-def test_urdf_text(tmp_path: Path) -> None:
+def test_urdf_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sysid_ros.robot.xacro_file._command", list)
     file = tmp_path / "arm.urdf"
     file.write_text("<robot name='file'/>")
     assert urdf_text(file, MemorySource([], URDF)) == "<robot name='file'/>"
@@ -456,7 +457,8 @@ def test_urdf_text(tmp_path: Path) -> None:
         (None, MemorySource([]), "/robot_description"),
         (tmp_path / "none.urdf", None, "does not exist"),
         (tmp_path, None, "folder"),
-        (tmp_path / "arm.xacro", None, "Expand it"),
+        (tmp_path / "arm.xacro", None, r"xacro is not installed: pip install .*expand it"),
+        (f"{file} side:=left", None, "no xacro file"),
         (tmp_path / "binary.urdf", None, "as text"),
     ):
         with pytest.raises(RobotModelError, match=word):

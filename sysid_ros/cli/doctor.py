@@ -30,6 +30,7 @@ _PARTS = (
     ("pybullet", "pybullet", "sysid simulate, control", "pip install 'sysid_ros[sim]'"),
     ("mujoco", "mujoco", "MJCF; gain in simulation of diagnose", "pip install 'sysid_ros[mujoco]'"),
     ("pyarrow", "pyarrow", "Parquet tables", "pip install 'sysid_ros[tables]'"),
+    ("xacro", "xacro", "robots written as xacro", "pip install 'sysid_ros[xacro]'"),
 )
 """Module, distribution, what it brings, and how to get it."""
 

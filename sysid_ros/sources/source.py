@@ -8,6 +8,7 @@ from typing import Protocol
 
 from sysid_ros.exceptions import RobotModelError
 from sysid_ros.robot.mjcf import is_mjcf, urdf_of_mjcf
+from sysid_ros.robot.xacro_file import is_xacro, urdf_of_xacro, with_arguments
 from sysid_ros.sample import JointStateRecord
 
 
@@ -71,7 +72,7 @@ class MemorySource:
 
 def urdf_text(urdf_path: str | Path | None, source: Source | None = None) -> str:
     """The URDF's text from ``urdf_path``, else from the ``/robot_description`` that was recorded with the data. An MJCF gives
-    what :func:`.urdf_of_mjcf` makes of it.
+    what :func:`.urdf_of_mjcf` makes of it, a xacro file what xacro does, with arguments behind its path ("arm.xacro side:=left").
 
     Raises:
         RobotModelError: there is no such file, it is not text, or neither of the two gives a URDF.
@@ -81,7 +82,8 @@ def urdf_text(urdf_path: str | Path | None, source: Source | None = None) -> str
             return text
         where = "no URDF file is given" if source is None else "no URDF file is given and the data hold no /robot_description"
         raise RobotModelError(f"{where}. Give the robot's URDF with --urdf FILE, or record /robot_description with the bag.")
-    path = Path(urdf_path)
+    given, arguments = with_arguments(str(urdf_path))
+    path = Path(given)
     if path.is_dir():
         raise RobotModelError(f"URDF '{path}' is a folder. Give the .urdf file itself.")
     try:
@@ -94,6 +96,8 @@ def urdf_text(urdf_path: str | Path | None, source: Source | None = None) -> str
         ) from error
     if is_mjcf(text):
         return urdf_of_mjcf(path)
-    if "<xacro:" in text or path.suffix == ".xacro":
-        raise RobotModelError(f"URDF '{path}' is a xacro file. Expand it first: xacro {path.name} > robot.urdf")
+    if is_xacro(path, text):
+        return urdf_of_xacro(path, arguments)
+    if arguments:
+        raise RobotModelError(f"'{path}' is no xacro file, so it takes no arguments: {' '.join(arguments)}. Leave them out.")
     return text
