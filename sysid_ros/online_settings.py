@@ -117,6 +117,9 @@ class OnlineSettings(Settings):
     effort_scale: tuple[float, ...] = setting(
         (), "factor a joint from effort to torque; empty: 1", "N m per unit of effort", 1e-9, 1e9
     )
+    effort_preset: str = setting(
+        "", "arm whose drivers' efforts are meant, in place of effort_scale: ur5, ur10, ur10e (motor currents)"
+    )
     effort_sign: tuple[float, ...] = setting((), "+1 or -1 a joint; empty: +1", "", -1.0, 1.0)
     effort_type: str = setting(
         "total", "what effort is: the joint's torque, or what is left after the robot's own model", choices=("total", "external")

@@ -154,9 +154,9 @@ class Bench:
             for message in messages[k : k + 20]:
                 self.publisher.publish(message)
             gate = self.node.live.gate if self.node.live is not None else None
-            wanted = None if gate is None else gate.received + len(messages[k : k + 20])
+            wanted = None if gate is None else gate.received + gate.others + len(messages[k : k + 20])
             if wanted is not None and self.node.is_active:
-                self.until(partial(lambda gate, wanted: gate.received >= wanted, gate, wanted))
+                self.until(partial(lambda gate, wanted: gate.received + gate.others >= wanted, gate, wanted))
             else:
                 for _ in range(40):
                     self.executor.spin_once(timeout_sec=0.005)

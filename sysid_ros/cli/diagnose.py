@@ -41,6 +41,7 @@ Reading = tuple[str, Path | None]
 @opt.path("--model", "model_path", help="model.yaml of 'sysid identify' or of an earlier diagnosis: the known part.")
 @click.option("--simulator", type=click.Choice(SIMULATORS), help="Of the gain in simulation.  [default: the first installed]")
 @opt.READ_JOINTS
+@opt.EFFORT_PRESET
 @opt.CONFIG
 @opt.TOPIC
 @opt.COLUMNS
@@ -53,6 +54,7 @@ def command(
     model_path: Path | None,
     simulator: str | None,
     joint_names: tuple[str, ...],
+    effort_preset: str,
     config_path: Path | None,
     topic: str,
     columns_path: Path | None,
@@ -85,7 +87,7 @@ def command(
     """
     started = time.monotonic()
     installed(simulator)
-    settings = settings_from(read_config(config_path), joint_names=joint_names)
+    settings = settings_from(read_config(config_path), joint_names=joint_names, effort_preset=effort_preset)
     known = ModelFile.read(model_path) if model_path else None
     origin = provenance(bags, validate=validate, urdf=urdfs or "/robot_description of the first bag", model=model_path)
     robot: RobotModel | None = None

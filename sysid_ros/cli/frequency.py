@@ -25,6 +25,7 @@ from sysid_ros.torque.model_file import ModelFile
 @opt.path("--urdf", help="The model to check; else /robot_description of the first bag.")
 @opt.path("--model", "model_path", help="model.yaml of 'sysid identify' or 'sysid diagnose': the model to check.")
 @opt.READ_JOINTS
+@opt.EFFORT_PRESET
 @click.option(
     "--top", type=click.FloatRange(1.0, 400.0), help="Upper end of the band. [Hz]  [default: a fifth of the rate, 40 at most]"
 )
@@ -38,6 +39,7 @@ def command(
     urdf: Path | None,
     model_path: Path | None,
     joint_names: tuple[str, ...],
+    effort_preset: str,
     top: float | None,
     config_path: Path | None,
     topic: str,
@@ -63,7 +65,7 @@ def command(
     if plot_path is not None:
         check_plot_path(plot_path)
     require_folders(json=json_path)
-    settings = settings_from(read_config(config_path), joint_names=joint_names)
+    settings = settings_from(read_config(config_path), joint_names=joint_names, effort_preset=effort_preset)
     file = ModelFile.read(model_path) if model_path else None
     robot, recordings, problems = read_recordings(bags, urdf, topic, settings, columns_path)
     warn_of(problems)

@@ -28,6 +28,7 @@ from sysid_ros.torque.urdf_export import check_model_file, export_urdf
 @opt.path("--urdf-out", help="URDF to write, with the identified inertials and joint dynamics.")
 @opt.path("--validate", multiple=True, metavar="BAG...", help="Bags to judge the model on; they are never fitted.")
 @opt.READ_JOINTS
+@opt.EFFORT_PRESET
 @opt.CONFIG
 @click.option(
     "--cutoff", type=click.FloatRange(0.5, 100.0), help="Cut-off of the low-pass on both sides; else from the spectrum. [Hz]"
@@ -87,6 +88,7 @@ def command(
     urdf_out: Path | None,
     validate: tuple[Path, ...],
     joint_names: tuple[str, ...],
+    effort_preset: str,
     config_path: Path | None,
     cutoff: float | None,
     payload_bag: tuple[Path, ...],
@@ -110,7 +112,7 @@ def command(
     Exit codes: 0 done; 2 bad input or usage.
     """
     require_folders(out=out_path, urdf_out=urdf_out, report=report_path, json=json_path)
-    settings = settings_from(read_config(config_path), joint_names=joint_names)
+    settings = settings_from(read_config(config_path), joint_names=joint_names, effort_preset=effort_preset)
     robot, read, problems = read_recordings((*bags, *validate, *payload_bag), urdf, topic, settings, columns_path)
     origin = provenance(bags)
     first, second = len(bags), len(bags) + len(validate)

@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from sysid_ros.robot.effort_presets import PRESETS
+
 PATH = click.Path(path_type=Path)
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -45,6 +47,12 @@ def numbers(ctx: click.Context, param: click.Parameter, value: str | None) -> tu
 BAGS = click.argument("bags", type=PATH, nargs=-1, required=True, metavar="BAG...")
 COLUMNS = path("--columns", "columns_path", metavar="YAML", help="Which columns of a table are which; else guessed, and shown.")
 CONFIG = path("--config", "config_path", help="Parameters of the node (effort_scale, joint_names, ...), a ROS 2 YAML file.")
+EFFORT_PRESET = click.option(
+    "--effort-preset",
+    default="",
+    metavar="ARM",
+    help=f"Efforts are what this arm's driver publishes, such as currents: {', '.join(PRESETS)}. Never assumed.",
+)
 FORCE = click.option("--force", is_flag=True, help="Overwrite files that are there.")
 JOINT_NAMES = click.option(
     "--joint-names", multiple=True, metavar="NAME...", help="Joints that move; others are locked at 0.  [default: all]"

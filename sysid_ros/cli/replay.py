@@ -27,6 +27,7 @@ from sysid_ros.torque.model_file import ModelFile
 @click.option("--frame", help="Link that the payload is expressed in; else the arm's flange.")
 @opt.path("--model", "model_path", help="model.yaml of 'sysid identify': what is known of the arm itself.")
 @opt.READ_JOINTS
+@opt.EFFORT_PRESET
 @opt.CONFIG
 @opt.TOPIC
 @opt.COLUMNS
@@ -42,6 +43,7 @@ def command(
     frame: str | None,
     model_path: Path | None,
     joint_names: tuple[str, ...],
+    effort_preset: str,
     config_path: Path | None,
     topic: str,
     columns_path: Path | None,
@@ -68,7 +70,7 @@ def command(
     status.
     """
     parameters = read_config(config_path)
-    settings = settings_from(parameters, frame_id=frame, joint_names=joint_names)
+    settings = settings_from(parameters, frame_id=frame, joint_names=joint_names, effort_preset=effort_preset)
     require_folders(json=json_path, series=series_path, payloads=payloads_path, plot=plot_path)
     urdf = urdf or _path_in(parameters, "urdf_path")
     model_path = model_path or _path_in(parameters, "model_path")

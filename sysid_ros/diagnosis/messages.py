@@ -16,6 +16,7 @@ from sysid_ros.input_gate.joined import JoinedRecords
 from sysid_ros.input_gate.mapping import effort_factor
 from sysid_ros.input_gate.rejections import of_length, of_names
 from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.effort_presets import said
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, JointStateRecord
 from sysid_ros.signals.recording import Recording
@@ -43,7 +44,8 @@ def read_messages(
     joined = JoinedRecords(robot.joint_names, settings.max_gap)
     rows, received, reasons = _collect(_joined(records, joined, advance), robot)
     notes = tuple(f"{name}: {count} messages are not used: {text}" for text, count in reasons.items())
-    notes += tuple(f"{name}: {sentence}" for sentence in joined.notes)
+    notes += tuple(f"{name}: {text}" for text in joined.notes)
+    notes += said(settings.effort_preset)
     if not rows:
         why = next(iter((*reasons, *joined.notes)), "There is none. Record /joint_states while the robot moves.")
         raise DataError(f"{name}: no message can be used. {why}")

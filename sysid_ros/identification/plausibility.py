@@ -11,6 +11,7 @@ from sysid_ros.exceptions import DataError
 from sysid_ros.identification.result import Problem
 from sysid_ros.identification.rows import BagRows, BoolArray
 from sysid_ros.identification.tolerances import TOL
+from sysid_ros.robot.effort_presets import offer
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
@@ -120,7 +121,7 @@ def _require_torque(robot: RobotModel, found: Agreement) -> None:
         raise DataError(
             f"the effort is far smaller than the arm's weight asks for {against}. If it is a motor current (A) or a part of the "
             f"rated torque, set effort_scale in --config to N m per unit, a joint each (about {scale:.2g} by these slopes); if "
-            "gravity is already taken out of it, record the total torque."
+            f"gravity is already taken out of it, record the total torque.{offer(robot.joint_names)}"
         )
     if np.sum(high) > most:
         raise DataError(

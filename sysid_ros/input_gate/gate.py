@@ -15,6 +15,7 @@ from sysid_ros.input_gate.mapping import Mapping, largest_gravity_torque, limit_
 from sysid_ros.input_gate.rejections import Rejection
 from sysid_ros.input_gate.velocity_agreement import VelocityAgreement
 from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.effort_presets import said
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import ContactRecord, FloatArray, ImuRecord, JointStateRecord, Measurement
 
@@ -94,8 +95,8 @@ class InputGate:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was put together from several publishers and what was left out, a sentence each."""
-        return self._joined.notes
+        """What efforts are taken for, what was put together from several publishers and what was left out, a sentence each."""
+        return (*said(self.settings.effort_preset), *self._joined.notes)
 
     def accept(self, record: JointStateRecord) -> Measurement | Rejection:
         """The measurement that a message holds, or why it is not used; at once, also if it may be a repeated one."""
@@ -120,9 +121,8 @@ class InputGate:
 
     def _taken(self, record: JointStateRecord) -> list[Measurement]:
         self._last_received = record.receive_time
-        if (record.names is self._names or record.names == self._names) and isinstance(self._mapping, Mapping):
-            return self._judged(record)
-        return [measurement for whole in self._whole(record) for measurement in self._judged(whole)]
+        known = (record.names is self._names or record.names == self._names) and isinstance(self._mapping, Mapping)
+        return [measurement for whole in ((record,) if known else self._whole(record)) for measurement in self._judged(whole)]
 
     def _whole(self, record: JointStateRecord) -> Sequence[JointStateRecord]:
         """The messages with all of the joints that one makes; itself where it is to be judged for what it lacks."""

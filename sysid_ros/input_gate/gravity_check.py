@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.input_gate.mapping import largest_gravity_torque
+from sysid_ros.robot.effort_presets import offer
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
@@ -122,6 +123,7 @@ class GravityCheck:
             return "", (
                 f"The effort is much smaller than gravity asks for on {self._listed(joints)}. If it is a motor current or a "
                 "percentage, set effort_scale; if gravity is already taken out of it, set effort_type to external."
+                f"{offer(self._robot.joint_names)}"
             )
         if np.median(factors) > _HIGHEST:
             return "", (

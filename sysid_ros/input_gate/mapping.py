@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.input_gate import kernel
 from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.effort_presets import preset
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
@@ -46,15 +47,15 @@ class Mapping:
 
 
 def effort_factor(robot: RobotModel, settings: OnlineSettings) -> FloatArray:
-    """``effort_scale`` times ``effort_sign`` in the robot's joint order, shape (n,).
+    """``effort_scale``, or that of ``effort_preset``, times ``effort_sign`` in the robot's joint order, shape (n,).
 
-    They are given in the order of ``settings.joint_names`` where that names the robot's joints, else in the robot's.
+    Numbers are given in the order of ``settings.joint_names`` where that names the robot's joints, else in the robot's.
 
     Raises:
-        SettingsError: another length than the robot has joints, or a sign that is not +1 or -1.
+        SettingsError: another length than the robot has joints, a sign that is not +1 or -1, or a preset of another arm.
     """
     order = settings.joint_names if set(settings.joint_names) == set(robot.joint_names) else robot.joint_names
-    factor = np.ones(robot.n)
+    factor = _of_preset(robot, settings) if settings.effort_preset else np.ones(robot.n)
     for name, values in (("effort_scale", settings.effort_scale), ("effort_sign", settings.effort_sign)):
         if values and len(values) != robot.n:
             raise SettingsError(
@@ -66,6 +67,19 @@ def effort_factor(robot: RobotModel, settings: OnlineSettings) -> FloatArray:
         if values:
             by_name = dict(zip(order, values, strict=True))
             factor *= [by_name[joint] for joint in robot.joint_names]
+    return factor
+
+
+def _of_preset(robot: RobotModel, settings: OnlineSettings) -> FloatArray:
+    one = preset(settings.effort_preset)
+    if settings.effort_scale:
+        raise SettingsError(f"effort_preset is {settings.effort_preset!r} and effort_scale is given too. Give one of them.")
+    factor = one.of(robot.joint_names)
+    if factor is None:
+        raise SettingsError(
+            f"effort_preset is {settings.effort_preset!r}, for joints {', '.join(one.joints)}; the robot has "
+            f"{', '.join(robot.joint_names)}. Set effort_scale, a number for each."
+        )
     return factor
 
 

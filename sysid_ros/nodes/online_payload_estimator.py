@@ -27,6 +27,7 @@ from sysid_ros.online.live_estimation import CommitGate, LiveEstimation
 from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.online.warm_up import warm_up
 from sysid_ros.online_settings import CommitSettings, OnlineSettings
+from sysid_ros.robot.effort_presets import said
 from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
 from sysid_ros.sources.source import urdf_text
 from sysid_ros.torque.model_file import ModelFile
@@ -164,6 +165,8 @@ class OnlinePayloadEstimator(LifecycleNode):
             f"{live.robot.name}: joints {', '.join(live.robot.joint_names)}; payload in {live.estimation.frame}; "
             f"loaded in {time.monotonic() - start:.1f} s"
         )
+        for text in said(live.settings.effort_preset):
+            self.get_logger().info(text)
         # what lives as long as the node need not be looked through at every collection, which would delay a message
         gc.collect()
         gc.freeze()

@@ -136,7 +136,10 @@ def _guessed(names: Sequence[str], where: str) -> Columns:
     notes: tuple[str, ...] = ()
     if not found["effort"] and found["current"]:
         found["effort"] = found["current"]
-        notes = ("Motor currents are taken for efforts: set effort_scale to N m a unit of current, joint by joint.",)
+        notes = (
+            "Motor currents are taken for efforts: set effort_scale to N m a unit of current, joint by joint, or an "
+            "effort_preset.",
+        )
     keys = [key for key in found["position"] if key in found["effort"]]
     if not time or not keys:
         lacking = "time" if not time else "position and effort of any joint"
