@@ -144,6 +144,20 @@ def test_bags_choose_the_arm(tmp_path: Path, storage: str, shared: str, joints: 
     assert gate.counts == {}
 
 
+@pytest.mark.parametrize(("effort", "moves"), [(np.nan, False), (0.0, False), (2.0, True)])
+def test_fingers_in_the_arms_messages_count_where_their_effort_is_measured(tmp_path: Path, effort: float, moves: bool) -> None:
+    def with_grip(r: JointStateRecord) -> JointStateRecord:
+        q, v, tau = (np.append(x, y) for x, y in ((r.position, 0.01), (r.velocity, 0.0), (r.effort, effort)))
+        return JointStateRecord(r.stamp, r.receive_time, (*r.names, "grip"), q, v, tau)
+
+    records = [with_grip(r) for r in motion()]
+    source, robot = open_bag(recorded(tmp_path / "bag", records), "/joint_states", None, OnlineSettings())
+    assert robot.joint_names == (*ARM, *(("grip",) if moves else ()))
+    assert robot.flange == "left_hand"
+    gate = InputGate(robot, OnlineSettings(effort_type="external"))
+    assert len(list(gate.measurements(source))) == len(records)
+
+
 def test_live_a_gripper_is_another_publisher_and_an_arm_in_parts_is_one_arm() -> None:
     for records in (in_order(motion(), fingers(2)), in_parts()):
         live = LiveEstimation(urdf("tree_robot"), OnlineSettings(effort_type="external"), CommitGate(CommitSettings()))

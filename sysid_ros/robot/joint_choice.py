@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from sysid_ros.exceptions import RobotModelError
 from sysid_ros.robot.flange import gripper_joints
@@ -18,25 +20,31 @@ _AS_OFTEN = 0.1
 
 @dataclass(slots=True)
 class Kind:
-    """Messages that name the same joints: how many came, and whether they hold efforts."""
+    """Messages that name the same joints: how many came, whether they hold efforts, and of which joints any but 0 and NaN."""
 
     count: int = 0
     has_effort: bool = False
+    measured: set[str] = field(default_factory=set)
+
+    def add(self, record: JointStateRecord) -> None:
+        """Count one."""
+        self.count += 1
+        self.has_effort |= len(record.effort) > 0
+        pairs = zip(record.names, np.nan_to_num(np.asarray(record.effort, dtype=float)).tolist(), strict=False)
+        self.measured.update(name for name, effort in pairs if effort)
 
 
 def kinds_of(records: Collection[JointStateRecord]) -> dict[tuple[str, ...], Kind]:
     """The kinds of messages among some, in the order in which they came up."""
     kinds: dict[tuple[str, ...], Kind] = {}
     for record in records:
-        kind = kinds.setdefault(record.names, Kind())
-        kind.count += 1
-        kind.has_effort |= len(record.effort) > 0
+        kinds.setdefault(record.names, Kind()).add(record)
     return kinds
 
 
 def choose(movable: Sequence[str], grips: Collection[str], kinds: Mapping[tuple[str, ...], Kind]) -> tuple[str, ...]:
     """The joints that the messages with the most of them name, those with efforts first, and what other publishers add with
-    efforts, but for joints of a gripper; in the order of ``movable``.
+    efforts; joints of a gripper only where they come with the others and their effort is measured. In the order of ``movable``.
 
     Args:
         movable: joints of the URDF. grips: those of a gripper.
@@ -44,6 +52,8 @@ def choose(movable: Sequence[str], grips: Collection[str], kinds: Mapping[tuple[
     held = {names: [name for name in movable if name in names] for names in kinds}
     best = max(kinds, key=lambda names: (kinds[names].has_effort and bool(held[names]), len(held[names])), default=())
     chosen = set(held.get(best, ()))
+    silent = chosen.intersection(grips) - kinds[best].measured if best in kinds else set()
+    chosen = chosen - silent or chosen
     enough = max(_FEWEST, _AS_OFTEN * max((kind.count for kind in kinds.values()), default=0))
     for names, kind in kinds.items():
         if kind.has_effort and kind.count >= enough and chosen:
@@ -106,9 +116,7 @@ class JointChoice:
         """The joints, in the URDF's order, or None while it is not decided."""
         named = set(record.names)
         if named.intersection(self._movable):
-            kind = self._kinds.setdefault(tuple(record.names), Kind())
-            kind.count += 1
-            kind.has_effort |= len(record.effort) > 0
+            self._kinds.setdefault(tuple(record.names), Kind()).add(record)
         if self._first is None or record.receive_time < self._first:
             self._first = record.receive_time
         if not self._kinds:
