@@ -57,7 +57,7 @@ PRESETS: dict[str, EffortPreset] = {
         "motor currents",
         "A",
         "identified on one UR10e with a load of 2.805 kg, by the method of Mamedov, Mikhel 2020, Frontiers in Robotics and AI 7, "
-        "571574; other published gains move a payload by 2 to 20 %",
+        "571574",
     ),
 }
 """By the arm's name."""
