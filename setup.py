@@ -29,7 +29,7 @@ setup(
     description=PROJECT["description"],
     license="Apache-2.0",
     packages=find_packages(str(HERE), include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed", "*.pyi", "pages/templates/*"]},
+    package_data={PACKAGE: ["py.typed", "*.pyi", "pages/templates/*", "robot/*.yaml"]},
     include_package_data=False,  # else setuptools warns that the folder of the templates could be a package
     zip_safe=False,
     # Not in pyproject.toml: there setuptools makes it an object, at which colcon's reader of setup.py stops with a SyntaxError.

@@ -118,7 +118,7 @@ class OnlineSettings(Settings):
         (), "factor a joint from effort to torque; empty: 1", "N m per unit of effort", 1e-9, 1e9
     )
     effort_preset: str = setting(
-        "", "arm whose drivers' efforts are meant, in place of effort_scale: ur5, ur10, ur10e (motor currents)"
+        "", "arm whose driver's efforts are meant, such as motor currents, in place of effort_scale; its name in docs/inputs.md"
     )
     effort_sign: tuple[float, ...] = setting((), "+1 or -1 a joint; empty: +1", "", -1.0, 1.0)
     effort_type: str = setting(

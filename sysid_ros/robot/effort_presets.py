@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import yaml
 
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.sample import FloatArray
-
-_UR = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,32 +35,16 @@ class EffortPreset:
         return None if np.isnan(found).any() else np.array(found)
 
 
-PRESETS: dict[str, EffortPreset] = {
-    "ur5": EffortPreset(
-        _UR,
-        (13.635, 13.746, 13.686, 9.666, 8.737, 9.019),
-        "motor currents",
-        "A",
-        "torque constants of table 1 in Raviola, Guida, De Martin, Pastorelli, Mauro, Sorli 2021, Robotics 10(3), 83, times the "
-        "gear ratio of 101",
-    ),
-    "ur10": EffortPreset(
-        _UR,
-        (14.87, 13.26, 11.13, 10.62, 11.03, 11.47),
-        "motor currents",
-        "A",
-        "drive gains of a UR10 in Gaz, Magrini, De Luca 2018, Mechatronics 55, 234-247",
-    ),
-    "ur10e": EffortPreset(
-        _UR,
-        (11.72, 11.99, 9.82, 10.67, 10.40, 10.69),
-        "motor currents",
-        "A",
-        "identified on one UR10e with a load of 2.805 kg, by the method of Mamedov, Mikhel 2020, Frontiers in Robotics and AI 7, "
-        "571574",
-    ),
-}
-"""By the arm's name."""
+def _read() -> dict[str, EffortPreset]:
+    document = yaml.safe_load((Path(__file__).parent / "effort_presets.yaml").read_text(encoding="utf-8"))
+    return {
+        name: EffortPreset(tuple(x["joints"]), tuple(map(float, x["scale"])), x["what"], x["unit"], x["source"])
+        for name, x in document.items()
+    }
+
+
+PRESETS = _read()
+"""By the arm's name, from effort_presets.yaml."""
 
 
 def preset(name: str) -> EffortPreset:

@@ -14,7 +14,7 @@ from sysid_ros.robot.joint_choice import kinds_of
 from sysid_ros.sample import JointStateRecord
 from sysid_ros.sources.bag_files import BagFiles
 from sysid_ros.sources.joint_messages import Decoder, decoder_of, holds_joints
-from sysid_ros.sources.joint_state_cdr import JOINT_STATE, STRING, decode_string
+from sysid_ros.sources.joint_state_cdr import JOINT_STATE, STRING, decode_string, typestore
 
 DEFAULT_TOPIC = "/joint_states"
 _BATCH = 512  # messages decoded at once
@@ -24,7 +24,7 @@ _LOOK_AHEAD = 200  # messages whose joint names are known before the bag is read
 class BagSource:
     """The joint states of one topic of a bag, in the order of recording. It can be iterated again.
 
-    The topic carries ``sensor_msgs/JointState``, or another type of :data:`.joint_messages.DECODERS`.
+    The topic carries ``sensor_msgs/JointState``, or another type that one of :data:`.joint_messages.DECODERS` reads.
 
     Args:
         path: a rosbag2 folder, an .mcap file or a .db3 file, with or without metadata.yaml.
@@ -111,8 +111,7 @@ class BagSource:
 
     def definition(self, topic: str) -> Any:
         """What the bag says of the type of a topic: rosbags' ``MessageDefinition`` with its format and text."""
-        with self._files.opened() as readers:
-            return next(c.msgdef for reader in readers for c in reader.connections if c.topic == topic)
+        return self._definitions[topic]
 
     def _records(self, reader: Any, connections: list[Any]) -> Iterator[JointStateRecord]:
         messages = self._files.messages(reader, connections)
@@ -153,7 +152,7 @@ class BagSource:
 
     def _decoder(self, connection: Any) -> Decoder:
         try:
-            decoder = decoder_of(connection.msgdef, self.kind)
+            decoder = decoder_of(self.kind, connection.msgdef)
         except BagError as error:
             raise BagError(f"bag '{self.path}', topic {self.topic}: {error}") from error.__cause__
         self.names_joints = decoder.names_joints
@@ -165,10 +164,12 @@ class BagSource:
 
     def _read_index(self) -> None:
         self.topics: dict[str, tuple[str, int]] = {}
+        self._definitions: dict[str, Any] = {}
         starts, ends = [], []
         with self._files.opened() as readers:
             for reader in readers:
                 for c in reader.connections:
+                    self._definitions[c.topic] = c.msgdef
                     self.topics[c.topic] = (c.msgtype, c.msgcount + self.topics.get(c.topic, ("", 0))[1])
                 if reader.message_count:
                     starts.append(reader.start_time)
@@ -180,13 +181,13 @@ class BagSource:
         self.duration: float = (max(ends) - min(starts)) * 1e-9
 
     def _choose(self, topic: str) -> str:
-        candidates = {name: count for name, (kind, count) in self.topics.items() if holds_joints(kind)}
+        candidates = {name: count for name, (kind, count) in self.topics.items() if holds_joints(kind, self._definitions[name])}
         plain = [name for name in candidates if self.topics[name][0] == JOINT_STATE]
         listed = ", ".join(f"{name} ({count} messages)" for name, count in candidates.items())
         cure = (
             f"Choose one with --topic: {listed}."
             if candidates
-            else f"No topic of it carries {JOINT_STATE}; it has {self._listed_topics()}."
+            else f"No topic of it carries {JOINT_STATE}; it has {self._listed_topics()}.{self._undefined()}"
         )
         if topic not in self.topics:
             if topic == DEFAULT_TOPIC and len(plain or candidates) == 1:
@@ -196,7 +197,7 @@ class BagSource:
             else:
                 raise BagError(f"bag '{self.path}' has no topic {topic}. {cure}")
         kind, count = self.topics[topic]
-        if not holds_joints(kind):
+        if topic not in candidates:
             raise BagError(f"bag '{self.path}': topic {topic} carries {kind}; it must be {JOINT_STATE}. {cure}")
         if count == 0:
             raise BagError(
@@ -206,6 +207,12 @@ class BagSource:
 
     def _listed_topics(self) -> str:
         return ", ".join(f"{name} ({kind})" for name, (kind, _) in sorted(self.topics.items())) or "no topic"
+
+    def _undefined(self) -> str:
+        """Which types can't be looked into, because the bag does not define them."""
+        known = typestore().types
+        kinds = {kind for name, (kind, _) in self.topics.items() if not self._definitions[name].data and kind not in known}
+        return f" It does not define {', '.join(sorted(kinds))}; an mcap bag would." if kinds else ""
 
     def _read_robot_description(self) -> str | None:
         named = [name for name, (kind, _) in self.topics.items() if kind == STRING and name.endswith("/robot_description")]

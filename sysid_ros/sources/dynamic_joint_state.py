@@ -45,6 +45,11 @@ class DynamicJointStateDecoder(ByField):
         super().__init__(definition, kind, ("header", "joint_names", "interface_values"), DEFINITION)
         self._layouts: dict[Kind, tuple[tuple[str, ...], list[list[int]]]] = {}
 
+    @staticmethod
+    def suits(kind: str, definition: str) -> bool:
+        """Whether a type is this one."""
+        return kind.endswith("/DynamicJointState")
+
     def record(self, fields: Mapping[str, Any], stamp: float, receive_time: float) -> JointStateRecord:
         """The joints with a position; see :class:`ByField`."""
         parts = fields["interface_values"]

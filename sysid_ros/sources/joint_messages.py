@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 from sysid_ros.sample import JointStateRecord
+from sysid_ros.sources.arm_state import ArmStateDecoder
 from sysid_ros.sources.dynamic_joint_state import DynamicJointStateDecoder
-from sysid_ros.sources.franka_robot_state import FrankaRobotStateDecoder
 from sysid_ros.sources.joint_state_cdr import JOINT_STATE, JointStateDecoder
 
 
@@ -28,25 +28,20 @@ class Decoder(Protocol):
         """The records of messages, in their order, without those that can't be decoded."""
 
 
-DECODERS: dict[str, Callable[[Any, str], Decoder]] = {
-    "JointState": lambda definition, kind: JointStateDecoder(),
-    "DynamicJointState": DynamicJointStateDecoder,
-    "FrankaRobotState": FrankaRobotStateDecoder,
-    "FrankaState": FrankaRobotStateDecoder,
-}
-"""What reads a type, by its name without the package: from the definition in the bag and the whole name."""
+DECODERS: tuple[type[DynamicJointStateDecoder] | type[ArmStateDecoder], ...] = (DynamicJointStateDecoder, ArmStateDecoder)
+"""What reads types other than ``sensor_msgs/JointState``; the first that suits does."""
 
 
-def holds_joints(kind: str) -> bool:
-    """Whether messages of a type, such as "sensor_msgs/msg/JointState", hold joint states."""
-    name = kind.rsplit("/", 1)[-1]
-    return kind == JOINT_STATE if name == "JointState" else name in DECODERS
+def holds_joints(kind: str, definition: Any) -> bool:
+    """Whether messages of a type, such as "sensor_msgs/msg/JointState", hold joint states, by what a bag says of it."""
+    return kind == JOINT_STATE or any(each.suits(kind, definition.data) for each in DECODERS)
 
 
-def decoder_of(definition: Any, kind: str) -> Decoder:
+def decoder_of(kind: str, definition: Any) -> Decoder:
     """What reads the messages of a type.
 
     Raises:
         BagError: the bag does not define the type, or it has no field that tells of joints.
     """
-    return DECODERS[kind.rsplit("/", 1)[-1]](definition, kind)
+    suitable = (each for each in DECODERS if each.suits(kind, definition.data))
+    return JointStateDecoder() if kind == JOINT_STATE else next(suitable)(definition, kind)

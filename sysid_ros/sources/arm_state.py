@@ -1,4 +1,4 @@
-"""``franka_msgs/FrankaRobotState`` of franka_ros2, and ``FrankaState`` of it and of franka_ros before."""
+"""States of an arm by its driver's own message: ``franka_msgs/FrankaRobotState``, and ``FrankaState`` before."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from sysid_ros.sources.by_field import ByField
 
 _STATE = "measured_joint_state"
 _ARRAYS = ("q", "dq", "tau_j")
-JOINTS = tuple(f"joint{k}" for k in range(1, 8))
-"""What joints are called where the message does not name them."""
+_NEXT_TYPE = "====="
+"""What stands between a definition and those of the types in it."""
 
 
-class FrankaRobotStateDecoder(ByField):
-    """The measured state of a Franka arm, efforts from its link-side torque sensors, gravity in them [N m].
+class ArmStateDecoder(ByField):
+    """The measured state of an arm, efforts from its link-side torque sensors, gravity in them [N m].
 
-    From franka_ros2 1.0 on it stands in ``measured_joint_state``, with names; versions that put the links' names there
-    (panda_link2) mean the joints of these numbers. Before, it is the arrays ``q``, ``dq`` and ``tau_J`` of seven.
+    It stands in ``measured_joint_state``, with names, as in franka_ros2; versions that put the links' names there (panda_link2)
+    mean the joints of these numbers. Or it is the arrays ``q``, ``dq`` and ``tau_J``, as before.
 
     Raises:
         BagError: the bag does not define the type, or it holds neither.
@@ -38,12 +38,26 @@ class FrankaRobotStateDecoder(ByField):
                 "/joint_states too."
             )
         self._names: dict[tuple[str, ...], tuple[str, ...]] = {}
+        self._numbers: tuple[str, ...] = ()
+
+    @staticmethod
+    def suits(kind: str, definition: str) -> bool:
+        """Whether a type, of which a bag holds a definition, is one of these."""
+        own = re.sub(r"(#|//).*", "", definition.split(_NEXT_TYPE, 1)[0])
+        words = set(re.findall(r"\w+", own.lower()))
+        return _STATE in words or {"q", "tau_j"} <= words
+
+    def _called(self, count: int) -> tuple[str, ...]:
+        """What joints are called where the message does not name them."""
+        if len(self._numbers) != count:
+            self._numbers = tuple(f"joint{k}" for k in range(1, count + 1))
+        return self._numbers
 
     def record(self, fields: Mapping[str, Any], stamp: float, receive_time: float) -> JointStateRecord:
-        """The seven joints; see :class:`ByField`."""
+        """The joints; see :class:`ByField`."""
         if not self.names_joints:
             q, v, tau = (_array(fields.get(name, ())) for name in _ARRAYS)
-            return JointStateRecord(stamp, receive_time, JOINTS[: len(q)], q, v, tau)
+            return JointStateRecord(stamp, receive_time, self._called(len(q)), q, v, tau)
         state = fields[_STATE]
         given = tuple(state.name)
         if (names := self._names.get(given)) is None:
