@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import struct
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from sysid_ros.sample import FloatArray, JointStateRecord
 from sysid_ros.sources.by_field import ByField
+from sysid_ros.sources.joint_state_cdr import JointStateDecoder, Layout, read
 
 _RULE = 80 * "="
 DEFINITION = f"""std_msgs/Header header
@@ -44,11 +46,39 @@ class DynamicJointStateDecoder(ByField):
     def __init__(self, definition: Any, kind: str) -> None:
         super().__init__(definition, kind, ("header", "joint_names", "interface_values"), DEFINITION)
         self._layouts: dict[Kind, tuple[tuple[str, ...], list[list[int]]]] = {}
+        self._bulk = JointStateDecoder(self._bytes_of, self._one)
 
     @staticmethod
     def suits(kind: str, definition: str) -> bool:
         """Whether a type is this one."""
         return kind.endswith("/DynamicJointState")
+
+    def decode(self, messages: Sequence[bytes], receive_times: Sequence[float]) -> list[JointStateRecord]:
+        """As of :class:`ByField`, messages of one kind at once."""
+        records = self._bulk.decode(messages, receive_times)
+        self.failures, self.last_failure = self._bulk.failures, self._bulk.last_failure
+        return records
+
+    def _one(self, message: bytes, receive_time: float) -> JointStateRecord:
+        fields = self.reader.read(message)
+        stamp = fields["header"].stamp
+        return self.record(fields, stamp.sec + 1e-9 * stamp.nanosec, receive_time)
+
+    def _bytes_of(self, message: bytes) -> Layout | None:
+        """Where the numbers of messages like this one stand; None where reading them there gives something else."""
+        try:
+            expected = self._one(message, 0.0)
+            key, at = _values_in(message)
+            names, index = self._layout(key)
+        except (ValueError, struct.error):
+            return None
+        table = np.frombuffer(message, dtype=np.uint8)
+        every = np.array(at, dtype=np.intp)[:, None] + np.arange(8)
+        fixed = np.setdiff1d(np.arange(len(message)), np.concatenate([every.ravel(), np.arange(4, 12)]))
+        layout = Layout(names, tuple(every[some].ravel() for some in index), fixed, table[fixed])
+        (found,) = read(table[None], layout, [0.0])
+        same = all(np.array_equal(getattr(found, x), getattr(expected, x), equal_nan=True) for x in _INTERFACES)
+        return layout if same and found.names == expected.names and found.stamp == expected.stamp else None
 
     def record(self, fields: Mapping[str, Any], stamp: float, receive_time: float) -> JointStateRecord:
         """The joints with a position; see :class:`ByField`."""
@@ -84,3 +114,38 @@ class DynamicJointStateDecoder(ByField):
         used = measured or held
         columns = [[at[quantity].get(joint, -1) for joint in used] for quantity in _INTERFACES]
         return tuple(used), [[] if -1 in column else column for column in columns]
+
+
+def _values_in(message: bytes) -> tuple[Kind, list[int]]:
+    """Joints with the interfaces of each, and where each of all values begins, of a message in little-endian CDR.
+
+    Raises:
+        ValueError, struct.error: it is laid out otherwise.
+    """
+    if message[:2] != b"\x00\x01":
+        raise ValueError("not little-endian")
+    at = 12  # behind encapsulation and stamp; alignment counts from 4
+
+    def count() -> int:
+        nonlocal at
+        at += -(at - 4) % 4 + 4
+        return int(struct.unpack_from("<I", message, at - 4)[0])
+
+    def text() -> str:
+        nonlocal at
+        size = count()
+        at += size
+        return message[at - size : at - 1].decode()
+
+    text()
+    key = [tuple(text() for _ in range(count()))]
+    values: list[int] = []
+    for _ in range(count()):
+        key.append(tuple(text() for _ in range(count())))
+        size = count()
+        at += (-(at - 4) % 8) if size else 0
+        if at + 8 * size > len(message):
+            raise ValueError("more values than the message has bytes")
+        values += range(at, at + 8 * size, 8)
+        at += 8 * size
+    return tuple(key), values

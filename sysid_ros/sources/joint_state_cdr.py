@@ -9,7 +9,7 @@ by field; so the result never depends on which way was taken.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -34,12 +34,15 @@ def typestore() -> Any:
     return get_typestore(Stores.ROS2_JAZZY)
 
 
+Bytes = slice | NDArray[np.intp]
+
+
 @dataclass(frozen=True, slots=True)
-class _Layout:
-    """Where the numbers stand in all messages of one kind: ``arrays`` holds (offset, count) of position, velocity, effort."""
+class Layout:
+    """Where the numbers stand in all messages of one kind: ``arrays`` tells the bytes of position, velocity, effort."""
 
     names: tuple[str, ...]
-    arrays: tuple[tuple[int, int], ...]
+    arrays: tuple[Bytes, ...]
     fixed: NDArray[np.intp]
     fixed_bytes: NDArray[np.uint8]
 
@@ -47,17 +50,26 @@ class _Layout:
 class JointStateDecoder:
     """Decodes batches of serialised ``sensor_msgs/JointState``, reference: OMG CDR (DDS-XTypes 1.3, section 7.4).
 
+    Args:
+        layout_of, one: of another type: where the numbers of a message stand, or None where that is not sure; the record of one
+            message, which raises a ValueError.
+
     Attributes:
         failures: how many messages so far were not a JointState and were left out.
         last_failure: what was wrong with the last of them. notes, names_joints: see :class:`.joint_messages.Decoder`.
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self,
+        layout_of: Callable[[bytes], Layout | None] | None = None,
+        one: Callable[[bytes, float], JointStateRecord] | None = None,
+    ) -> None:
+        self._layout_of, self._one = layout_of or _layout_of, one or decode_one
         self.failures = 0
         self.last_failure = ""
         self.notes: list[str] = []
         self.names_joints = True
-        self._layouts: dict[int, list[_Layout]] = {}
+        self._layouts: dict[int, list[Layout]] = {}
 
     def decode(self, messages: Sequence[bytes], receive_times: Sequence[float]) -> list[JointStateRecord]:
         """Records of messages, in their order, without those that are not a JointState.
@@ -85,12 +97,12 @@ class JointStateDecoder:
         while len(left):
             if tried == len(layouts):
                 first = int(left[0])
-                if len(layouts) < _LAYOUTS_A_LENGTH and (layout := _layout_of(messages[first])) is not None:
+                if len(layouts) < _LAYOUTS_A_LENGTH and (layout := self._layout_of(messages[first])) is not None:
                     layouts.append(layout)
                     continue
                 left = left[1:]
                 try:
-                    records[first] = decode_one(messages[first], receive_times[first])
+                    records[first] = self._one(messages[first], receive_times[first])
                 except ValueError as error:
                     self.failures += 1
                     self.last_failure = str(error)
@@ -102,7 +114,7 @@ class JointStateDecoder:
                 continue
             rows = left[same]
             left = left[~same]
-            for row, record in zip(rows.tolist(), _read(table[rows], layout, [receive_times[i] for i in rows]), strict=True):
+            for row, record in zip(rows.tolist(), read(table[rows], layout, [receive_times[i] for i in rows]), strict=True):
                 records[row] = record
         return records
 
@@ -165,10 +177,15 @@ def encode_names(names: Sequence[str], frame_id: str = "") -> bytes:
     return bytes(out[8:] + bytes(-len(out) % 4))
 
 
-def _read(table: NDArray[np.uint8], layout: _Layout, receive_times: Sequence[float]) -> list[JointStateRecord]:
+def read(table: NDArray[np.uint8], layout: Layout, receive_times: Sequence[float]) -> list[JointStateRecord]:
+    """The records of messages of one kind.
+
+    Args:
+        table: their bytes, shape (N, length). receive_times: N times [s].
+    """
     times = np.ascontiguousarray(table[:, _HEADER : _HEADER + 8])
     stamps = times.view("<i4")[:, 0] + times.view("<u4")[:, 1] * 1e-9
-    position, velocity, effort = (_doubles(table, offset, count) for offset, count in layout.arrays)
+    position, velocity, effort = (_doubles(table, where) for where in layout.arrays)
     names = layout.names
     return [
         JointStateRecord(stamp, receive_time, names, q, v, tau)
@@ -176,13 +193,12 @@ def _read(table: NDArray[np.uint8], layout: _Layout, receive_times: Sequence[flo
     ]
 
 
-def _doubles(table: NDArray[np.uint8], offset: int, count: int) -> FloatArray:
-    if count == 0:
-        return np.empty((len(table), 0))
-    return np.ascontiguousarray(table[:, offset : offset + 8 * count]).view("<f8").astype(np.float64, copy=False)
+def _doubles(table: NDArray[np.uint8], where: Bytes) -> FloatArray:
+    found = np.ascontiguousarray(table[:, where])
+    return found.view("<f8").astype(np.float64, copy=False) if found.shape[1] else np.empty((len(table), 0))
 
 
-def _layout_of(message: bytes) -> _Layout | None:
+def _layout_of(message: bytes) -> Layout | None:
     """The layout of a message, or None where it can't be sure of one (big-endian, other encapsulation, bytes left over)."""
     if message[:2] != _LITTLE_ENDIAN:
         return None
@@ -215,11 +231,11 @@ def _layout_of(message: bytes) -> _Layout | None:
         for _ in range(3):
             size = count()
             at += (-(at - _HEADER) % 8) if size else 0
-            arrays.append((at, size))
+            arrays.append(slice(at, at + 8 * size))
             at += 8 * size
     except (struct.error, ValueError):
         return None
     if at != len(message):
         return None
     index = np.array(fixed, dtype=np.intp)
-    return _Layout(names, tuple(arrays), index, np.frombuffer(message, dtype=np.uint8)[index])
+    return Layout(names, tuple(arrays), index, np.frombuffer(message, dtype=np.uint8)[index])
