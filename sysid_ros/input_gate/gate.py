@@ -100,29 +100,32 @@ class InputGate:
 
     def accept(self, record: JointStateRecord) -> Measurement | Rejection:
         """The measurement that a message holds, or why it is not used; at once, also if it may be a repeated one."""
-        return next(iter(self._taken(record)), self.last_rejection)
+        return next(iter(self.take(record, at_once=True)), self.last_rejection)
 
     def measurements(self, records: Iterable[JointStateRecord]) -> Iterator[Measurement]:
         """What many messages hold, without those that are not used."""
         return (measurement for record in records for measurement in self.take(record))
 
-    def take(self, record: JointStateRecord | ImuRecord | ContactRecord) -> list[Measurement]:
+    def take(self, record: JointStateRecord | ImuRecord | ContactRecord, at_once: bool = False) -> list[Measurement]:
         """The measurements that are believed now that a message is in, one as a rule; an IMU tells nothing of an arm.
 
-        A message in which no effort has changed while the arm moves repeats an old one, of a driver that publishes faster than it
-        reads, or of one that hangs. It is kept until the next one that differs; where none comes in time, none of them is used.
+        A message in which no effort has changed while the arm moves repeats an old one. Unless asked for ``at_once`` it is kept
+        until the next one that differs; where none comes in time, as of a driver that hangs, none of them is used.
         """
-        found = self._taken(record) if isinstance(record, JointStateRecord) else []
+        if not isinstance(record, JointStateRecord):
+            return []
+        self._last_received = record.receive_time
+        if (record.names is self._names or record.names == self._names) and isinstance(self._mapping, Mapping):
+            found = self._judged(record)
+        else:
+            found = [measurement for whole in self._whole(record) for measurement in self._judged(whole)]
+        if at_once:
+            return found
         self._repeated += found
         if not found or self._clock[kernel.DOUBTFUL] != 0.0:
             return []
-        found, self._repeated = self._repeated, []
+        self._repeated, found = [], self._repeated
         return found
-
-    def _taken(self, record: JointStateRecord) -> list[Measurement]:
-        self._last_received = record.receive_time
-        known = (record.names is self._names or record.names == self._names) and isinstance(self._mapping, Mapping)
-        return [measurement for whole in ((record,) if known else self._whole(record)) for measurement in self._judged(whole)]
 
     def _whole(self, record: JointStateRecord) -> Sequence[JointStateRecord]:
         """The messages with all of the joints that one makes; itself where it is to be judged for what it lacks."""
@@ -196,21 +199,15 @@ class InputGate:
             warnings=(self._gravity.warning, self._velocity.warning),
         )
         return GateHealth(
-            level=level,
-            text=text,
+            level=level, text=text,
             counts=dict(self.counts),
             recent={reason: n for reason, n in events.items() if reason not in health.NO_FAULTS},
-            received=self.received,
-            accepted=self.accepted,
-            others=self.others,
-            rate=rate,
-            last_stamp=self._last_accepted[1] if self._last_accepted else None,
+            received=self.received, accepted=self.accepted, others=self.others,
+            rate=rate, last_stamp=self._last_accepted[1] if self._last_accepted else None,
             age=age,
-            gaps=self.gaps,
-            restarts=self.restarts,
-            clock_offset=offset,
-            warnings=warnings,
-        )
+            gaps=self.gaps, restarts=self.restarts,
+            clock_offset=offset, warnings=warnings,
+        )  # fmt: skip
 
     def _measurement(self, record: JointStateRecord) -> Measurement | Rejection:
         names = record.names
