@@ -162,10 +162,11 @@ class LineFit:
         self.U, self.Y = (np.concatenate(x) if x else empty.astype(complex) for x in (U, Y))
         self.fold = np.concatenate(fold) if fold else empty
         self._beside = _together(bases, at)
+        self._adjoint = self._beside.conj().T  # a fit asks for it thousands of times
         self._Y = self._clean(self.Y)
 
     def _clean(self, x: ComplexArray) -> ComplexArray:
-        return np.asarray(x - self._beside @ (self._beside.conj().T @ x))
+        return np.asarray(x - self._beside @ (self._adjoint @ x))
 
     def residual(self, H: ComplexArray) -> ComplexArray:
         """Weighted misfit of the lines for the response H at them, shape (K,), or of several, shape (K, c)."""
