@@ -47,6 +47,7 @@ class Motion:
         self.recording = ""
         self._payload: dict[str, FloatArray] = {}
         self._joints: dict[int, Motion] = {}
+        self._clear_load: dict[tuple[int, float], FloatArray] = {}
 
     @property
     def period(self) -> float:
@@ -98,7 +99,10 @@ class Motion:
         edge = np.inf if self.clear is None else float(np.min(self.clear[self.clear > 0.0], initial=np.inf))
         if edge >= 0.4 / self.period or len(load) < 60:
             return load
-        return low_passed(load, max(edge, 1.0), self.period)
+        key = joint, max(edge, 1.0)
+        if key not in self._clear_load:
+            self._clear_load[key] = low_passed(load, key[1], self.period)
+        return self._clear_load[key]
 
     def rate_of(self, values: FloatArray) -> FloatArray:
         """Derivative by time of values on the grid, along the first axis."""
