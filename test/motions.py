@@ -63,14 +63,23 @@ def measurements(
     model, rng = motion.model, np.random.default_rng(seed)
     count = round(seconds * rate)
     t = (np.arange(count) + jitter * rng.uniform(-1.0, 1.0, count)) / rate
-    out = []
-    for k, (q, v, a) in enumerate(zip(*motion(t + start), strict=True)):
-        sample = Sample(t[k], q, v, a, np.zeros(model.n))
-        tau = model.rnea(q, v, a) if links else np.zeros(model.n)
-        for effect, theta, *span in effects:
-            if not span or span[0] <= t[k] < span[1]:
-                tau = tau + effect.torque(sample, theta)
-        tau = tau + torque_noise * rng.normal(size=model.n)
-        measured = q + encoder_noise * rng.normal(size=model.n)
-        out.append(Measurement(start + float(t[k]), measured, v.copy() if velocity else None, tau))
+    q, v, a = motion(t + start)
+    tau = model.rnea_along(q, v, a) if links else np.zeros_like(q)
+    for effect, theta, *span in effects:
+        now = np.flatnonzero((span[0] <= t) & (t < span[1])) if span else np.arange(count)
+        tau[now] += _torque_along(effect, theta, t[now], q[now], v[now], a[now])
+    noise = rng.normal(size=(count, 2, model.n))
+    tau += torque_noise * noise[:, 0]
+    measured = q + encoder_noise * noise[:, 1]
+    rows = zip((start + t).tolist(), measured, v, tau, strict=True)
+    return [Measurement(at, x, speed if velocity else None, torque) for at, x, speed, torque in rows]
+
+
+def _torque_along(effect: Effect, theta: FloatArray, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+    """What an effect adds, shape (N, n): that of bodies at once, of all others sample by sample, as the effect gives it."""
+    if (body := effect.link_columns()) is not None:
+        return np.asarray(effect.robot.regressor_along(q, v, a) @ (body @ theta))
+    out = np.zeros_like(q)
+    for k, at in enumerate(t.tolist()):
+        out[k] = effect.torque(Sample(at, q[k], v[k], a[k], np.zeros(q.shape[1])), theta)
     return out
