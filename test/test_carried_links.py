@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from robots import ROBOTS, random_body, random_sample, robot
 from test_diagnosis import ARM, payload, record
+from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import Recording, diagnose
 from sysid_ros.effects import BaseTilt, JointOffset

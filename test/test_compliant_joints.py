@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from motions import Motion as Path_
 from robots import robot
+from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import Diagnosis, Recording, diagnose
 from sysid_ros.diagnosis.compliant import fit_deflection

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from robots import robot
 from test_diagnosis import ARM, record
+from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import Recording, diagnose
 from sysid_ros.diagnosis.contacts import find_contacts

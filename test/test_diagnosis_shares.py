@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from diagnosis_bags import ARM, messages
 from robots import robot, urdf, with_body
+from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.cli.diagnose_output import show
 from sysid_ros.diagnosis import Diagnosis, Finding, Parameter, Recording, diagnose, read_messages

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from robots import robot
 from scipy import stats
+from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import Finding, Parameter, Recording, diagnose, fault_findings
 from sysid_ros.diagnosis.channel_evidence import deviation_of, fault_evidence
@@ -240,6 +241,7 @@ def test_a_cause_of_torque_is_measured() -> None:
     assert all(inside(trial.much, trial.truth))
 
 
+@pytest.mark.slow
 def test_faults_of_the_data_stand_after_the_causes_and_have_no_share() -> None:
     fitted, judged = ([replace(r, tau=1000.0 * r.tau) for r in part] for part in recordings("viscous_friction", SMALL, LITTLE, 1))
     document = json.loads(json.dumps(diagnose(robot(ARM), fitted, judged).as_dict(), allow_nan=False))
@@ -322,6 +324,7 @@ def test_intervals_of_a_factor_on_the_efforts_hold_the_truth() -> None:
     check_coverage([factor_inside(seed) for seed in range(24)])
 
 
+@pytest.mark.slow
 def test_intervals_of_a_filtered_velocity_hold_the_truth() -> None:
     check_coverage([lag_inside(seed) for seed in range(40)])
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from robots import robot
 from test_diagnosis import ARM, Cause, record
+from unsimulated import unsimulated as unsimulated
 
 from sysid_ros import effects
 from sysid_ros.diagnosis import diagnose
