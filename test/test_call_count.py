@@ -15,6 +15,7 @@ pytest.importorskip("pybullet", reason="pybullet is not installed (extra sim)")
 ROOT = Path(__file__).resolve().parents[1]
 
 
+@pytest.mark.slow
 def test_one_message_takes_few_calls(tmp_path: Path) -> None:
     """In a process of its own: the profile sees all that runs."""
     path = tmp_path / "count.json"

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from motions import Motion as Path_
 from robots import robot
+from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import Diagnosis, Recording, diagnose
 from sysid_ros.diagnosis.band import Band
@@ -114,7 +115,7 @@ def diagnosed(name: str) -> Diagnosis:
     return diagnose(robot(ARM), [record(cause, 1)], [record(cause, 2, 10.0)])
 
 
-QUICK = ("payload", "stribeck_friction", "time_delay", "torque_sign")
+QUICK = ("payload", "torque_sign")
 
 
 @pytest.mark.parametrize("name", [pytest.param(x, marks=() if x in QUICK else pytest.mark.slow) for x in CAUSES])
@@ -166,6 +167,7 @@ def test_nothing_is_claimed_of_a_healthy_robot(colour: float) -> None:
         assert not result.findings
 
 
+@pytest.mark.slow
 def test_without_other_recordings_the_last_part_is_held_out() -> None:
     recording = record(coulomb, 5, 18.0)
     result = diagnose(robot(ARM), [recording])

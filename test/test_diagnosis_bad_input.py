@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from diagnosis_bags import bag, changed, messages
 from robots import DATA, urdf
+from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.cli.main import run
 from sysid_ros.sample import FloatArray, JointStateRecord
@@ -56,6 +57,9 @@ def frozen_position() -> Records:
     return [replace(r, position=f.position) for r, f in zip(records, changed(records, position=held(2)), strict=True)]
 
 
+SEARCHED = "efforts that have nothing to do with the motion"
+"""The one that is refused only after a search."""
+
 REFUSED: dict[str, tuple[Callable[[], Records], tuple[str, ...]]] = {
     "degrees": (lambda: changed(messages(), position=np.rad2deg), ("degrees", "Publish radians")),
     "at rest": (lambda: changed(messages(), position=lambda x: np.full_like(x, 0.1)), ("at rest", "record a motion")),
@@ -72,14 +76,14 @@ REFUSED: dict[str, tuple[Callable[[], Records], tuple[str, ...]]] = {
     ),
     "a joint of the arm is missing": (lambda: without(messages(), 1), ("do not hold lift", "Record all")),
     "no stamps": (lambda: [replace(r, stamp=0.0) for r in messages()], ("stamp is 0", "allow_unstamped")),
-    "efforts that have nothing to do with the motion": (
+    SEARCHED: (
         lambda: changed(messages(), effort=lambda x: np.cumsum(np.random.default_rng(0).normal(size=x.shape), axis=0) * 0.5),
         ("does not explain these torques", "--urdf"),
     ),
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
+@pytest.mark.parametrize("case", [pytest.param(x, marks=[pytest.mark.slow] if x == SEARCHED else []) for x in REFUSED])
 def test_what_can_not_be_judged_is_refused_with_reason_and_cure(case: str, tmp_path: Path) -> None:
     make, words = REFUSED[case]
     code, document = diagnosis(tmp_path, make())
@@ -157,7 +161,7 @@ NAMED = [
         lambda: changed(messages(), effort=lambda x: x / TORQUE_CONSTANTS), "torque_unit", JOINTS, id="amperes", marks=SLOW
     ),
     pytest.param(lambda: changed(messages(), effort=lambda x: 1e3 * x), "torque_unit", JOINTS, id="N mm", marks=SLOW),
-    pytest.param(lambda: changed(messages(), effort=swapped), "joint_order", ("lift", "elbow"), id="efforts swapped"),
+    pytest.param(lambda: changed(messages(), effort=swapped), "joint_order", ("lift", "elbow"), id="efforts swapped", marks=SLOW),
     pytest.param(
         lambda: changed(messages(), swapped, swapped), "joint_order", ("lift", "elbow"), id="joints swapped", marks=SLOW
     ),

@@ -9,6 +9,7 @@ import pytest
 from motions import Motion as Path_
 from robots import robot
 from test_diagnosis import ARM, RATE, record
+from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import diagnose
 from sysid_ros.diagnosis.band import Band
@@ -64,6 +65,7 @@ def asymmetric(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a
     return out
 
 
+@pytest.mark.slow
 def test_two_levels_of_friction_are_not_told_from_their_mean_and_a_constant() -> None:
     result = diagnose(robot(ARM), [record(asymmetric, 1, 14.0)], [record(asymmetric, 2, 7.0)])
     by_name = {f.id: f for f in result.findings}

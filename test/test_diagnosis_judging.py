@@ -12,6 +12,7 @@ import pytest
 from motions import Motion as Path_
 from robots import robot, urdf
 from test_diagnosis import ARM, NOISE, RATE, record
+from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import Recording, diagnose
 from sysid_ros.diagnosis.heldout import HeldOut
@@ -132,7 +133,8 @@ def accepted(model: RobotModel, recording: Recording) -> bool:
     return found is not None and found.refusal is None and not found.faults
 
 
-@pytest.mark.parametrize("colour", [pytest.param(0.0, marks=pytest.mark.slow), 0.5])
+@pytest.mark.slow
+@pytest.mark.parametrize("colour", [0.0, 0.5])
 def test_joints_with_nothing_but_noise_make_no_other_robot(colour: float) -> None:
     for seed in range(4):
         assert accepted(robot(ARM), with_noise(seed, 20.0, colour))
@@ -171,7 +173,8 @@ def rubbed(seed: int, seconds: float, turns: float) -> Recording:
     return Recording(f"seed {seed}", t, q, None, tau + NOISE * rng.normal(size=q.shape))
 
 
-@pytest.mark.parametrize("turns", [0.002, pytest.param(0.02, marks=pytest.mark.slow), pytest.param(0.05, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("turns", [0.002, 0.02, 0.05])
 def test_declared_friction_may_turn_at_any_low_speed(turns: float) -> None:
     """A URDF gives its level, not its shape where the joint hardly moves: that shape is no fault of the URDF."""
     train = prepare(rubbing(), [rubbed(1, 10.0, turns)], [])

@@ -44,6 +44,7 @@ def pushed() -> Diagnosis:
     return diagnose(robot(ARM), [recording("fit", 0, 14.0, True)], [recording("judge", 1, 10.0, True)])
 
 
+@pytest.mark.slow
 def test_a_contact_is_dated_with_its_force_and_keeps_out_of_the_other_fits() -> None:
     found = {f.id: f for f in pushed().findings}
     assert set(found) == {"external_force", "coulomb_friction"}

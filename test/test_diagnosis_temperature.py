@@ -13,6 +13,7 @@ import pytest
 from diagnosis_bags import messages, write_temperatures
 from motions import Motion as Path_
 from robots import DATA, robot
+from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.cli.main import run
 from sysid_ros.diagnosis import Diagnosis, Recording, diagnose
@@ -181,6 +182,7 @@ def test_a_drift_over_one_recording_goes_on_in_the_part_that_is_held_out() -> No
     assert result.verdict == "explained"
 
 
+@pytest.mark.slow
 def test_what_is_left_is_said_to_follow_the_temperature() -> None:
     """A sensor whose zero follows the temperature is no effect of the library."""
     parts = []

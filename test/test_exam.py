@@ -154,6 +154,7 @@ def test_what_is_hidden_shows_in_the_recording() -> None:
     assert not others.size or others.max() < 1.0
 
 
+@pytest.mark.slow
 def test_healthy_robots_hide_nothing() -> None:
     healthy = drawn(300, "healthy")
     assert healthy.truth["hidden"] == []

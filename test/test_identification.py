@@ -296,7 +296,7 @@ def test_free_model_has_links_friction_rotors_and_offsets() -> None:
     assert model.p == 14 * 4
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
 def test_links_that_the_urdf_states_right_are_kept(seed: int) -> None:
     """Ten seconds can't improve on the truth; what they seem to is chance."""
     model = robot("small_arm")

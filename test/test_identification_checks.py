@@ -165,7 +165,7 @@ def test_a_joint_that_never_moves() -> None:
     assert JOINTS[3] not in text
 
 
-@pytest.mark.parametrize("odd", ["payload", "scale"])
+@pytest.mark.parametrize("odd", ["payload", pytest.param("scale", marks=pytest.mark.slow)])
 def test_two_bags_that_contradict(sound: Recording, odd: str) -> None:
     other = TRUTH.copy()
     if odd == "payload":
@@ -177,6 +177,7 @@ def test_two_bags_that_contradict(sound: Recording, odd: str) -> None:
         identify_recordings(MODEL, [sound, second], [], {})
 
 
+@pytest.mark.slow
 def test_the_odd_one_of_three_bags_is_named(sound: Recording) -> None:
     other = TRUTH.copy()
     other[60:70] += np.array([3.0, 0.1, 0.0, 0.3, 0.05, 0.0, 0.05, 0.0, 0.0, 0.02])

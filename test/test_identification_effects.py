@@ -104,7 +104,7 @@ def run(*arguments: object) -> Result:
     return CliRunner().invoke(sysid, [str(a) for a in arguments], catch_exceptions=False)
 
 
-@pytest.mark.parametrize(("size", "accepted"), [(-0.4, False), (0.4, True)])
+@pytest.mark.parametrize(("size", "accepted"), [(-0.4, False), pytest.param(0.4, True, marks=pytest.mark.slow)])
 def test_friction_that_would_give_power_is_refused(size: float, accepted: bool) -> None:
     effect = EFFECTS["quadratic_friction"](MODEL, [ELBOW])
     bags = [with_effects(seed, (effect, np.array([size]))) for seed in (1, 2)]

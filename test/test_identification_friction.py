@@ -60,6 +60,7 @@ def test_the_stribeck_velocity_of_each_joint_is_found() -> None:
     assert len(result.model.known_effects(MODEL)) == 5 + len(result.knobs)
 
 
+@pytest.mark.slow
 def test_each_joint_gets_the_friction_that_predicts_what_was_not_fitted() -> None:
     theta = np.array([1.0, 0.0, 0.8, 0.10, 0.6, 0.0, 0.5, 0.0])
     recording = slow_recording(theta, LoadDependentFriction(MODEL))

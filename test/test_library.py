@@ -122,6 +122,7 @@ def test_bad_calls_are_a_sentence(replayed: Replayed, tmp_path: Path) -> None:
         sysid.replay(BAGS / "arm_pick_and_drop", publish=3.0)
 
 
+@pytest.mark.slow
 def test_the_tutorial_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cell after cell, as a notebook does it."""
     cells = [c for c in json.loads(NOTEBOOK.read_text())["cells"] if c["cell_type"] == "code"]

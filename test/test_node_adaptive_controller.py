@@ -237,6 +237,7 @@ def test_a_motion_that_may_not_be_is_refused_in_words(bench: Callable[..., Bench
     )
 
 
+@pytest.mark.slow
 def test_the_arm_comes_to_rest_where_it_is_told_or_pushed_away(bench: Callable[..., Bench]) -> None:
     one = bench("stops", error_limit=0.1)
     one.run(0.05)

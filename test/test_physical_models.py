@@ -42,6 +42,7 @@ def test_simulated_arms(seed: int, colour: float, tmp_path: Path) -> None:
     judge(arm, *both(arm, runs[:1], runs[1:]), tmp_path)
 
 
+@pytest.mark.slow
 def test_a_real_arm(tmp_path: Path) -> None:
     if not UR10E.is_dir():
         pytest.skip("the measured data are not beside the project")

@@ -62,17 +62,16 @@ def test_a_ur10e_without_payload(tmp_path: Path, model: Path) -> None:
     assert document["events"] == []
 
 
-@pytest.mark.parametrize("bag", ["fourier14_noload", pytest.param("fast20_noload", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("bag", ["fourier14_noload", "fast20_noload"])
 def test_the_runs_it_was_identified_on(tmp_path: Path, model: Path, bag: str) -> None:
     document, _ = with_model(tmp_path, bag, model)
     assert document["status"] == "no_payload"
     assert abs(document["payload"]["mass"]) < max(0.15, 1.96 * document["payload"]["mass_std"])
 
 
-@pytest.mark.parametrize(
-    "bag",
-    ["ptp_noload", *(pytest.param(x, marks=pytest.mark.slow) for x in ("fourier14_load", "fast20_load", "fourier14_noload"))],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("bag", ["ptp_noload", "fourier14_load", "fast20_load", "fourier14_noload"])
 def test_the_plain_urdf_is_called_inconsistent(tmp_path: Path, bag: str) -> None:
     document, rows = replayed(tmp_path, UR10E / bag, "--urdf", UR10E / "ur10e.urdf")
     assert document["status"] == "inconsistent"
@@ -88,7 +87,8 @@ def identified(folder: Path, *arguments: str | Path) -> dict[str, Any]:
     return document
 
 
-@pytest.mark.parametrize("form", ["acceleration", pytest.param("momentum", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("form", ["acceleration", "momentum"])
 def test_the_ur10e_held_out_torque_error(tmp_path: Path, form: str) -> None:
     """At 5 Hz, on a run that was not fitted."""
     bags: list[Path | str] = [UR10E / "fourier14_noload", "--validate", UR10E / "fast20_noload", "--urdf", UR10E / "ur10e.urdf"]
@@ -173,6 +173,7 @@ def test_a_log_without_velocity(tmp_path: Path) -> None:
     assert len(rows) > 300
 
 
+@pytest.mark.slow
 def test_friction_of_a_staubli_is_near_what_was_published(tmp_path: Path) -> None:
     document = identified(tmp_path, DATA / "staubli_tx40" / "excitation", "--urdf", DATA / "staubli_tx40" / "tx40.urdf")
     assert document["problems"] == []

@@ -7,9 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from diagnosis_bags import bag, messages
 from robots import DATA, robot, urdf
 from test_diagnosis import ARM, record
+from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.cli.main import run
 from sysid_ros.diagnosis.robot_hypotheses import judge, probabilities
@@ -18,6 +20,7 @@ from sysid_ros.effects import JointSign, TorqueSign
 from sysid_ros.sample import FloatArray
 
 
+@pytest.mark.slow
 def test_the_likeliest_of_several_urdfs_is_judged(tmp_path: Path) -> None:
     heavy, foreign = tmp_path / "heavy.urdf", tmp_path / "foreign.urdf"
     heavy.write_text(urdf(ARM).replace('value="3"', 'value="12"'))

@@ -52,6 +52,7 @@ def test_a_bag_and_each_form_of_table_give_the_same_to_the_last_digit(tmp_path: 
         assert replayed(tmp_path, path, "--urdf", urdf) == truth, suffix
 
 
+@pytest.mark.slow
 def test_identify_reads_tables(tmp_path: Path, urdf: Path) -> None:
     path, models = tmp_path / "empty.npz", [tmp_path / "bag.yaml", tmp_path / "table.yaml"]
     write_table(path, of_bag(BAG.parent / "arm_empty"))
