@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,10 @@ import pytest
 
 from sysid_ros.cli.inputs import open_bag
 from sysid_ros.cli.main import run
-from sysid_ros.diagnosis import read_messages
+from sysid_ros.diagnosis import Recording, read_messages
 from sysid_ros.diagnosis.robot_hypotheses import judge
 from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.robot_model import RobotModel
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 UR10E, STAUBLI = DATA / "ur10e", DATA / "staubli_tx40"
@@ -110,12 +112,17 @@ def test_the_urdf_of_the_robot_is_found_among_several(tmp_path: Path) -> None:
     assert "ur10e.urdf is likeliest the robot's" in document["notes"][0]
 
 
+@cache
+def read(name: str) -> tuple[RobotModel, Recording]:
+    """The UR10e and one of its bags, which several draws are made from."""
+    source, model = open_bag(UR10E / name, "/joint_states", UR10E / "ur10e.urdf", OnlineSettings())
+    return model, read_messages(name, source, model, OnlineSettings(), lambda count: None)[0]
+
+
 @pytest.mark.parametrize("draw", range(20))
 def test_currents_with_dead_channels_are_named_or_refused_with_that_reason(draw: int) -> None:
     """Made-up torque constants, different on each joint, and three joints whose efforts are in the encoder's noise."""
-    bag = UR10E / ("fourier14_noload", "fourier14_load", "fast20_noload", "fast20_load")[draw % 4]
-    source, model = open_bag(bag, "/joint_states", UR10E / "ur10e.urdf", OnlineSettings())
-    recording, _ = read_messages(str(bag), source, model, OnlineSettings(), lambda count: None)
+    model, recording = read(("fourier14_noload", "fourier14_load", "fast20_noload", "fast20_load")[draw % 4])
     rng = np.random.default_rng(draw)
     constants = np.exp(rng.uniform(np.log(3.0), np.log(30.0), model.n))
     dead = rng.choice(model.n, 3, replace=False)
