@@ -159,6 +159,7 @@ def test_the_files_are_written_and_the_report_opens_without_a_network(tmp_path: 
     assert json.loads((tmp_path / "again" / "diagnosis.json").read_text())["verdict"] == "nothing_wrong"
 
 
+@pytest.mark.slow
 def test_all_else_is_written_where_no_urdf_can_hold_the_model(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -33,8 +33,9 @@ def judge(arm: RobotModel, physical: Identification, free: Identification, folde
     export_urdf(arm, physical.model, folder / "arm.urdf")
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(2, 8))])
-@pytest.mark.parametrize("colour", [pytest.param(0.0, marks=pytest.mark.slow), 0.98])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(1, 8))
+@pytest.mark.parametrize("colour", [0.0, 0.98])
 def test_simulated_arms(seed: int, colour: float, tmp_path: Path) -> None:
     arm = robot("iiwa" if seed % 2 else "small_arm")
     truth = hidden_parameters(arm, seed)

@@ -38,9 +38,8 @@ def with_model(folder: Path, bag: str, model: Path) -> tuple[dict[str, Any], lis
     return replayed(folder, UR10E / bag, "--urdf", UR10E / "ur10e.urdf", "--model", model)
 
 
-@pytest.mark.parametrize(
-    ("bag", "mass", "part"), [("fourier14_load", 2.805, 0.05), pytest.param("fast20_load", 1.069, 0.05, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("bag", "mass", "part"), [("fourier14_load", 2.805, 0.05), ("fast20_load", 1.069, 0.05)])
 def test_the_payload_of_a_ur10e(tmp_path: Path, model: Path, bag: str, mass: float, part: float) -> None:
     document, rows = with_model(tmp_path, bag, model)
     payload = document["payload"]
@@ -55,6 +54,7 @@ def test_the_payload_of_a_ur10e(tmp_path: Path, model: Path, bag: str, mass: flo
             assert row["status"] in ("warming_up", "not_excited")
 
 
+@pytest.mark.slow
 def test_a_ur10e_without_payload(tmp_path: Path, model: Path) -> None:
     document, _ = with_model(tmp_path, "ptp_noload", model)
     assert document["status"] == "no_payload", document["warnings"]

@@ -37,6 +37,7 @@ def test_the_likeliest_of_several_urdfs_is_judged(tmp_path: Path) -> None:
     assert f"{right} is likeliest the robot's" in document["notes"][0]
 
 
+@pytest.mark.slow
 def test_a_wrong_sign_is_told_from_a_joint_that_counts_backwards() -> None:
     healthy = record(None, 1)
     flipped = np.where(np.arange(healthy.q.shape[1]) == 2, -1.0, 1.0)

@@ -98,6 +98,7 @@ def test_a_trot_keeps_its_feet_and_gets_somewhere(slope: float) -> None:
     assert np.all(np.diff(contacts, axis=0).clip(min=0).sum(axis=0) >= 3)
 
 
+@pytest.mark.slow
 def test_noise_is_added_to_what_is_told_and_the_motion_does_not_depend_on_it() -> None:
     quiet = simulate_quadruped(QuadrupedScenario(duration=1.0, gait="sway", **QUIET))
     noisy = simulate_quadruped(QuadrupedScenario(duration=1.0, gait="sway", torque_noise=0.3, accelerometer_bias=(0.1, 0.0, 0.0)))
