@@ -26,3 +26,7 @@ class SettingsError(SysidError):
 
 class DataError(SysidError):
     """The data can't answer the question asked of them."""
+
+
+class OutputError(SysidError):
+    """A result can't be written where it was asked for."""

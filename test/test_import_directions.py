@@ -14,6 +14,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "sysid_ros"
 # Each unit (a module of the root, or a sub-package) imports only units of earlier rows, and itself.
 LEVELS = (
     {"exceptions", "plain_json", "sample"},
+    {"files"},
     {"estimators"},
     {"online_settings"},
     {"robot"},

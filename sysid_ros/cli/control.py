@@ -10,7 +10,8 @@ import click
 import numpy as np
 
 from sysid_ros.cli import options as opt
-from sysid_ros.cli.output import ManyValues, note, progress_bar, report, require_folders, table, write_json
+from sysid_ros.cli.output import ManyValues, check_outputs, note, report, table, write_json
+from sysid_ros.cli.progress import progress_bar
 from sysid_ros.cli.simulate_output import named_option  # says so where PyBullet is missing
 from sysid_ros.control.control_settings import ControlSettings
 from sysid_ros.control.tracking_run import TrackingRun
@@ -56,8 +57,9 @@ def _settings_options(command: Any) -> Any:
 @_settings_options
 @opt.JSON
 @opt.path("--plot", "plot_path", help="Draw errors and masses over time: .png or .html.")
+@opt.FORCE
 def command(
-    laws: tuple[str, ...], model_path: Path | None, json_path: Path | None, plot_path: Path | None, **options: Any
+    laws: tuple[str, ...], model_path: Path | None, json_path: Path | None, plot_path: Path | None, force: bool, **options: Any
 ) -> None:
     """Compare control laws on a simulated arm that picks up a payload which none of them knows.
 
@@ -80,9 +82,9 @@ def command(
 
     Exit codes: 0 done; 2 bad input or usage.
     """
-    require_folders(json=json_path, plot=plot_path)
     if plot_path is not None:
         check_plot_path(plot_path)
+    check_outputs(force, json=json_path, plot=plot_path)
     try:
         settings = ControlSettings(**{name: options[name] for name in _SETTINGS})
         scenario = ArmScenario(**{name: value for name, value in options.items() if name not in _SETTINGS})
@@ -96,7 +98,6 @@ def command(
         raise named_option(error, options) from None
     for sentence in dict.fromkeys(sentence for run in runs for sentence in run.notes):
         note(sentence)
-    _show(runs, scenario)
     if json_path is not None:
         write_json(json_path, {"scenario": _plain(scenario), "laws": [_summary(run, scenario) for run in runs]})
     if plot_path is not None:
@@ -104,6 +105,7 @@ def command(
 
         write_plot(plot_path, tracking_figure(runs, _events(scenario), options["payload_mass"]))
         note(f"Figure written to {plot_path}.")
+    _show(runs, scenario)
 
 
 def _events(scenario: ArmScenario) -> list[tuple[float, str]]:

@@ -9,13 +9,15 @@ import click
 import numpy as np
 
 from sysid_ros.cli import options as opt
-from sysid_ros.cli.diagnose_output import progress_lines, show, write_files
+from sysid_ros.cli.diagnose_output import FILES, show, write_files
 from sysid_ros.cli.inputs import open_bag, provenance, read_config, require_same_robot, settings_from
-from sysid_ros.cli.output import ManyValues, note, progress_bar, warn, write_json
+from sysid_ros.cli.output import ManyValues, check_outputs, note, warn, write_json
+from sysid_ros.cli.progress import progress_bar, stages
 from sysid_ros.diagnosis import Diagnosis, Recording, diagnose, missing_joints, read_messages, with_temperatures
 from sysid_ros.diagnosis.result import RankedUrdf
 from sysid_ros.diagnosis.several_urdfs import rank_urdfs, with_ranking
 from sysid_ros.exceptions import DataError, RobotModelError
+from sysid_ros.files import check_folder
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation.simulators import SIMULATORS, installed
@@ -46,6 +48,7 @@ Reading = tuple[str, Path | None]
 @opt.TOPIC
 @opt.COLUMNS
 @opt.JSON
+@opt.FORCE
 def command(
     bags: tuple[Path, ...],
     urdfs: tuple[Path, ...],
@@ -59,6 +62,7 @@ def command(
     topic: str,
     columns_path: Path | None,
     json_path: Path | None,
+    force: bool,
 ) -> int:
     """Find what the model of a robot gets wrong: the causes by name, with evidence, and a model extended by them.
 
@@ -86,6 +90,8 @@ def command(
     Exit codes: 0 done; 2 bad input or usage, also where the verdict is "refused".
     """
     started = time.monotonic()
+    check_folder(out_path, FILES, force, "--out")
+    check_outputs(force, json=json_path)
     installed(simulator)
     settings = settings_from(read_config(config_path), joint_names=joint_names, effort_preset=effort_preset)
     known = ModelFile.read(model_path) if model_path else None
@@ -97,7 +103,8 @@ def command(
         robot = robots[max(ranked, key=lambda x: x.probability).urdf] if ranked else next(iter(robots.values()))
         for sentence in known.notes(robot.urdf) if known else []:
             note(sentence)
-        result = with_ranking(diagnose(robot, fitted, judged, known, progress_lines(), origin, simulator), ranked)
+        with stages() as tell:
+            result = with_ranking(diagnose(robot, fitted, judged, known, tell, origin, simulator), ranked)
     except (DataError, RobotModelError) as error:
         result = Diagnosis("refused", robot.joint_names if robot else (), refusal=str(error))
     write_files(result, robot, out_path, origin)

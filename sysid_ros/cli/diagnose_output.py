@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,51 +14,59 @@ from sysid_ros.diagnosis.result import TorqueRmse
 from sysid_ros.diagnosis.sentences import first_sentence, percent
 from sysid_ros.effects.wording import listed
 from sysid_ros.exceptions import ModelFileError, RobotModelError
+from sysid_ros.files import whole_files, write_text
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.torque.mjcf_export import export_mjcf
 from sysid_ros.torque.urdf_export import export_urdf
 
+FILES = ("report.html", "diagnosis.json", "model.yaml", "extended.urdf", "extended.xml", "predictions.npz")
+"""What the folder of a diagnosis holds."""
 _WIDTH = 100
 _SEEN = 5e-4
 """Part of the error from which it is shown, in tenths of a per cent."""
 
 
-def progress_lines() -> Callable[[str], None]:
-    """Tells on stderr what is being done, with the seconds since the start."""
-    started = time.monotonic()
-    return lambda sentence: note(f"{time.monotonic() - started:5.1f} s  {sentence}")
-
-
 def write_files(result: Diagnosis, robot: RobotModel | None, folder: Path, provenance: dict[str, object]) -> None:
-    """Write the report, the document for machines, the extended model and its predictions into a folder."""
+    """Write the report, the document for machines, the extended model and its predictions into a folder, all or none of them.
+
+    Raises:
+        OutputError: they can't be written.
+    """
     from sysid_ros.pages.diagnosis_page import diagnosis_page
 
-    folder.mkdir(parents=True, exist_ok=True)
-    write_json(folder / "diagnosis.json", result.as_dict())
-    (folder / "report.html").write_text(diagnosis_page(result, robot.name if robot else "", provenance))
-    if result.model is not None:
-        result.model.write(folder / "model.yaml")
-    if (p := result.predictions) is not None:
-        np.savez_compressed(
-            folder / "predictions.npz",
-            t=p.t,
-            joint_names=np.array(p.joints),
-            tau_measured=p.measured,
-            tau_nominal=p.nominal,
-            tau_extended=p.extended,
-        )
-    if result.urdf_model is not None and robot is not None:
-        try:
-            notes = export_urdf(robot, result.urdf_model, folder / "extended.urdf")
-        except (ModelFileError, RobotModelError) as error:
-            (folder / "extended.urdf").write_text(robot.urdf)
-            notes = [f"extended.urdf is the URDF as it was given: {error} model.yaml has what was found."]
-        try:
-            notes += export_mjcf(robot, result.urdf_model, folder / "extended.xml")
-        except ModelFileError as error:
-            notes.append(f"There is no extended.xml: {error} model.yaml has what was found.")
-        for sentence in notes:
-            note(sentence)
+    with whole_files(folder, FILES) as room:
+        write_json(room / "diagnosis.json", result.as_dict())
+        write_text(room / "report.html", diagnosis_page(result, robot.name if robot else "", provenance))
+        if result.model is not None:
+            result.model.write(room / "model.yaml")
+        if (p := result.predictions) is not None:
+            np.savez_compressed(
+                room / "predictions.npz",
+                t=p.t,
+                joint_names=np.array(p.joints),
+                tau_measured=p.measured,
+                tau_nominal=p.nominal,
+                tau_extended=p.extended,
+            )
+        if robot is not None:
+            for sentence in _write_robots(result, robot, room):
+                note(sentence)
+
+
+def _write_robots(result: Diagnosis, robot: RobotModel, room: Path) -> list[str]:
+    """The extended robot as URDF and MJCF; what they can't hold, in words."""
+    if result.urdf_model is None:
+        return []
+    try:
+        notes = export_urdf(robot, result.urdf_model, room / "extended.urdf")
+    except (ModelFileError, RobotModelError) as error:
+        write_text(room / "extended.urdf", robot.urdf)
+        notes = [f"extended.urdf is the URDF as it was given: {error} model.yaml has what was found."]
+    try:
+        notes += export_mjcf(robot, result.urdf_model, room / "extended.xml")
+    except ModelFileError as error:
+        notes.append(f"There is no extended.xml: {error} model.yaml has what was found.")
+    return notes
 
 
 def show(result: Diagnosis, console: Console | None = None) -> None:

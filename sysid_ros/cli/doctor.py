@@ -17,7 +17,8 @@ from rich.markup import escape
 
 from sysid_ros import __version__
 from sysid_ros.cli import options as opt
-from sysid_ros.cli.output import report, said_if_slow, table, write_json
+from sysid_ros.cli.output import check_outputs, report, table, write_json
+from sysid_ros.cli.progress import said_if_slow
 from sysid_ros.exceptions import SysidError
 
 _PARTS = (
@@ -44,7 +45,8 @@ xyz="0 1 0"/><limit lower="-2" upper="2" effort="50" velocity="3"/></joint></rob
 
 @click.command()
 @opt.JSON
-def command(json_path: Path | None) -> int:
+@opt.FORCE
+def command(json_path: Path | None, force: bool) -> int:
     """Tell what is installed, try what must work, and say what to do about what does not.
 
     \b
@@ -53,6 +55,7 @@ def command(json_path: Path | None) -> int:
 
     Exit codes: 0 all that is needed works; 1 something that is needed does not.
     """
+    check_outputs(force, json=json_path)
     parts = [_part(*part) for part in _PARTS]
     tried = [_tried(what, attempt) for what, attempt in _ATTEMPTS.items()]
     console = report()

@@ -11,11 +11,13 @@ import numpy as np
 from sysid_ros.cli import options as opt
 from sysid_ros.cli.excite_report import as_json, show
 from sysid_ros.cli.inputs import read_config, settings_from
-from sysid_ros.cli.output import ManyValues, note, progress_bar, require_folders, warn, write_json
-from sysid_ros.exceptions import BagError, SettingsError
+from sysid_ros.cli.output import ManyValues, check_outputs, note, warn, write_json
+from sysid_ros.cli.progress import progress_bar
+from sysid_ros.exceptions import SettingsError
 from sysid_ros.excitation.excitation_settings import ExcitationSettings
 from sysid_ros.excitation.excite import Excitation, excite, steps
 from sysid_ros.excitation.motion_limits import JointLimit, read_joint_limits
+from sysid_ros.files import check_bag, whole_folder, write_text
 from sysid_ros.identification import free_model
 from sysid_ros.pages import check_plot_path, write_plot
 from sysid_ros.robot.collision_model import CollisionModel
@@ -89,6 +91,7 @@ def _setting(name: str, text: str) -> opt.Decorator:
 @click.option("--controller", default="joint_trajectory_controller", show_default=True, help="Whose topic the bag has.")
 @opt.STORAGE
 @opt.CONFIG
+@opt.FORCE
 def command(
     urdf: Path,
     out_path: Path,
@@ -107,6 +110,7 @@ def command(
     controller: str,
     storage: str,
     config_path: Path | None,
+    force: bool,
     **options: Any,
 ) -> None:
     """Find the motion from which an arm's parameters can be identified best.
@@ -120,7 +124,8 @@ def command(
       sysid excite --urdf arm.urdf --floor 0 --out traj.yaml --bag traj_bag --plot traj.png
     """
     settings = _settings({"period": period or 0.0, **options})
-    _check(out_path, bag, plot_path, json_path, rate, approach)
+    _check(out_path, bag, plot_path, json_path, force)
+    _check_times(rate, approach)
     online = settings_from(read_config(config_path))
     robot = RobotModel.from_urdf(urdf_text(urdf), joint_names or online.joint_names, online.gravity)
     for sentence in robot.notes:
@@ -166,13 +171,16 @@ def _settings(options: dict[str, Any]) -> ExcitationSettings:
         raise SettingsError(f"--{field.replace('_', '-')} {rest}") from None
 
 
-def _check(out: Path, bag: Path | None, plot: Path | None, json_path: Path | None, rate: float, approach: float) -> None:
+def _check(out: Path, bag: Path | None, plot: Path | None, json_path: Path | None, force: bool) -> None:
     """What can be wrong is said before the search, not after it."""
-    require_folders(out=out, json=json_path, bag=bag)
-    if bag is not None and bag.exists():
-        raise BagError(f"'{bag}' exists already and is not overwritten. Choose another name, or remove it first.")
     if plot is not None:
         check_plot_path(plot)
+    check_outputs(force, out=out, json=json_path, plot=plot)
+    if bag is not None:
+        check_bag(bag, force, "--bag")
+
+
+def _check_times(rate: float, approach: float) -> None:
     if not 1.0 <= rate <= 1000.0:
         raise SettingsError(f"--rate is {rate:g} Hz; it must be from 1 to 1000.")
     if not 0.0 <= approach < np.inf:
@@ -202,6 +210,7 @@ def _write(
 ) -> None:
     t = result.trajectory.grid(1.0 / rate)
     message = JointTrajectory(robot.joint_names, t + approach, *result.trajectory.sample(t))
-    out.write_text(message.yaml(f"Exciting motion of {robot.name} for {topic}: sysid excite --help says how to send it."))
     if bag is not None:
-        message.write_bag(bag, topic, robot.urdf, storage)
+        with whole_folder(bag, replace=True) as folder:
+            message.write_bag(folder, topic, robot.urdf, storage)
+    write_text(out, message.yaml(f"Exciting motion of {robot.name} for {topic}: sysid excite --help says how to send it."))

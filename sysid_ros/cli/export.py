@@ -10,8 +10,9 @@ import numpy as np
 from rich.table import Table
 
 from sysid_ros.cli import options as opt
-from sysid_ros.cli.output import ManyValues, note, report, require_new, table
+from sysid_ros.cli.output import ManyValues, check_outputs, note, report, table
 from sysid_ros.exceptions import SettingsError
+from sysid_ros.files import whole
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sources import urdf_text
 from sysid_ros.torque.mjcf_export import export_mjcf
@@ -46,7 +47,7 @@ def command(model_path: Path, urdf: Path, outs: tuple[Path, ...], force: bool) -
     for path in outs:
         if path.suffix not in writers:
             raise SettingsError(f"'{path}' ends in '{path.suffix}'; the suffix must be one of {', '.join(writers)}.")
-    require_new(outs, force)
+    check_outputs(force, out=outs)
     model = ModelFile.read(model_path)
     robot = RobotModel.from_urdf(urdf_text(urdf), model.joints)
     for sentence in (*robot.notes, *model.notes(robot.urdf)):
@@ -74,7 +75,7 @@ def _shown(robot: RobotModel, model: ModelFile) -> Table:
 
 
 def _export_table(robot: RobotModel, model: ModelFile, path: Path) -> list[str]:
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with whole(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["joint", *_COLUMNS])
         writer.writerows([joint, *map(repr, row)] for joint, row in zip(robot.joint_names, _rows(robot, model), strict=True))

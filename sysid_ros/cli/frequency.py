@@ -11,7 +11,8 @@ from rich.table import Table
 
 from sysid_ros.cli import options as opt
 from sysid_ros.cli.inputs import provenance, read_config, settings_from
-from sysid_ros.cli.output import ManyValues, note, progress_bar, report, require_folders, table, warn, write_json
+from sysid_ros.cli.output import ManyValues, check_outputs, note, report, table, warn, write_json
+from sysid_ros.cli.progress import progress_bar
 from sysid_ros.cli.recordings import read_recordings, warn_of
 from sysid_ros.frequency_domain import FrequencyCheck, JointCheck, check_frequency
 from sysid_ros.frequency_domain.causes import Cause
@@ -34,6 +35,7 @@ from sysid_ros.torque.model_file import ModelFile
 @opt.COLUMNS
 @opt.PLOT
 @opt.JSON
+@opt.FORCE
 def command(
     bags: tuple[Path, ...],
     urdf: Path | None,
@@ -46,6 +48,7 @@ def command(
     columns_path: Path | None,
     plot_path: Path | None,
     json_path: Path | None,
+    force: bool,
 ) -> None:
     """Up to what frequency does a model hold, on which joint does it stop, and is what it misses a delay, a filter, a resonance?
 
@@ -64,7 +67,7 @@ def command(
     """
     if plot_path is not None:
         check_plot_path(plot_path)
-    require_folders(json=json_path)
+    check_outputs(force, json=json_path, plot=plot_path)
     settings = settings_from(read_config(config_path), joint_names=joint_names, effort_preset=effort_preset)
     file = ModelFile.read(model_path) if model_path else None
     robot, recordings, problems = read_recordings(bags, urdf, topic, settings, columns_path)
@@ -79,13 +82,13 @@ def command(
         warn(sentence)
     if json_path:
         write_json(json_path, result.as_dict())
-    show(result)
     if plot_path:
         from sysid_ros.pages.frequency_figure import write_frequency_plot
 
         model = f"{model_path.name}" if model_path else "the URDF"
         write_frequency_plot(plot_path, result, f"Measured torque over that of {model}: {', '.join(b.name for b in bags)}")
         note(f"Plot written to {plot_path}.")
+    show(result)
 
 
 def show(result: FrequencyCheck, console: Console | None = None) -> None:

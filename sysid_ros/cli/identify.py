@@ -10,7 +10,8 @@ import click
 from sysid_ros.cli import options as opt
 from sysid_ros.cli.identify_tables import as_json, show
 from sysid_ros.cli.inputs import provenance, read_config, settings_from
-from sysid_ros.cli.output import ManyValues, note, progress_bar, require_folders, write_json
+from sysid_ros.cli.output import ManyValues, check_outputs, note, write_json
+from sysid_ros.cli.progress import progress_bar
 from sysid_ros.cli.recordings import read_recordings, warn_of
 from sysid_ros.exceptions import SysidError
 from sysid_ros.identification import Choices, Identification, identify_recordings
@@ -80,6 +81,7 @@ from sysid_ros.torque.urdf_export import check_model_file, export_urdf
 @opt.COLUMNS
 @opt.path("--report", "report_path", metavar="HTML", help="Write a report for people, one file.")
 @opt.JSON
+@opt.FORCE
 @click.option("--verbose", is_flag=True, help="Show the base parameters, the noise and the repeatability too.")
 def command(
     bags: tuple[Path, ...],
@@ -96,6 +98,7 @@ def command(
     columns_path: Path | None,
     report_path: Path | None,
     json_path: Path | None,
+    force: bool,
     verbose: bool,
     **choices: Any,
 ) -> None:
@@ -111,7 +114,7 @@ def command(
 
     Exit codes: 0 done; 2 bad input or usage.
     """
-    require_folders(out=out_path, urdf_out=urdf_out, report=report_path, json=json_path)
+    check_outputs(force, out=out_path, urdf_out=urdf_out, report=report_path, json=json_path)
     settings = settings_from(read_config(config_path), joint_names=joint_names, effort_preset=effort_preset)
     robot, read, problems = read_recordings((*bags, *validate, *payload_bag), urdf, topic, settings, columns_path)
     origin = provenance(bags)
@@ -156,14 +159,13 @@ def _write(
     check_model_file(robot, result.model, out_path)
     if json_path:
         write_json(json_path, as_json(result))
-    show(result, verbose=verbose)
-    note(f"Model written to {out_path}.")
-    if urdf_out:
-        for sentence in export_urdf(robot, result.model, urdf_out):
-            note(sentence)
-        note(f"URDF written to {urdf_out}.")
+    for sentence in export_urdf(robot, result.model, urdf_out) if urdf_out else ():
+        note(sentence)
     if report_path:
         from sysid_ros.pages.identification_page import write_report
 
         write_report(report_path, result, provenance)
-        note(f"Report written to {report_path}.")
+    show(result, verbose=verbose)
+    for what, path in (("Model", out_path), ("URDF", urdf_out), ("Report", report_path)):
+        if path:
+            note(f"{what} written to {path}.")

@@ -5,7 +5,9 @@ from __future__ import annotations
 import gc
 import importlib
 import os
+import signal
 import sys
+import warnings
 from collections.abc import Sequence
 
 import click
@@ -29,6 +31,8 @@ COMMANDS = {
 DONE = 0
 BAD_INPUT = 2
 INTERRUPTED = 130
+TERMINATED = 143
+READER_GONE = 141
 
 
 class LazyGroup(click.Group):
@@ -56,6 +60,13 @@ class LazyGroup(click.Group):
             ctx.fail(f"There is no command {cmd_name!r}. The commands are {', '.join(self._table)}.")
         command: click.Command = importlib.import_module(self._table[cmd_name][0]).command
         return command
+
+    def invoke(self, ctx: click.Context) -> object:
+        """Runs the sub-command; a reader of its output that has gone (``| head``) ends it without a word."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            return _reader_gone()
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Writes the overview from the table."""
@@ -98,11 +109,16 @@ def run(arguments: Sequence[str] | None = None) -> int:
         click.echo(f"Error: {error}", err=True)
         return BAD_INPUT
     except OSError as error:
-        if error.filename is None:
-            raise
-        click.echo(f"Error: {error.filename}: {error.strerror}.", err=True)
+        where = "standard output" if error.filename is None else os.fsdecode(error.filename)
+        click.echo(f"Error: {where}: {error.strerror or error}.", err=True)
         return BAD_INPUT
     return result if isinstance(result, int) else DONE
+
+
+def _reader_gone() -> int:
+    """As a tool that SIGPIPE ends, for a shell; nothing is left to be flushed at the end of the process."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return READER_GONE
 
 
 def main() -> None:
@@ -111,7 +127,30 @@ def main() -> None:
     gc.set_threshold(100_000, 50, 1000)
     # The matrices are small: more threads of BLAS only wait for each other. It counts the first time that numpy is imported.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    sys.exit(run())
+    # What is said about a result is said in words; a library's own warnings tell of its inside.
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    # An exception, so that what is half written is taken away.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
+    _require_streams()
+    code = run()
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        code = _reader_gone()
+    except OSError as error:
+        click.echo(f"Error: standard output: {error.strerror}.", err=True)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = BAD_INPUT
+    sys.exit(code)
+
+
+def _require_streams() -> None:
+    """Somewhere to write to also where a stream is closed (``>&-``), and no character that it can't take."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        getattr(sys, name).reconfigure(errors="replace")
 
 
 if __name__ == "__main__":

@@ -53,7 +53,7 @@ EFFORT_PRESET = click.option(
     metavar="ARM",
     help=f"Efforts are what this arm's driver publishes, such as currents: {', '.join(PRESETS)}. Never assumed.",
 )
-FORCE = click.option("--force", is_flag=True, help="Overwrite files that are there.")
+FORCE = click.option("--force", is_flag=True, help="Overwrite results that are there.")
 JOINT_NAMES = click.option(
     "--joint-names", multiple=True, metavar="NAME...", help="Joints that move; others are locked at 0.  [default: all]"
 )

@@ -1,42 +1,34 @@
-"""What commands show: messages on stderr, progress where a person watches, tables on stdout, JSON in files."""
+"""What commands show: messages on stderr, tables on stdout, JSON in files; and what is checked of their outputs first."""
 
 from __future__ import annotations
 
 import json
 import shlex
 import sys
-import threading
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import click
 from rich import box
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    SpinnerColumn,
-    TaskProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 
-from sysid_ros.exceptions import SettingsError
+from sysid_ros.exceptions import OutputError
+from sysid_ros.files import check_file, is_stream, write_text
 
 
-class Advance(Protocol):
-    """Moves a progress bar on by so many steps."""
+class _Terminal(Console):
+    """Tables and messages; a reader that has gone is an error, which ends the command quietly."""
 
-    def __call__(self, steps: int) -> None: ...
+    def on_broken_pipe(self) -> None:
+        """Called in place of the error."""
+        raise BrokenPipeError
 
 
 def report(width: int = 120) -> Console:
     """Where tables are printed: as wide as the terminal, and wide enough for every column where there is none."""
-    return Console(width=None if sys.stdout.isatty() else width, highlight=False)
+    return _Terminal(width=None if sys.stdout.isatty() else width, highlight=False)
 
 
 def table(title: str, *columns: str, words: Collection[str] = ()) -> Table:
@@ -48,31 +40,24 @@ def table(title: str, *columns: str, words: Collection[str] = ()) -> Table:
     return out
 
 
-def require_folders(**paths: Path | None) -> None:
-    """Check, before the work and not after it, that what is asked for can be written; each path by its option's name.
+def check_outputs(force: bool, **paths: Path | Sequence[Path] | None) -> None:
+    """Check, before the work and not after it, that each file that is asked for can be written, and that no result of before is
+    overwritten.
+
+    Args:
+        force: results of before may be overwritten. paths: by their options' names.
 
     Raises:
-        SettingsError: the folder of a path does not exist.
+        OutputError: one can't be written or is there already, or two are the same.
     """
-    for name, path in paths.items():
-        if path is not None and not path.parent.is_dir():
-            option = "--" + name.replace("_", "-")
-            raise SettingsError(f"{option} is '{path}', but the folder '{path.parent}' does not exist. Create it first.")
-
-
-def require_new(paths: Iterable[Path | None], force: bool) -> None:
-    """Check, before the work, that no result of before is overwritten.
-
-    Raises:
-        SettingsError: a folder does not exist, or a file does and ``force`` is not given.
-    """
-    for path in paths:
-        if path is None:
-            continue
-        if not path.parent.is_dir():
-            raise SettingsError(f"The folder '{path.parent}' of '{path.name}' does not exist. Create it first.")
-        if path.exists() and not force:
-            raise SettingsError(f"'{path}' exists already and is not overwritten. Choose another name, or give --force.")
+    seen: set[Path] = set()
+    for name, given in paths.items():
+        option = "--" + name.replace("_", "-")
+        for path in [given] if isinstance(given, Path) else given or ():
+            check_file(path, force, option)
+            if path.resolve() in seen and not is_stream(path):
+                raise OutputError(f"{option} is '{path}', which another option names too. Give each result a file of its own.")
+            seen.add(path.resolve())
 
 
 def command_line() -> str:
@@ -81,53 +66,21 @@ def command_line() -> str:
 
 
 def note(sentence: str) -> None:
-    """A message on stderr."""
-    click.echo(sentence, err=True)
+    """A message on stderr: one line, which a terminal shows with its words whole."""
+    if sys.stderr.isatty():
+        Console(stderr=True, highlight=False, markup=False, emoji=False).print(sentence)
+    else:
+        click.echo(sentence, err=True)
 
 
 def warn(sentence: str) -> None:
     """A warning on stderr."""
-    click.echo(f"Warning: {sentence}", err=True)
-
-
-@contextmanager
-def progress_bar(what: str, total: int) -> Iterator[Advance]:
-    """A bar on stderr, or nothing where stderr is no terminal."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as progress:
-        task = progress.add_task(what, total=total)
-        yield lambda steps: progress.advance(task, steps)
-
-
-@contextmanager
-def said_if_slow(what: str, after: float = 1.5) -> Iterator[None]:
-    """Say what is being done, and for how long it has been, where it takes longer than ``after`` [s]: a line on stderr that goes
-    where a person watches, and stays in a log."""
-    done = threading.Event()
-
-    def say() -> None:
-        if done.wait(after):
-            return
-        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-        if not sys.stderr.isatty():
-            note(f"{what}.")
-            return
-        with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-            progress.add_task(what, total=None)
-            done.wait()
-
-    said = threading.Thread(target=say, daemon=True)
-    said.start()
-    try:
-        yield
-    finally:
-        done.set()
-        said.join()
+    note(f"Warning: {sentence}")
 
 
 def write_json(path: Path, document: dict[str, Any]) -> None:
     """Write a document for machines."""
-    path.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n")
+    write_text(path, json.dumps(document, indent=2, allow_nan=False) + "\n")
 
 
 class ManyValues(click.Command):

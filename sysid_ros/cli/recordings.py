@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sysid_ros.cli.inputs import open_bag, require_same_robot
-from sysid_ros.cli.output import note, progress_bar, warn
+from sysid_ros.cli.output import note, warn
+from sysid_ros.cli.progress import progress_bar
 from sysid_ros.exceptions import DataError
 from sysid_ros.identification import Recording
 from sysid_ros.identification.result import Problem

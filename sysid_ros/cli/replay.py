@@ -9,7 +9,8 @@ import click
 
 from sysid_ros.cli import options as opt
 from sysid_ros.cli.inputs import open_bag, read_config, settings_from
-from sysid_ros.cli.output import ManyValues, progress_bar, require_folders, said_if_slow, warn, write_json
+from sysid_ros.cli.output import ManyValues, check_outputs, warn, write_json
+from sysid_ros.cli.progress import progress_bar, said_if_slow
 from sysid_ros.cli.replay_tables import show_replay
 from sysid_ros.exceptions import BagError, DataError
 from sysid_ros.input_gate import Gate, gate_for
@@ -17,6 +18,7 @@ from sysid_ros.online.carried import write_carried
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.replay import Replay, as_json, replay, write_series
 from sysid_ros.online.warm_up import warm_up
+from sysid_ros.pages import check_plot_path
 from sysid_ros.sources import BagSource, FloatingBagSource, Source, TableSource
 from sysid_ros.torque.model_file import ModelFile
 
@@ -37,6 +39,7 @@ from sysid_ros.torque.model_file import ModelFile
 @opt.path("--series", "series_path", help="Write every estimate as a row of CSV.")
 @opt.path("--payloads", "payloads_path", help="Write what was carried, a row of CSV each.")
 @opt.path("--plot", "plot_path", help="Draw the estimate over time: .png or .html.")
+@opt.FORCE
 def command(
     bag: Path,
     urdf: Path | None,
@@ -53,6 +56,7 @@ def command(
     series_path: Path | None,
     payloads_path: Path | None,
     plot_path: Path | None,
+    force: bool,
 ) -> None:
     """Estimate from BAG, exactly as the node does live, what was carried: one row for each thing.
 
@@ -69,9 +73,11 @@ def command(
     Exit codes: 0 done; 2 bad input or usage, or nothing in BAG tells of a payload. Whether an estimate can be believed is its
     status.
     """
+    if plot_path:
+        check_plot_path(plot_path)
+    check_outputs(force, json=json_path, series=series_path, payloads=payloads_path, plot=plot_path)
     parameters = read_config(config_path)
     settings = settings_from(parameters, frame_id=frame, joint_names=joint_names, effort_preset=effort_preset)
-    require_folders(json=json_path, series=series_path, payloads=payloads_path, plot=plot_path)
     urdf = urdf or _path_in(parameters, "urdf_path")
     model_path = model_path or _path_in(parameters, "model_path")
     source, robot = open_bag(bag, topic, urdf, settings, columns_path)
@@ -118,7 +124,7 @@ def _write(
         write_series(series_path, result.series)
     if payloads_path:
         write_carried(payloads_path, result.payloads)
-    if plot_path:
+    if plot_path and result.series:
         from sysid_ros.pages import write_payload_plot  # drawing libraries take a second to import
 
         write_payload_plot(plot_path, result.series, result.events, joints, f"Payload in {name}", carried=result.payloads)

@@ -10,11 +10,10 @@ import click
 
 from sysid_ros.cli import options as opt
 from sysid_ros.cli.simulate_hidden import record_hidden
-from sysid_ros.cli.simulate_output import conclude, payload_rows, prepare, simulated
+from sysid_ros.cli.simulate_output import conclude, payload_rows, prepare, recorder_of, simulated
 from sysid_ros.cli.simulate_quadruped import quadruped
 from sysid_ros.simulation import ArmScenario, simulate_arm
 from sysid_ros.simulation.arm_record import write_recording
-from sysid_ros.sources import BagRecorder
 
 
 @click.group()
@@ -65,7 +64,8 @@ command.add_command(quadruped)
 )
 @opt.number("--hide-seed", default=0, help="Of what is hidden; --seed draws another motion of the same robot.")
 @opt.JSON
-def arm(bag: Path, storage: str, json_path: Path | None, **options: Any) -> None:
+@opt.FORCE
+def arm(bag: Path, storage: str, json_path: Path | None, force: bool, **options: Any) -> None:
     """Record a 7-joint arm (KUKA LBR iiwa in PyBullet) in an exciting motion, with a payload that it picks up and drops.
 
     The bag holds /joint_states and /robot_description; BAG.truth.json tells the payload, the times and all that was added.
@@ -78,18 +78,17 @@ def arm(bag: Path, storage: str, json_path: Path | None, **options: Any) -> None
 
     Exit codes: 0 done; 2 bad input or usage.
     """
-    prepare(bag, json_path)
+    prepare(bag, json_path, force)
     if options["hide"]:
         record_hidden(bag, storage, json_path, options)
         return
     for name in ("hide", "hide_value", "hide_seed"):
         del options[name]
-    recorder = BagRecorder(bag, storage)
     began = time.perf_counter()
     record = simulated(ArmScenario, simulate_arm, options)
-    with recorder:
-        write_recording(record, recorder)
     truth = record.truth
+    with recorder_of(bag, storage, truth) as recorder:
+        write_recording(record, recorder)
     noise = truth["noise"]
     more = [*payload_rows(truth), ("noise", f"effort {noise['torque']:g} N m, position {noise['encoder']:g} rad")]
     more += [(name.replace("_", " "), ", ".join(f"{x:g}" for x in v)) for name, v in truth["effects"].items() if any(v)]

@@ -10,13 +10,13 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from sysid_ros.cli.output import progress_bar, warn
-from sysid_ros.cli.simulate_output import Rows, conclude, named_option
+from sysid_ros.cli.output import warn
+from sysid_ros.cli.progress import progress_bar
+from sysid_ros.cli.simulate_output import Rows, conclude, named_option, recorder_of
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.sample import JointStateRecord
 from sysid_ros.simulation.arm_record import START_TIME
 from sysid_ros.simulation.description import arm_description
-from sysid_ros.sources import BagRecorder
 
 _SHARED = {"seed", "duration", "rate", "encoder_noise", "torque_noise", "velocity_noise"}
 _OWN = {"hide", "hide_value", "hide_seed", "velocity"}
@@ -80,7 +80,7 @@ def record_hidden(bag: Path, storage: str, json_file: Path | None, options: dict
     records = recording.records()
     if not options["velocity"]:
         records = [JointStateRecord(r.stamp, r.receive_time, r.names, r.position, (), r.effort) for r in records]
-    with BagRecorder(bag, storage) as recorder:
+    with recorder_of(bag, storage, truth) as recorder:
         recorder.write_robot_description(urdf, START_TIME)
         recorder.write_joint_states(records)
     conclude(bag, json_file, len(records), time.perf_counter() - began, truth, _rows(truth))

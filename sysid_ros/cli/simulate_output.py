@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from rich.table import Table
 
-from sysid_ros.cli.output import progress_bar, report, require_folders, write_json
-from sysid_ros.exceptions import BagError, SettingsError, SysidError
+from sysid_ros.cli.output import check_outputs, report, write_json
+from sysid_ros.cli.progress import progress_bar
+from sysid_ros.exceptions import SettingsError, SysidError
+from sysid_ros.files import check_bag, check_file, whole_folder
+from sysid_ros.sources import BagRecorder
 
 try:
     from sysid_ros.simulation.arm_record import START_TIME, truth_path, write_truth
@@ -27,16 +31,24 @@ Record = TypeVar("Record")
 _OPTION_OF = {"pick_time": "--pick", "drop_time": "--drop", "hoist_time": "--hoist"}
 
 
-def prepare(bag: Path, json_file: Path | None) -> None:
+def prepare(bag: Path, json_file: Path | None, force: bool) -> None:
     """Refuse outputs that exist already or can't be written.
 
     Raises:
-        BagError: the truth file exists. SettingsError: the folder of ``--json`` does not.
+        OutputError: the bag, the truth beside it or the summary is there already, or can't be written.
     """
-    truth_file = truth_path(bag)
-    if truth_file.exists():
-        raise BagError(f"'{truth_file}' exists already and is not overwritten. Choose another --bag, or remove it first.")
-    require_folders(json=json_file)
+    check_bag(bag, force, "--bag")
+    check_file(truth_path(bag), force, "--bag")
+    check_outputs(force, json=json_file)
+
+
+@contextmanager
+def recorder_of(bag: Path, storage: str, truth: Mapping[str, Any]) -> Iterator[BagRecorder]:
+    """A recorder of the bag; bag and truth are there when the block is left, and neither when that is by an exception."""
+    with whole_folder(bag, replace=True) as folder:
+        with BagRecorder(folder, storage) as recorder:
+            yield recorder
+        write_truth(dict(truth), truth_path(bag))
 
 
 def named_option(error: SettingsError, options: Collection[str]) -> SettingsError:
@@ -94,13 +106,12 @@ def payload_rows(truth: Mapping[str, Any]) -> Rows:
 def conclude(
     bag: Path, json_file: Path | None, messages: int, elapsed: float, truth: Mapping[str, Any], rows: Sequence[tuple[str, str]]
 ) -> None:
-    """Write truth and summary, and show them.
+    """Write the summary, and show it.
 
     Args:
         elapsed: time that it took [s]. rows: of the table, after those that all simulations have.
     """
     truth_file = truth_path(bag)
-    write_truth(dict(truth), truth_file)
     factor = truth["duration"] / elapsed
     files = {"bag": str(bag), "truth_file": str(truth_file)}
     if json_file is not None:

@@ -9,10 +9,9 @@ from typing import Any
 import click
 
 from sysid_ros.cli import options as opt
-from sysid_ros.cli.simulate_output import conclude, payload_rows, prepare, simulated
+from sysid_ros.cli.simulate_output import conclude, payload_rows, prepare, recorder_of, simulated
 from sysid_ros.simulation.quadruped_record import simulate_quadruped, write_quadruped
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
-from sysid_ros.sources import BagRecorder
 
 
 @click.command()
@@ -54,7 +53,8 @@ from sysid_ros.sources import BagRecorder
 @click.option("--imu/--no-imu", default=True, show_default=True, help="Record /imu.")
 @click.option("--contacts/--no-contacts", default=True, show_default=True, help="Record /contacts.")
 @opt.JSON
-def quadruped(bag: Path, storage: str, json_path: Path | None, imu: bool, contacts: bool, **options: Any) -> None:
+@opt.FORCE
+def quadruped(bag: Path, storage: str, json_path: Path | None, force: bool, imu: bool, contacts: bool, **options: Any) -> None:
     """Record a quadruped (Unitree A1 in PyBullet) that stands, sways or trots, with a box put on its back and taken off.
 
     The bag holds /joint_states, /imu, /contacts and /robot_description; BAG.truth.json tells the box, the times and the noise.
@@ -66,13 +66,12 @@ def quadruped(bag: Path, storage: str, json_path: Path | None, imu: bool, contac
 
     Exit codes: 0 done; 2 bad input or usage.
     """
-    prepare(bag, json_path)
-    recorder = BagRecorder(bag, storage)
+    prepare(bag, json_path, force)
     began = time.perf_counter()
     record = simulated(QuadrupedScenario, simulate_quadruped, options)
-    with recorder:
-        write_quadruped(record, recorder, imu, contacts)
     truth = record.truth
+    with recorder_of(bag, storage, truth) as recorder:
+        write_quadruped(record, recorder, imu, contacts)
     ground = f"a slope of {truth['slope']:g} deg" if truth["slope"] else "the flat"
     noise = truth["noise"]
     more = [

@@ -12,6 +12,8 @@ from rich.console import Console
 
 from sysid_ros.cli.output import write_json
 from sysid_ros.exceptions import SettingsError
+from sysid_ros.files import whole, write_text
+from sysid_ros.pages.page import FIGURE_SUFFIXES
 from sysid_ros.robot.robot_model import RobotModel
 
 if TYPE_CHECKING:
@@ -78,7 +80,9 @@ class Result(ABC):
 
         drawing = drawn(self.figure())
         if path is not None:
-            drawing.savefig(path, dpi=150)
+            target = _with_suffix(path, FIGURE_SUFFIXES)
+            with whole(target) as beside:
+                drawing.savefig(beside, dpi=150, format=target.suffix[1:])
         return drawing
 
     def _write_report(self, path: Path) -> None:
@@ -227,7 +231,7 @@ class Diagnosed(Result):
     def _write_report(self, path: Path) -> None:
         from sysid_ros.pages.diagnosis_page import diagnosis_page
 
-        path.write_text(diagnosis_page(self.details, self.robot.name, self.origin), encoding="utf-8")
+        write_text(path, diagnosis_page(self.details, self.robot.name, self.origin))
 
 
 class Excited(Result):
@@ -255,7 +259,7 @@ class Excited(Result):
             return
         t = self.details.trajectory.grid(0.01)
         message = JointTrajectory(self.robot.joint_names, t, *self.details.trajectory.sample(t))
-        path.write_text(message.yaml(f"Exciting motion of {self.robot.name}."), encoding="utf-8")
+        write_text(path, message.yaml(f"Exciting motion of {self.robot.name}."))
 
     def figure(self) -> Figure:
         from sysid_ros.pages.excitation_figure import excitation_figure

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sysid_ros.files import whole
 from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
 from sysid_ros.robot.inertial_parameters import to_com
 from sysid_ros.sample import FloatArray
@@ -79,7 +80,7 @@ def write_carried(path: Path, found: Sequence[Carried]) -> None:
     """One row a payload: from, to, mass, com, inertia about the com, each with its standard deviation; status."""
     tensor = [f"I{'xyz'[i]}{'xyz'[j]}" for i, j in _TENSOR]
     values = ["mass", "com_x", "com_y", "com_z", *tensor]
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with whole(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["t0", "t1", *values, *(f"{name}_std" for name in values), "status"])
         for c in found:

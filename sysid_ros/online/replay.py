@@ -11,6 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from sysid_ros.files import whole
 from sysid_ros.input_gate import Gate
 from sysid_ros.online.carried import Carried, carried
 from sysid_ros.online.live_estimation import explained
@@ -166,7 +167,7 @@ def _entry(of: Carried) -> dict[str, Any]:
 def write_series(path: Path, series: list[PayloadEstimate]) -> None:
     """One row an estimate: t, the ten parameters, their standard deviations, com, status."""
     names = inertial_parameters.NAMES
-    with path.open("w", newline="") as file:
+    with whole(path) as beside, beside.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["t", *names, *(f"{name}_std" for name in names), "com_x", "com_y", "com_z", "status"])
         for e in series:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.effects import EFFECTS
+from sysid_ros.files import write_text
 from sysid_ros.identification.payload_difference import PayloadDifference
 from sysid_ros.identification.result import Identification, Parameter, TorqueError
 from sysid_ros.pages import palette
@@ -38,7 +39,7 @@ def write_report(path: Path, result: Identification, provenance: dict[str, Any])
         path: the HTML file; one that is there is replaced. result: what was found.
         provenance: bags, command and version.
     """
-    path.write_text(report_page(result, provenance), encoding="utf-8")
+    write_text(path, report_page(result, provenance))
 
 
 def report_page(result: Identification, provenance: dict[str, Any]) -> str:

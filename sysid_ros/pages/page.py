@@ -9,6 +9,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from sysid_ros.exceptions import SettingsError
+from sysid_ros.files import whole, write_text
 from sysid_ros.pages.figure import Figure, legends
 from sysid_ros.pages.plotly_renderer import specification
 
@@ -43,12 +44,13 @@ def write_plot(path: Path, figure: Figure, template: str = "figure.html", **word
     """
     check_plot_path(path)
     if path.suffix.lower() in PAGE_SUFFIXES:
-        path.write_text(page(template, figure=figure, **words), encoding="utf-8")
+        write_text(path, page(template, figure=figure, **words))
     else:
         # takes a part of a second to import
         from sysid_ros.pages.matplotlib_renderer import drawn
 
-        drawn(figure).savefig(path, dpi=150)
+        with whole(path) as beside:
+            drawn(figure).savefig(beside, dpi=150, format=path.suffix[1:].lower())
 
 
 def page(template: str, **words: object) -> str:

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from sysid_ros.exceptions import SettingsError
+from sysid_ros.files import write_text
 from sysid_ros.sample import FloatArray, JointStateRecord, Measurement
 from sysid_ros.simulation.arm_simulation import ArmSimulation
 from sysid_ros.simulation.scenario import ArmScenario
@@ -129,4 +130,4 @@ def write_recording(record: ArmRecord, recorder: Recorder) -> None:
 
 def write_truth(truth: dict[str, Any], path: Path) -> None:
     """Write the truth as JSON."""
-    path.write_text(json.dumps(truth, indent=2) + "\n")
+    write_text(path, json.dumps(truth, indent=2) + "\n")

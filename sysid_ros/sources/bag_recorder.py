@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -64,17 +66,19 @@ class BagRecorder:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._writer.close()
+        with self._told():
+            self._writer.close()
 
     def write_joint_states(self, records: Iterable[JointStateRecord], topic: str = "/joint_states") -> None:
         """Many records at once, at their receive times."""
         connection = self._connection(topic, JOINT_STATE, quality_of_service())
         write = self._writer.write
         prefixes = self._prefixes
-        for record in records:
-            if (prefix := prefixes.get(record.names)) is None:
-                prefix = prefixes[record.names] = encode_names(record.names)
-            write(connection, round(record.receive_time * 1e9), encode(record, prefix))
+        with self._told():
+            for record in records:
+                if (prefix := prefixes.get(record.names)) is None:
+                    prefix = prefixes[record.names] = encode_names(record.names)
+                write(connection, round(record.receive_time * 1e9), encode(record, prefix))
 
     def write_imu(self, record: ImuRecord, topic: str = "/imu") -> None:
         """One ``sensor_msgs/Imu``, at its receive time; covariances are marked as unknown where they are 0."""
@@ -114,7 +118,16 @@ class BagRecorder:
             data = typestore().serialize_cdr(message, kind)
         except Exception as error:
             raise BagError(f"a message for {topic} is no {kind}: {error}. Give every field its type and length.") from error
-        self._writer.write(connection, round(receive_time * 1e9), data)
+        with self._told():
+            self._writer.write(connection, round(receive_time * 1e9), data)
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, sqlite3.Error) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise BagError(f"bag '{self.path}' can't be written: {reason}. Make room, or write to another disk.") from error
 
     def _connection(self, topic: str, kind: str, qos: Qos) -> Any:
         connection = self._connections.get(topic)

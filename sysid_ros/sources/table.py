@@ -11,6 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from sysid_ros.exceptions import DataError
+from sysid_ros.files import whole, write_text
 from sysid_ros.sample import FloatArray, JointStateRecord
 from sysid_ros.sources.columns import RADIANS, SECONDS, columns_of
 
@@ -164,17 +165,19 @@ def write_table(path: Path, source: TableSource) -> None:
         arrays["joint_names"] = np.array(source.joint_names, dtype=str)
         if source.v is not None:
             arrays["v"] = source.v
-        np.savez(path, **arrays)
+        with whole(path) as beside, beside.open("wb") as file:
+            np.savez(file, **arrays)
         return
     parts = [("position", source.q), ("velocity", source.v), ("effort", source.tau)]
     names = ["time", *(f"{what}_{joint}" for what, x in parts if x is not None for joint in joints)]
     values = np.column_stack([source.t, *(x for _, x in parts if x is not None)])
     if path.suffix == ".csv":
         lines = [",".join(names), *(",".join(map(repr, row)) for row in values.tolist())]
-        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        write_text(path, "\n".join(lines) + "\n")
     elif path.suffix == ".parquet":
         pyarrow, parquet = _arrow(path)
-        parquet.write_table(pyarrow.table(dict(zip(names, values.T, strict=True))), path)
+        with whole(path) as beside:
+            parquet.write_table(pyarrow.table(dict(zip(names, values.T, strict=True))), beside)
     else:
         raise DataError(f"'{path}' can't be written: the suffix must be .csv, .npz or .parquet.")
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.exceptions import ModelFileError
+from sysid_ros.files import write_text
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -43,7 +44,7 @@ def export_mjcf(robot: RobotModel, model: ModelFile, path: Path) -> list[str]:
                 f"the inertials of link '{body}' in {model.source} belong to no body (mass {theta[0]:.3g} kg), and simulators "
                 "take bodies only. Identify with physical consistency."
             )
-    path.write_text(mjcf(known))
+    write_text(path, mjcf(known))
     lost = dict.fromkeys(k.effect.id for k in known.known if np.any(k.theta) and not _held(k))
     return [f"An MJCF can't hold {', '.join(lost)}; model.yaml does."] if lost else []
 

@@ -12,6 +12,7 @@ import yaml
 
 from sysid_ros.effects import EFFECTS
 from sysid_ros.exceptions import ModelFileError, SysidError
+from sysid_ros.files import write_text
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.known_effect import KnownEffect
@@ -137,7 +138,7 @@ class ModelFile:
             "uncertainty": None if self.uncertainty is None else {"directions": self.uncertainty.tolist()},
             "provenance": self.provenance,
         }
-        path.write_text(yaml.dump(document, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=130))
+        write_text(path, yaml.dump(document, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=130))
 
     @classmethod
     def read(cls, path: Path) -> ModelFile:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid_ros.exceptions import ModelFileError
+from sysid_ros.files import write_text
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.rotation import rotation_of
@@ -40,7 +41,7 @@ def export_urdf(robot: RobotModel, model: ModelFile, path: Path) -> list[str]:
     """
     text, notes = identified_urdf(robot, model)
     check_urdf(robot, model, text)
-    path.write_text(text)
+    write_text(path, text)
     return notes
 
 
