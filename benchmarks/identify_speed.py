@@ -74,7 +74,16 @@ def records(robot: RobotModel, seconds: float, rate: float, seed: int) -> Iterat
 
 def run(bag: Path, folder: Path, options: list[str]) -> tuple[dict[str, Any], dict[str, float]]:
     """The command's JSON, and what it took: wall and processor time [s], largest resident memory [GB]."""
-    arguments = ["identify", str(bag), "--out", str(folder / "model.yaml"), "--json", str(folder / "out.json"), *options]
+    arguments = [
+        "identify",
+        str(bag),
+        "--out",
+        str(folder / "model.yaml"),
+        "--json",
+        str(folder / "out.json"),
+        "--force",
+        *options,
+    ]
     start = perf_counter()
     process = subprocess.Popen([sys.executable, "-c", _COMMAND, *arguments], stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)

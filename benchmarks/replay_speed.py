@@ -60,7 +60,7 @@ def replay_bag(path: Path) -> tuple[Replay, float, float]:
 
 def run_command(path: Path, folder: Path) -> tuple[float, float]:
     """Time and processor time of the whole command [s]."""
-    arguments = ["replay", str(path), "--json", str(folder / "out.json"), "--series", str(folder / "out.csv")]
+    arguments = ["replay", str(path), "--json", str(folder / "out.json"), "--series", str(folder / "out.csv"), "--force"]
     start, start_processor = perf_counter(), _children()
     subprocess.run([sys.executable, "-c", _COMMAND, *arguments], check=True, capture_output=True)
     return perf_counter() - start, _children() - start_processor

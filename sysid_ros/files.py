@@ -136,7 +136,7 @@ def check_folder(folder: Path, names: Collection[str], force: bool, what: str) -
         OutputError: as of :func:`check_file`.
     """
     with _said(folder, f"{what}: "):
-        there = next(p for p in (folder, *folder.resolve().parents) if p.exists())
+        there = next(p for p in (folder, *folder.parents) if p.exists())
         if not there.is_dir():
             raise OutputError(f"{what} is '{folder}', but '{there}' is a file. Give the name of a folder.")
         _try_writing(there)

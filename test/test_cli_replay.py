@@ -34,7 +34,7 @@ TRUTH = json.loads((BAGS / "arm_pick_and_drop.truth.json").read_text())
 
 def replay_json(tmp_path: Path, *arguments: str | Path) -> dict[str, Any]:
     path = tmp_path / "out.json"
-    assert run(["replay", *map(str, arguments), "--json", str(path)]) == 0
+    assert run(["replay", *map(str, arguments), "--json", str(path), "--force"]) == 0
     document: dict[str, Any] = json.loads(path.read_text(), parse_constant=_refuse)
     return document
 

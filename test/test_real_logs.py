@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"the measured robot d
 
 def replayed(folder: Path, bag: Path, *arguments: str | Path) -> tuple[dict[str, Any], list[dict[str, str]]]:
     out, series = folder / "out.json", folder / "series.csv"
-    assert run(["replay", str(bag), *map(str, arguments), "--json", str(out), "--series", str(series)]) == 0
+    assert run(["replay", str(bag), *map(str, arguments), "--json", str(out), "--series", str(series), "--force"]) == 0
     with series.open(newline="") as file:
         return json.loads(out.read_text()), list(csv.DictReader(file))
 
@@ -82,7 +82,7 @@ def test_the_plain_urdf_is_called_inconsistent(tmp_path: Path, bag: str) -> None
 
 def identified(folder: Path, *arguments: str | Path) -> dict[str, Any]:
     out = folder / "out.json"
-    assert run(["identify", *map(str, arguments), "--out", str(folder / "m.yaml"), "--json", str(out)]) == 0
+    assert run(["identify", *map(str, arguments), "--out", str(folder / "m.yaml"), "--json", str(out), "--force"]) == 0
     document: dict[str, Any] = json.loads(out.read_text())
     return document
 

@@ -39,7 +39,7 @@ def urdf(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def replayed(tmp_path: Path, *arguments: str | Path) -> dict[str, Any]:
     out = tmp_path / "out.json"
-    assert run(["replay", *map(str, arguments), "--json", str(out)]) == 0
+    assert run(["replay", *map(str, arguments), "--json", str(out), "--force"]) == 0
     document: dict[str, Any] = json.loads(out.read_text())
     return {key: document[key] for key in ("payload", "payloads", "events", "status")}
 

@@ -82,9 +82,9 @@ def command(
 
     Exit codes: 0 done; 2 bad input or usage.
     """
+    check_outputs(force, json=json_path, plot=plot_path)
     if plot_path is not None:
         check_plot_path(plot_path)
-    check_outputs(force, json=json_path, plot=plot_path)
     try:
         settings = ControlSettings(**{name: options[name] for name in _SETTINGS})
         scenario = ArmScenario(**{name: value for name, value in options.items() if name not in _SETTINGS})

@@ -9,15 +9,14 @@ import click
 import numpy as np
 
 from sysid_ros.cli import options as opt
-from sysid_ros.cli.diagnose_output import FILES, show, write_files
+from sysid_ros.cli.diagnose_output import check_results, show, write_files
 from sysid_ros.cli.inputs import open_bag, provenance, read_config, require_same_robot, settings_from
-from sysid_ros.cli.output import ManyValues, check_outputs, note, warn, write_json
+from sysid_ros.cli.output import ManyValues, note, warn
 from sysid_ros.cli.progress import progress_bar, stages
 from sysid_ros.diagnosis import Diagnosis, Recording, diagnose, missing_joints, read_messages, with_temperatures
 from sysid_ros.diagnosis.result import RankedUrdf
 from sysid_ros.diagnosis.several_urdfs import rank_urdfs, with_ranking
 from sysid_ros.exceptions import DataError, RobotModelError
-from sysid_ros.files import check_folder
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation.simulators import SIMULATORS, installed
@@ -90,8 +89,7 @@ def command(
     Exit codes: 0 done; 2 bad input or usage, also where the verdict is "refused".
     """
     started = time.monotonic()
-    check_folder(out_path, FILES, force, "--out")
-    check_outputs(force, json=json_path)
+    check_results(out_path, json_path, force)
     installed(simulator)
     settings = settings_from(read_config(config_path), joint_names=joint_names, effort_preset=effort_preset)
     known = ModelFile.read(model_path) if model_path else None
@@ -107,9 +105,7 @@ def command(
             result = with_ranking(diagnose(robot, fitted, judged, known, tell, origin, simulator), ranked)
     except (DataError, RobotModelError) as error:
         result = Diagnosis("refused", robot.joint_names if robot else (), refusal=str(error))
-    write_files(result, robot, out_path, origin)
-    if json_path:
-        write_json(json_path, result.as_dict())
+    write_files(result, robot, out_path, origin, json_path)
     show(result)
     note(f"Written to {out_path} in {time.monotonic() - started:.0f} s.")
     return BAD_INPUT if result.verdict == "refused" else 0

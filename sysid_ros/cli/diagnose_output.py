@@ -8,13 +8,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from sysid_ros.cli.output import note, report, table, write_json
+from sysid_ros.cli.output import check_outputs, note, report, table, write_json
 from sysid_ros.diagnosis import Diagnosis
 from sysid_ros.diagnosis.result import TorqueRmse
 from sysid_ros.diagnosis.sentences import first_sentence, percent
 from sysid_ros.effects.wording import listed
 from sysid_ros.exceptions import ModelFileError, RobotModelError
-from sysid_ros.files import whole_files, write_text
+from sysid_ros.files import check_folder, whole_files, write_text
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.torque.mjcf_export import export_mjcf
 from sysid_ros.torque.urdf_export import export_urdf
@@ -26,8 +26,21 @@ _SEEN = 5e-4
 """Part of the error from which it is shown, in tenths of a per cent."""
 
 
-def write_files(result: Diagnosis, robot: RobotModel | None, folder: Path, provenance: dict[str, object]) -> None:
-    """Write the report, the document for machines, the extended model and its predictions into a folder, all or none of them.
+def check_results(folder: Path, json_path: Path | None, force: bool) -> None:
+    """Check, before the work, that the files can be written, and that none of before is overwritten.
+
+    Raises:
+        OutputError: one can't be written or is there already.
+    """
+    check_folder(folder, FILES, force, "--out")
+    check_outputs(force, json=json_path)
+
+
+def write_files(
+    result: Diagnosis, robot: RobotModel | None, folder: Path, provenance: dict[str, object], json_path: Path | None = None
+) -> None:
+    """Write the report, the document for machines, the extended model and its predictions into a folder, all or none of them;
+    the document also where else it is asked for.
 
     Raises:
         OutputError: they can't be written.
@@ -51,6 +64,8 @@ def write_files(result: Diagnosis, robot: RobotModel | None, folder: Path, prove
         if robot is not None:
             for sentence in _write_robots(result, robot, room):
                 note(sentence)
+    if json_path:
+        write_json(json_path, result.as_dict())
 
 
 def _write_robots(result: Diagnosis, robot: RobotModel, room: Path) -> list[str]:

@@ -173,9 +173,9 @@ def _settings(options: dict[str, Any]) -> ExcitationSettings:
 
 def _check(out: Path, bag: Path | None, plot: Path | None, json_path: Path | None, force: bool) -> None:
     """What can be wrong is said before the search, not after it."""
+    check_outputs(force, out=out, json=json_path, plot=plot)
     if plot is not None:
         check_plot_path(plot)
-    check_outputs(force, out=out, json=json_path, plot=plot)
     if bag is not None:
         check_bag(bag, force, "--bag")
 

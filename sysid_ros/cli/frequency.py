@@ -65,9 +65,9 @@ def command(
 
     Exit codes: 0 done; 2 bad input or usage.
     """
+    check_outputs(force, json=json_path, plot=plot_path)
     if plot_path is not None:
         check_plot_path(plot_path)
-    check_outputs(force, json=json_path, plot=plot_path)
     settings = settings_from(read_config(config_path), joint_names=joint_names, effort_preset=effort_preset)
     file = ModelFile.read(model_path) if model_path else None
     robot, recordings, problems = read_recordings(bags, urdf, topic, settings, columns_path)

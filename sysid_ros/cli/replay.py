@@ -73,9 +73,9 @@ def command(
     Exit codes: 0 done; 2 bad input or usage, or nothing in BAG tells of a payload. Whether an estimate can be believed is its
     status.
     """
+    check_outputs(force, json=json_path, series=series_path, payloads=payloads_path, plot=plot_path)
     if plot_path:
         check_plot_path(plot_path)
-    check_outputs(force, json=json_path, series=series_path, payloads=payloads_path, plot=plot_path)
     parameters = read_config(config_path)
     settings = settings_from(parameters, frame_id=frame, joint_names=joint_names, effort_preset=effort_preset)
     urdf = urdf or _path_in(parameters, "urdf_path")
