@@ -1,5 +1,8 @@
 """Errors of the package: one root, one child for each kind of mistake a user can make."""
 
+_LONG = 200
+"""Letters of another library's message that are told."""
+
 
 class SysidError(Exception):
     """Root of every error the package raises on purpose.
@@ -30,3 +33,11 @@ class DataError(SysidError):
 
 class OutputError(SysidError):
     """A result can't be written where it was asked for."""
+
+
+def in_a_line(error: BaseException) -> str:
+    """What an error of another library says, in one short line without a full stop."""
+    if isinstance(error, UnicodeDecodeError):
+        return "it is not text in UTF-8"
+    words = " ".join(str(error).split()).rstrip(".")
+    return (words if len(words) <= _LONG else words[: _LONG - 3] + "...") or type(error).__name__

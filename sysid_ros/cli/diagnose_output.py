@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from sysid_ros.cli.output import check_outputs, note, report, table, write_json
@@ -87,19 +88,19 @@ def _write_robots(result: Diagnosis, robot: RobotModel, room: Path) -> list[str]
 def show(result: Diagnosis, console: Console | None = None) -> None:
     """Print the answer, faults of the data, the causes with their shares, and the torque errors."""
     console = console or report(_WIDTH)
-    console.print(f"{result.headline} {result.refinements}".rstrip())
+    console.print(escape(f"{result.headline} {result.refinements}".rstrip()))
     if result.refusal:
-        console.print(first_sentence(result.refusal)[1])
+        console.print(escape(first_sentence(result.refusal)[1]))
         return
-    console.print(f"Verdict: {result.verdict.replace('_', ' ')}.{f' {result.unexplained}' if result.unexplained else ''}")
+    console.print(f"Verdict: {result.verdict.replace('_', ' ')}.{f' {escape(result.unexplained)}' if result.unexplained else ''}")
     for finding in result.data_faults:
-        console.print(f"\nFault of the data: {finding.sentence}")
+        console.print(escape(f"\nFault of the data: {finding.sentence}"))
     if result.causes:
         console.print(_causes(result))
     if result.torque is not None:
         console.print(_errors(result.torque))
     for sentence in (*result.record_next, *result.notes):
-        console.print(f"- {sentence}")
+        console.print(escape(f"- {sentence}"))
 
 
 def _causes(result: Diagnosis) -> Table:
@@ -110,7 +111,7 @@ def _causes(result: Diagnosis) -> Table:
     for f in result.causes:
         also = f" (or: {listed(f.look_alikes)}; these recordings can't tell)" if f.look_alikes else ""
         sure = [] if not likely else ["-" if f.probability is None else f"{100 * f.probability:.0f} %"]
-        out.add_row(percent(f.heldout_gain), *sure, f"{f.words}{also}{f' {f.remark}' if f.remark else ''}")
+        out.add_row(percent(f.heldout_gain), *sure, escape(f"{f.words}{also}{f' {f.remark}' if f.remark else ''}"))
     for part, words in result.rest.in_words() if result.rest is not None else ():
         if abs(part) < _SEEN:
             continue

@@ -11,7 +11,7 @@ import yaml
 
 from sysid_ros import __version__
 from sysid_ros.cli.output import command_line, note
-from sysid_ros.exceptions import RobotModelError, SettingsError
+from sysid_ros.exceptions import RobotModelError, SettingsError, in_a_line
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sources import BagSource, TableSource, open_source, robot_of_source, urdf_text
@@ -62,7 +62,7 @@ def read_config(path: Path | None) -> dict[str, Any]:
     except OSError as error:
         raise SettingsError(f"configuration '{path}' can't be read: {error.strerror}.") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise SettingsError(f"configuration '{path}' is not YAML: {error}.") from None
+        raise SettingsError(f"configuration '{path}' is not YAML: {in_a_line(error)}.") from None
     found: dict[str, Any] = {}
     for node in _parameter_blocks(document):
         found.update(node)

@@ -10,6 +10,8 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
 
 _SHORTEST = 4.0
+_LONGEST_STEP = 0.05
+"""Between messages [s]: torques are compared below 8 Hz, half of 16 messages a second and some for the filter's flank."""
 _STILL = 0.01
 _FROZEN_MOVES = 0.05
 _DEGREES = 7.0
@@ -17,10 +19,10 @@ _DEGREES = 7.0
 
 def refusal_of(robot: RobotModel, recordings: Sequence[Recording], validation: Sequence[Recording] = ()) -> str | None:
     """Why the recordings can't be judged, with the cure; None where they can."""
-    for check in (_no_effort, _too_short, _at_rest, _frozen_position, _degrees, _frozen):
+    for check in (_no_effort, _too_short, _too_slow, _no_mass, _at_rest, _frozen_position, _degrees, _frozen):
         if reason := check(robot, recordings):
             return reason
-    for check in (_no_effort, _at_rest, _frozen_position, _degrees, _frozen):
+    for check in (_no_effort, _too_slow, _at_rest, _frozen_position, _degrees, _frozen):
         if validation and (reason := check(robot, validation)):
             return f"The recordings to judge on (--validate): {reason}"
     return None
@@ -34,6 +36,24 @@ def _too_short(robot: RobotModel, recordings: Sequence[Recording]) -> str | None
             "Record 15 to 30 s in which every joint moves."
         )
     return None
+
+
+def _too_slow(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
+    for r in recordings:
+        if r.period > _LONGEST_STEP:
+            return (
+                f"{r.name}: its messages are {r.period:.3g} s apart; {_LONGEST_STEP:g} s is the most. Record at 100 Hz or more."
+            )
+    return None
+
+
+def _no_mass(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
+    if np.any(robot.pi):
+        return None
+    return (
+        f"No link of the URDF '{robot.name}' that moves has a mass, so that there is no model to judge. Give a URDF with "
+        "<inertial>, or find the masses first: sysid identify --urdf-out."
+    )
 
 
 def _no_effort(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:

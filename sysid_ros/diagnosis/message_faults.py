@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from sysid_ros.exceptions import DataError
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
 
@@ -76,7 +77,17 @@ class MessageFaults:
 
 
 def in_order(recording: Recording) -> tuple[Recording, MessageFaults]:
-    """The recording in the order of its stamps, without the messages that repeat another or are late, and what was found."""
+    """The recording in the order of its stamps, without the messages that repeat another or are late, and what was found.
+
+    Raises:
+        DataError: most stamps are before the one before: there is no order to bring them into.
+    """
+    back = int(np.sum(np.diff(recording.t) < 0.0))
+    if back > 0.5 * len(recording.t):
+        raise DataError(
+            f"{recording.name}: time runs backwards, {back} of {len(recording.t)} stamps are before the one before. Correct "
+            "the clock that stamps them, or turn the order of the rows round."
+        )
     faults = find_message_faults(recording.t, recording.q, recording.tau)
     if faults.keep.all() and not faults.unordered:
         return recording, faults

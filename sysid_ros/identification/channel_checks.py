@@ -29,8 +29,10 @@ def check_channels(robot: RobotModel, recording: Recording, max_gap: float) -> C
     """Look at every channel by itself.
 
     Raises:
-        DataError: the effort of a joint is one constant for most of the time that the joint moves.
+        DataError: the effort of a joint is one constant for most of the time that the joint moves, or no time passes.
     """
+    if not recording.period:
+        raise DataError(f"{recording.name}: it holds {len(recording.t)} samples and no time passes. Record at least 10 s.")
     spoiled: BoolArray = np.zeros(recording.tau.shape, dtype=np.bool_)
     problems = _gaps(recording, max_gap)
     for j, joint in enumerate(robot.joint_names):

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid_ros.effects import AccelerometerBias, Effect, Payload
 from sysid_ros.estimators import Estimator, JumpRule, Problem, make_estimator
-from sysid_ros.exceptions import SettingsError
+from sysid_ros.exceptions import RobotModelError, SettingsError
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.online.friction_correction import FrictionCorrection
@@ -72,6 +72,11 @@ class FreeParameters:
             )
         whole = base.robot if base else robot
         self.payload = Payload(whole, frame=settings.frame_id or (base.trunk if base else robot.flange))
+        if known is None and not np.any(whole.pi):
+            raise RobotModelError(
+                f"no link of the URDF '{robot.name}' that moves has a mass, so that all of it would be payload. Give a URDF with "
+                "<inertial>, or what 'sysid identify' found as the model (--model, model_path)."
+            )
         known_effects = known.known_effects(whole) if known else None
         self.friction = None if base else FrictionCorrection(robot, settings, known_effects)
         effects: list[Effect] = [self.payload]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from sysid_ros.exceptions import RobotModelError
+from sysid_ros.exceptions import RobotModelError, in_a_line
 from sysid_ros.sample import FloatArray
 
 _FREE, _BALL, _SLIDE = 0, 1, 2
@@ -37,8 +37,8 @@ def urdf_of_mjcf(path: Path) -> str:
         raise RobotModelError(f"'{path}' is an MJCF, which MuJoCo reads: pip install 'sysid_ros[mujoco]'.") from None
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as error:
-        raise RobotModelError(f"MuJoCo can't read '{path}': {error}.") from None
+    except Exception as error:
+        raise RobotModelError(f"MuJoCo can't read '{path}': {in_a_line(error)}.") from error
     if np.any(model.jnt_type == _BALL):
         raise RobotModelError(f"'{path}' has ball joints; only hinges and slides can be estimated.")
     root = ElementTree.Element("robot", name=bytes(model.names).split(b"\0", 1)[0].decode(errors="replace") or path.stem)

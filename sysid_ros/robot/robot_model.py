@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numba import njit
 
-from sysid_ros.exceptions import RobotModelError
+from sysid_ros.exceptions import RobotModelError, in_a_line
 from sysid_ros.robot.flange import flange_of, last_joint
 from sysid_ros.robot.urdf import lock_joints, read_urdf, stated_armatures
 from sysid_ros.sample import FloatArray
@@ -79,13 +79,9 @@ class RobotModel:
         try:
             full = pin.buildModelFromXML(prepared)
         except Exception as error:
-            raise RobotModelError(f"the URDF can't be turned into a model: {error}. Check it with check_urdf.") from error
-        lost = sorted(set(types) - set(full.names))
-        if lost:
             raise RobotModelError(
-                f"joints {', '.join(lost)} of the URDF '{full.name}' do not hang on its root link; links and joints must form "
-                "one tree. Check it with check_urdf."
-            )
+                f"the URDF can't be turned into a model: {in_a_line(error)}. Check it with check_urdf."
+            ) from error
         movable = [name for name in full.names[1:] if name in types]
         wanted = list(joint_names) or [name for name in movable if name not in mimic]
         missing = sorted(set(wanted) - set(movable))
@@ -174,7 +170,7 @@ class RobotModel:
 
     def regressor(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Y of all links, shape (n, 10 n): ``tau = Y pi``."""
-        return np.array(pin.computeJointTorqueRegressor(self.model, self.data, q, v, a))
+        return np.array(pin.computeJointTorqueRegressor(self.model, self.data, q, v, a)).reshape(self.n, -1)  # (10,) where n is 1
 
     def momentum_regressors(self, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Y_p and Y_r, shape (n, 10 n) each: ``tau = d/dt(Y_p pi) + Y_r pi``, with ``Y_p pi = M v`` and ``Y_r pi = g - C' v``.
@@ -220,7 +216,9 @@ class RobotModel:
     def link_torque_along(self, q: FloatArray, v: FloatArray, a: FloatArray, pi: FloatArray) -> FloatArray:
         """``Y pi`` of a whole motion for link inertials, or changes of them, that need not be bodies, shape (N, n) [N m]."""
         states = zip(q, v, a, strict=True)
-        return np.array([pin.computeJointTorqueRegressor(self.model, self._aside, *state) @ pi for state in states])
+        return np.array([pin.computeJointTorqueRegressor(self.model, self._aside, *state) @ pi for state in states]).reshape(
+            q.shape
+        )
 
     def regressor_along(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """:meth:`regressor` of a whole motion, shape (N, n, 10 n)."""

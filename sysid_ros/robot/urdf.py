@@ -8,6 +8,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from sysid_ros.exceptions import RobotModelError
+from sysid_ros.robot.urdf_check import check_urdf
 from sysid_ros.sample import FloatArray
 
 _MOVABLE = ("revolute", "continuous", "prismatic")
@@ -28,7 +29,8 @@ def read_urdf(urdf: str, keep: Sequence[str] = ()) -> tuple[dict[str, str], set[
             f"the URDF is not well-formed XML: {error}. Give a URDF (run xacro first if it is a .xacro)."
         ) from error
     if root.tag != "robot":
-        raise RobotModelError(f"the URDF's root element is <{root.tag}>; it must be <robot>.")
+        raise RobotModelError(f"the URDF's root element is <{root.tag}>; it must be <robot>. Give a URDF or an MJCF.")
+    check_urdf(root)
     types: dict[str, str] = {}
     mimic: set[str] = set()
     for joint in root.findall("joint"):

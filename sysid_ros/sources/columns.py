@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from sysid_ros.exceptions import DataError
+from sysid_ros.exceptions import DataError, in_a_line
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """A unit of time in seconds."""
@@ -84,7 +84,7 @@ def read_columns(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise DataError(f"mapping '{path}' can't be read: {error.strerror}.") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise DataError(f"mapping '{path}' is not YAML: {error}.") from None
+        raise DataError(f"mapping '{path}' is not YAML: {in_a_line(error)}.") from None
     if not isinstance(document, dict):
         raise DataError(f"mapping '{path}' must give names of columns: time: t, position: [q1, q2], effort: [tau1, tau2].")
     return document
@@ -106,8 +106,17 @@ def _given(names: Sequence[str], given: Mapping[str, Any], where: str) -> Column
     lists: dict[str, tuple[str, ...]] = {}
     for quantity in ("joints", *QUANTITIES):
         value = given.get(quantity, [])
-        lists[quantity] = tuple(map(str, [value] if isinstance(value, str | int) else value))
-    time = str(given.get("time", ""))
+        several = [value] if isinstance(value, str | int) else value
+        if not isinstance(several, list | tuple) or not all(isinstance(name, str | int) for name in several):
+            raise DataError(f"{where}: {quantity} is {value!r} in the mapping; it must be a name, or a list of names: [a, b].")
+        lists[quantity] = tuple(map(str, several))
+        if twice := next((name for name in lists[quantity] if lists[quantity].count(name) > 1), None):
+            raise DataError(f"{where}: the mapping gives '{twice}' twice for {quantity}. Name each joint's own once.")
+    if "time" not in given:
+        raise DataError(
+            f"{where}: the mapping does not say which column is time. Add to it: time: NAME. There are {_listed(names)}."
+        )
+    time = str(given["time"])
     wanted = [time, *(name for quantity in QUANTITIES for name in lists[quantity])]
     if missing := [name for name in wanted if name not in names]:
         raise DataError(f"{where}: there is no column '{missing[0]}'. There are {_listed(names)}. Correct the mapping.")
@@ -141,6 +150,8 @@ def _guessed(names: Sequence[str], where: str) -> Columns:
             "effort_preset.",
         )
     keys = [key for key in found["position"] if key in found["effort"]]
+    if keys and (others := [name for key, name in found["position"].items() if key not in keys]):
+        notes += (f"No column holds an effort for {', '.join(others)}: what else is told of them is left out.",)
     if not time or not keys:
         lacking = "time" if not time else "position and effort of any joint"
         raise DataError(

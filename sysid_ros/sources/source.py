@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Protocol
 
-from sysid_ros.exceptions import RobotModelError
+from sysid_ros.exceptions import RobotModelError, in_a_line
 from sysid_ros.robot.mjcf import is_mjcf, urdf_of_mjcf
 from sysid_ros.robot.xacro_file import is_xacro, urdf_of_xacro, with_arguments
 from sysid_ros.sample import JointStateRecord
@@ -92,7 +92,7 @@ def urdf_text(urdf_path: str | Path | None, source: Source | None = None) -> str
         raise RobotModelError(f"URDF '{path}' does not exist. Give the path of the robot's .urdf file.") from None
     except (OSError, UnicodeDecodeError) as error:
         raise RobotModelError(
-            f"URDF '{path}' can't be read as text: {error}. Give the path of the robot's .urdf file."
+            f"URDF '{path}' can't be read: {in_a_line(error)}. Give the path of the robot's .urdf file."
         ) from error
     if is_mjcf(text):
         return urdf_of_mjcf(path)

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
-from sysid_ros.exceptions import DataError
+from sysid_ros.exceptions import DataError, in_a_line
 from sysid_ros.files import whole, write_text
 from sysid_ros.sample import FloatArray, JointStateRecord
 from sysid_ros.sources.columns import RADIANS, SECONDS, columns_of
+from sysid_ros.sources.comma_separated import read_csv
 
 SUFFIXES = (".csv", ".tsv", ".parquet", ".npz")
 """Of files that hold a table."""
+_LONGEST_STEP = 0.5
+"""Between rows [s]: slower than that no robot's dynamics show."""
 _KEYS = {"t": ("t", "time"), "q": ("q", "position"), "v": ("v", "velocity"), "tau": ("tau", "effort")}
 
 
@@ -46,8 +47,8 @@ class TableSource:
     ) -> None:
         self.name, self.joint_names, self.robot_description = name, tuple(joint_names), robot_description
         self.notes = list(notes)
-        self.t, self.q, self.tau = (np.ascontiguousarray(x, dtype=float) for x in (t, q, tau))
-        self.v = None if v is None else np.ascontiguousarray(v, dtype=float)
+        self.t, self.q, self.tau = (_numbers(name, x) for x in (t, q, tau))
+        self.v = None if v is None else _numbers(name, v)
         shapes = [x.shape for x in (self.q, self.tau, self.v) if x is not None]
         expected = (len(self.t), self.q.shape[1] if self.q.ndim == 2 else -1)
         if self.t.ndim != 1 or any(shape != expected for shape in shapes):
@@ -61,8 +62,11 @@ class TableSource:
             )
         if len(self.t) == 0:
             raise DataError(f"{name}: the table has no row.")
-        if not np.min(self.t) > 0.0:  # a stamp of zero says of a message that nobody filled it in
-            shift = 1.0 - float(np.nanmin(self.t))
+        if not np.isfinite(self.t).any():
+            raise DataError(f"{name}: no time in it is a number. Correct the column, or say which it is (--columns).")
+        first = float(np.min(self.t[np.isfinite(self.t)]))
+        if not first > 0.0:  # a stamp of zero says of a message that nobody filled it in
+            shift = 1.0 - first
             self.t = self.t + shift
             self.notes.append(f"Times in {name} begin at {1.0 - shift:g} s; {shift:g} s is added to all of them.")
 
@@ -119,16 +123,27 @@ def read_table(path: Path, columns: Mapping[str, Any] | None = None) -> TableSou
     if not path.is_file():
         raise DataError(f"table '{path}' does not exist.")
     if path.suffix == ".npz":
-        return _of_npz(path)
-    names, values = _parquet(path) if path.suffix == ".parquet" else _csv(path)
-    return of_columns(str(path), names, values, columns)
+        source = _of_npz(path)
+    else:
+        names, values = _parquet(path) if path.suffix == ".parquet" else read_csv(path)
+        source = of_columns(str(path), names, values, columns)
+    steps = np.diff(source.t[np.isfinite(source.t)])
+    if (step := float(np.median(np.abs(steps))) if steps.size else 0.0) > _LONGEST_STEP:
+        raise DataError(
+            f"table '{path}': its rows are {step:.3g} s apart; {_LONGEST_STEP:g} s is the most that can be used. Where its times "
+            "are not in seconds, say so in the mapping for --columns: time_unit: ms, us or ns (npz: convert t)."
+        )
+    return source
 
 
 def of_columns(name: str, names: Sequence[str], values: FloatArray, given: Mapping[str, Any] | None) -> TableSource:
     """The table of named columns, shape (N, number of names)."""
     columns = columns_of(names, given, name)
     notes = [*([columns.text] if columns.guessed else []), *columns.notes]
-    at = {column: k for k, column in reversed(list(enumerate(names)))}
+    used = (columns.time, *columns.position, *columns.velocity, *columns.effort)
+    if twice := next((column for column in used if names.count(column) > 1), None):
+        raise DataError(f"{name}: two columns are called '{twice}'. Give each a name of its own.")
+    at = {column: k for k, column in enumerate(names)}
 
     def of(some: Sequence[str], scale: float = 1.0) -> FloatArray:
         return np.asarray(values[:, [at[x] for x in some]] * scale)
@@ -182,26 +197,16 @@ def write_table(path: Path, source: TableSource) -> None:
         raise DataError(f"'{path}' can't be written: the suffix must be .csv, .npz or .parquet.")
 
 
-def _csv(path: Path) -> tuple[list[str], FloatArray]:
+def _numbers(name: str, values: Any) -> FloatArray:
+    array = np.asarray(values)
     try:
-        with path.open(encoding="utf-8-sig") as file:
-            head = file.readline().rstrip("\r\n")
-            mark: str | None = max((",", ";", "\t"), key=head.count)
-            if mark and mark not in head:
-                mark = None
-            names = [name.strip().strip('"') for name in head.split(mark)]
-            rest = file.read()
-            values = np.genfromtxt(io.StringIO(rest), delimiter=mark, dtype=float, ndmin=2) if rest.strip() else np.empty((0, 0))
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"table '{path}' can't be read: {error}.") from None
-    except ValueError as error:
-        raise DataError(f"table '{path}' does not have as many values in each row as names in its first line: {error}") from None
-    if values.size == 0 or values.shape[1] != len(names):
+        if array.dtype.kind == "c":
+            raise TypeError("complex numbers")
+        return np.ascontiguousarray(array, dtype=float)
+    except (TypeError, ValueError) as error:
         raise DataError(
-            f"table '{path}' has {len(names)} names in its first line and {values.shape[1] if values.size else 0} values in a "
-            "row; the first line must name each column."
-        )
-    return names, values
+            f"{name}: it holds something else than real numbers: {error}. Give times, positions and efforts."
+        ) from None
 
 
 def _parquet(path: Path) -> tuple[list[str], FloatArray]:
@@ -209,8 +214,8 @@ def _parquet(path: Path) -> tuple[list[str], FloatArray]:
     try:
         table = parquet.read_table(path)
         return list(map(str, table.column_names)), np.column_stack([np.asarray(x, dtype=float) for x in table.columns])
-    except (OSError, ValueError, TypeError) as error:
-        raise DataError(f"table '{path}' can't be read: {error}.") from None
+    except Exception as error:
+        raise DataError(f"table '{path}' can't be read as Parquet: {in_a_line(error)}. Write it again.") from error
 
 
 def _arrow(path: Path) -> tuple[Any, Any]:
@@ -228,8 +233,9 @@ def _of_npz(path: Path) -> TableSource:
             found = {key: next((file[name] for name in names if name in file), None) for key, names in _KEYS.items()}
             joints = [str(name) for name in file["joint_names"]] if "joint_names" in file else []
             held = list(file)
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise DataError(f"table '{path}' can't be read: {error}.") from None
+    except Exception as error:
+        reason = "it holds no arrays of numbers" if "pickle" in str(error) else in_a_line(error)
+        raise DataError(f"table '{path}' can't be read as npz: {reason}. Write it again with numpy.savez.") from error
     t, q, v, tau = found["t"], found["q"], found["v"], found["tau"]
     if t is None or q is None or tau is None:
         raise DataError(

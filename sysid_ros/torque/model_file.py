@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,15 @@ import numpy as np
 import yaml
 
 from sysid_ros.effects import EFFECTS
-from sysid_ros.exceptions import ModelFileError, SysidError
+from sysid_ros.exceptions import ModelFileError, SysidError, in_a_line
 from sysid_ros.files import write_text
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.known_effect import KnownEffect
 
 FORMAT = 1
+_ROUNDING = 1e-6
+"""Of a symmetric matrix, as part of its largest entry."""
 
 
 def urdf_digest(urdf: str) -> str:
@@ -80,13 +83,16 @@ class ModelFile:
     def _known(self, block: EffectBlock, robot: RobotModel) -> KnownEffect:
         if block.effect not in EFFECTS:
             raise ModelFileError(
-                f"{self.source} names an unknown effect '{block.effect}'; known are {', '.join(sorted(EFFECTS))}."
+                f"{self.source} names an unknown effect '{block.effect}'. {_nearest(block.effect)}Correct it, or write the "
+                "file again with 'sysid identify'."
             )
         try:
             effect = EFFECTS[block.effect].from_settings(robot, block.joints, block.settings)
-        except TypeError as error:
+        except (TypeError, ValueError) as error:
+            reason = in_a_line(error).rpartition("__init__() ")[2]
             raise ModelFileError(
-                f"{self.source}: the settings of effect '{block.effect}' are {block.settings}: {error}."
+                f"{self.source}: the settings of effect '{block.effect}' are {block.settings}: {reason}. Correct them, or write "
+                "the file again with 'sysid identify'."
             ) from None
         except SysidError as error:
             raise ModelFileError(f"{self.source}: {error}") from None
@@ -154,11 +160,15 @@ class ModelFile:
                 f"{path} can't be read: {error.strerror}. Give the model.yaml that 'sysid identify' wrote."
             ) from None
         except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise ModelFileError(f"{path} is not YAML: {error}. Give the model.yaml that 'sysid identify' wrote.") from None
-        if not isinstance(document, dict) or document.get("format") != FORMAT:
-            found = document.get("format") if isinstance(document, dict) else None
             raise ModelFileError(
-                f"{path} has format {found}; this version reads format {FORMAT}. Give a model.yaml of 'sysid identify'."
+                f"{path} is not YAML: {in_a_line(error)}. Give the model.yaml that 'sysid identify' wrote."
+            ) from None
+        if not isinstance(document, dict) or "format" not in document:
+            raise ModelFileError(f"{path} is no model: it states no format. Give the model.yaml that 'sysid identify' wrote.")
+        if document["format"] != FORMAT:
+            raise ModelFileError(
+                f"{path} has format {document['format']}; this version reads format {FORMAT}. Write it again with "
+                "'sysid identify'."
             )
         try:
             return cls._from_document(document, str(path))
@@ -208,7 +218,7 @@ def _block(entry: dict[str, Any]) -> EffectBlock:
         theta=_numbers(entry["theta"], f"theta of {where}", (count,)),
         names=names,
         units=_strings(entry["units"], f"units of {where}"),
-        covariance=None if covariance is None else _numbers(covariance, f"covariance of {where}", (count, count)),
+        covariance=None if covariance is None else _covariance(covariance, where, count),
     )
 
 
@@ -224,8 +234,25 @@ def _strings(value: Any, what: str) -> tuple[str, ...]:
     return tuple(value)
 
 
+def _covariance(value: Any, where: str, count: int) -> FloatArray:
+    """Symmetric, and negative in no direction but by rounding."""
+    matrix = _numbers(value, f"covariance of {where}", (count, count))
+    largest = float(np.abs(matrix).max(initial=0.0))
+    if np.abs(matrix - matrix.T).max(initial=0.0) > _ROUNDING * largest or np.any(np.diag(matrix) < 0.0):
+        raise ValueError(f"covariance of {where} is none: it must be symmetric, with variances of 0 or more")
+    return matrix
+
+
+def _nearest(effect: str) -> str:
+    near = get_close_matches(effect, EFFECTS, 1)
+    return f"Is '{near[0]}' meant? " if near else ""
+
+
 def _numbers(value: Any, what: str, shape: tuple[int, ...], least: float = -np.inf) -> FloatArray:
-    array = np.asarray(value, dtype=float)
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.empty(0)
     if array.shape != shape or not np.isfinite(array).all() or np.any(array < least):
         needed = " x ".join(map(str, shape)) + " finite numbers" + (f" of {least:g} or more" if least > -np.inf else "")
         raise ValueError(f"{what} is {value!r}; it needs {needed}")
