@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import importlib
+import logging
 import os
 import signal
 import sys
@@ -130,6 +131,7 @@ def main() -> None:
     # What is said about a result is said in words; a library's own warnings tell of its inside.
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
+        logging.getLogger("matplotlib").setLevel(logging.ERROR)  # that it builds its cache of fonts
     # An exception, so that what is half written is taken away.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     _require_streams()

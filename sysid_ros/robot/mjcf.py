@@ -35,6 +35,7 @@ def urdf_of_mjcf(path: Path) -> str:
         import mujoco
     except ImportError:
         raise RobotModelError(f"'{path}' is an MJCF, which MuJoCo reads: pip install 'sysid_ros[mujoco]'.") from None
+    without_log(mujoco)
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except Exception as error:
@@ -50,6 +51,12 @@ def urdf_of_mjcf(path: Path) -> str:
     _without_free_base(root)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def without_log(mujoco: Any) -> None:
+    """Keep MuJoCo from writing its warnings to a file MUJOCO_LOG.TXT in the folder at hand; a handler that is set stays."""
+    if mujoco.get_mju_user_warning() is None:
+        mujoco.set_mju_user_warning(lambda text: None)
 
 
 def _body(root: ElementTree.Element, model: Any, body: int, parent: str, shifts: dict[int, FloatArray]) -> tuple[str, FloatArray]:

@@ -56,7 +56,9 @@ def _check_joint(joint: ElementTree.Element) -> None:
     if limit is None and kind in _LIMITED:
         raise RobotModelError(f"{where} of the URDF is {kind} and has no <limit lower= upper= effort= velocity=>. Give it one.")
     for element, keys in ((limit, _LIMITS), (dynamics, _DYNAMICS)):
-        for key in keys if element is not None else ():
+        if element is None:
+            continue
+        for key in keys:
             if (text := element.get(key)) is not None and math.isnan(_number(text)):
                 raise RobotModelError(f"{where} of the URDF: {key} of <{element.tag}> is '{text}'; it must be a number.")
 

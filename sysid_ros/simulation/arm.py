@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pybullet
 
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.bullet_world import STEP, BulletWorld
 from sysid_ros.simulation.carried_body import CarriedBody
 from sysid_ros.simulation.payload import Payload
+from sysid_ros.simulation.quiet_bullet import pybullet
 
 
 class ArmWorld(BulletWorld):

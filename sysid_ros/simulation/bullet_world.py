@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pybullet
 
 from sysid_ros.sample import FloatArray
+from sysid_ros.simulation.quiet_bullet import pybullet
 
 STEP = 1e-3
 """Step of the physics and of the torque control [s]."""

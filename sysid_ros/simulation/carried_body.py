@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pybullet
 
 from sysid_ros.robot.rotation import quaternion
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.payload import Payload
+from sysid_ros.simulation.quiet_bullet import pybullet
 
 _FALL_TIME = 1.0
 _NO_SLIP_FORCE = 1e6

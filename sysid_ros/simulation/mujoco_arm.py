@@ -7,6 +7,7 @@ import numpy as np
 
 from sysid_ros.exceptions import RobotModelError
 from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.mjcf import without_log
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.held_motion import STEP
 from sysid_ros.torque.mjcf_export import mjcf
@@ -27,6 +28,7 @@ class MujocoArm:
 
     def __init__(self, known: TorqueModel) -> None:
         robot = known.robot
+        without_log(mujoco)
         spec = mujoco.MjSpec.from_string(mjcf(known))
         # of a URDF whose inertias violate the triangle inequality; the exact ones are set below
         spec.compiler.balanceinertia = True

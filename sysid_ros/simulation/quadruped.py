@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pybullet
 
 from sysid_ros.robot.rotation import quaternion
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.bullet_world import STEP, BulletWorld
 from sysid_ros.simulation.carried_body import CarriedBody
+from sysid_ros.simulation.quiet_bullet import pybullet
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,8 @@ from sysid_ros.sample import FloatArray
 from sysid_ros.torque.known_effect import KnownEffect
 
 FORMAT = 1
+_LONG = 80
+"""Letters of a value that are told."""
 _ROUNDING = 1e-6
 """Of a symmetric matrix, as part of its largest entry."""
 
@@ -91,8 +93,8 @@ class ModelFile:
         except (TypeError, ValueError) as error:
             reason = in_a_line(error).rpartition("__init__() ")[2]
             raise ModelFileError(
-                f"{self.source}: the settings of effect '{block.effect}' are {block.settings}: {reason}. Correct them, or write "
-                "the file again with 'sysid identify'."
+                f"{self.source}: the settings of effect '{block.effect}' are {_shown(block.settings)}: {reason}. Correct "
+                "them, or write the file again with 'sysid identify'."
             ) from None
         except SysidError as error:
             raise ModelFileError(f"{self.source}: {error}") from None
@@ -182,7 +184,7 @@ class ModelFile:
         joints = _strings(robot["joints"], "robot.joints")
         nothing = [0.0] * len(joints)
         if not isinstance(document["effects"], list):
-            raise ValueError(f"effects is {document['effects']!r}, not a list")
+            raise ValueError(f"effects is {_shown(document['effects'])}, not a list")
         effects = tuple(_block(_mapping(entry, "an effect")) for entry in document["effects"])
         return cls(
             robot_name=str(robot["name"]),
@@ -224,13 +226,13 @@ def _block(entry: dict[str, Any]) -> EffectBlock:
 
 def _mapping(value: Any, what: str) -> dict[str, Any]:
     if value is not None and not isinstance(value, dict):
-        raise ValueError(f"{what} is {value!r}, not a mapping of names to values")
+        raise ValueError(f"{what} is {_shown(value)}, not a mapping of names to values")
     return dict(value or {})
 
 
 def _strings(value: Any, what: str) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(isinstance(x, str) for x in value):
-        raise ValueError(f"{what} is {value!r}, not a list of names")
+        raise ValueError(f"{what} is {_shown(value)}, not a list of names")
     return tuple(value)
 
 
@@ -241,6 +243,11 @@ def _covariance(value: Any, where: str, count: int) -> FloatArray:
     if np.abs(matrix - matrix.T).max(initial=0.0) > _ROUNDING * largest or np.any(np.diag(matrix) < 0.0):
         raise ValueError(f"covariance of {where} is none: it must be symmetric, with variances of 0 or more")
     return matrix
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= _LONG else f"{text[:_LONG]}..."
 
 
 def _nearest(effect: str) -> str:
@@ -255,7 +262,7 @@ def _numbers(value: Any, what: str, shape: tuple[int, ...], least: float = -np.i
         array = np.empty(0)
     if array.shape != shape or not np.isfinite(array).all() or np.any(array < least):
         needed = " x ".join(map(str, shape)) + " finite numbers" + (f" of {least:g} or more" if least > -np.inf else "")
-        raise ValueError(f"{what} is {value!r}; it needs {needed}")
+        raise ValueError(f"{what} is {_shown(value)}; it needs {needed}")
     return array
 
 
