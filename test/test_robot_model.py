@@ -135,9 +135,18 @@ def test_links_without_mass_are_named() -> None:
     assert "right_tool" in note
 
 
-def test_a_mass_that_is_no_number_is_a_link_without_mass() -> None:
-    (note,) = RobotModel.from_urdf(urdf("small_arm").replace('<mass value="3"/>', '<mass value="heavy"/>')).notes
-    assert "upper_arm" in note
+def test_regressors_of_one_joint_are_matrices_too() -> None:
+    model = RobotModel.from_urdf(urdf("small_arm"), ("elbow",))
+    q, v, a = np.array([[0.3], [0.1]]), np.array([[0.2], [-0.4]]), np.array([[1.0], [0.5]])
+    assert model.regressor(q[0], v[0], a[0]).shape == (1, 10)
+    np.testing.assert_allclose(model.regressor(q[0], v[0], a[0]) @ model.pi, model.rnea(q[0], v[0], a[0]))
+    np.testing.assert_allclose(model.link_torque_along(q, v, a, model.pi), model.rnea_along(q, v, a))
+
+
+@pytest.mark.parametrize("mass", ["heavy", "nan", "-3", "inf"])
+def test_a_mass_that_is_no_number_is_told(mass: str) -> None:
+    with pytest.raises(RobotModelError, match=f"'upper_arm' .* the mass '{mass}'"):
+        RobotModel.from_urdf(urdf("small_arm").replace('<mass value="3"/>', f'<mass value="{mass}"/>'))
 
 
 def test_joints_in_descriptions_for_other_programs_do_not_count() -> None:

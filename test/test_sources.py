@@ -459,7 +459,7 @@ def test_urdf_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (tmp_path, None, "folder"),
         (tmp_path / "arm.xacro", None, r"xacro is not installed: pip install .*expand it"),
         (f"{file} side:=left", None, "no xacro file"),
-        (tmp_path / "binary.urdf", None, "as text"),
+        (tmp_path / "binary.urdf", None, "not text in UTF-8"),
     ):
         with pytest.raises(RobotModelError, match=word):
             urdf_text(path, source)

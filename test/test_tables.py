@@ -126,11 +126,11 @@ def test_times_from_zero_are_shifted_and_that_is_said() -> None:
 BAD = {
     "no file": (None, "does not exist"),
     "empty": ("", "name"),
-    "no rows": ("t,q1,tau1\n", "values in a row"),
-    "ragged": ("t,q1,tau1\n1,2,3\n1,2\n", "as many values"),
+    "no rows": ("t,q1,tau1\n", "no rows below"),
+    "ragged": ("t,q1,tau1\n1,2,3\n1,2\n", "2 values in line 3"),
     "no time": ("a,q1,tau1\n1,2,3\n", "time"),
     "no effort": ("t,q1,q2\n1,2,3\n", "effort"),
-    "binary": (b"\xff\xfe\x00\x01", "can't be read"),
+    "binary": (b"\xff\xfe\x00\x01", "not text in UTF-8"),
 }
 
 
