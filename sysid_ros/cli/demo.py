@@ -17,6 +17,7 @@ from rich.console import Console
 from sysid_ros.cli.demo_display import CRITERION, EVENT_DELAY, Display, Picture, compare, comparison_table, objections
 from sysid_ros.cli.demo_processes import DemoProcess, ProcessFailed, ros_arguments, write_urdf
 from sysid_ros.exceptions import SysidError
+from sysid_ros.files import check_folder
 from sysid_ros.online.payload_estimate import PayloadEvent
 from sysid_ros.pages import TruthSegment, write_payload_plot
 from sysid_ros.pages.payload_curves import event_text
@@ -46,7 +47,8 @@ _INTERRUPTED = 130
 def demo(robot: str, gait: str, payload_mass: float, seed: int, duration: float, rate: str, out: Path) -> int:
     """Watch a payload being estimated live: simulated robot and estimator are two real ROS 2 nodes.
 
-    The robot moves, picks the payload up after 30 % of the time, drops it after 75 %, and the demo ends with a plot.
+    The robot moves, picks the payload up after 30 % of the time, drops it after 75 %, and the demo ends with a plot. What an
+    earlier demo wrote into the folder is overwritten.
 
     \b
     Example:
@@ -56,6 +58,7 @@ def demo(robot: str, gait: str, payload_mass: float, seed: int, duration: float,
     Exit codes: 0 the estimate was right by the criterion below; 1 it was not; 2 bad input, or a process failed.
     """
     _require_packages()
+    check_folder(out, (), True, "--out")
     out.mkdir(parents=True, exist_ok=True)
     console = Console()
     environment = ros_environment(out)
@@ -240,7 +243,7 @@ def main() -> int:
         return int(demo.main(standalone_mode=False) or 0)
     except click.ClickException as error:
         error.show()
-    except SysidError as error:
+    except (SysidError, OSError) as error:
         click.echo(f"Error: {error}", err=True)
     except (click.Abort, KeyboardInterrupt):
         click.echo("Interrupted; both nodes are stopped.", err=True)

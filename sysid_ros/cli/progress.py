@@ -41,9 +41,8 @@ def progress_bar(what: str, total: int) -> Iterator[Advance]:
     if not _watched():
         yield lambda steps: None
         return
-    with _display(
-        BarColumn(bar_width=None, table_column=Column(ratio=2)), TaskProgressColumn(), TimeRemainingColumn(compact=True)
-    ) as progress:
+    bar = BarColumn(bar_width=None, table_column=Column(ratio=2))
+    with _display(bar, TaskProgressColumn(), TimeRemainingColumn(compact=True)) as progress:
         task = progress.add_task(what, total=total)
         yield lambda steps: progress.advance(task, steps)
 
