@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,9 @@ import bad_inputs as bad
 import numpy as np
 import pytest
 
+import sysid_ros as sysid
 from sysid_ros.cli.main import run
+from sysid_ros.exceptions import SysidError
 from sysid_ros.sources.table import read_table
 
 LONGEST = 420
@@ -166,3 +168,40 @@ def test_a_blank_value_is_no_number_and_a_joint_without_effort_is_named() -> Non
     assert np.flatnonzero(np.isnan(table.t)).tolist() == [5]
     assert np.isfinite(table.q).all()
     assert "No column holds an effort for position_b" in " ".join(table.notes)
+
+
+@pytest.mark.parametrize("arguments", [["identify", "log.csv", "--out", "m.yaml", "--cutoff"], ["frequency", "log.csv", "--top"]])
+def test_nan_is_no_number_of_an_option(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([*arguments, "nan"]) == 2
+    assert "'nan' is not a number" in capsys.readouterr().err
+
+
+LIBRARY: dict[str, tuple[Callable[[], object], str]] = {
+    "no recording to identify": (lambda: sysid.identify([], "two.urdf"), "no recording is given"),
+    "no recording to diagnose": (lambda: sysid.diagnose([], "two.urdf"), "no recording is given"),
+    "no recording to check": (lambda: sysid.frequency([], "two.urdf"), "no recording is given"),
+    "two recordings to replay": (
+        lambda: sysid.replay(["log.csv", "log.csv"], "two.urdf"),  # type: ignore[arg-type]
+        "takes one recording; 2 are given",
+    ),
+    "a start of one joint": (lambda: sysid.excite("two.urdf", start=[1.0]), r"start has the shape \(1,\); it must be \(2,\)"),
+    "a robot of a name that is none": (lambda: sysid.Robot("**"), "no robot of that name"),
+    "a robot of an unknown name": (lambda: sysid.Robot("robby"), "no robot of that name"),
+    "arrays of other lengths": (lambda: sysid.load(t=[1.0, 2.0], q=[[1.0, 2.0]], tau=[[1.0, 2.0]]), r"\(2,\)"),
+    "arrays without a shape": (
+        lambda: sysid.load(t=[1.0], q=[[1.0, 2.0], [3.0]], tau=[[1.0]]),
+        "something else than real numbers",
+    ),
+    "words for times": (lambda: sysid.load(t=["a"], q=[[1.0]], tau=[[1.0]]), "something else than real numbers"),
+    "a cut-off that is none": (lambda: sysid.identify("log.csv", "two.urdf", cutoff_hz=np.nan), "cut-off is nan"),
+    "a band that is none": (lambda: sysid.frequency("log.csv", "two.urdf", top_hz=np.nan), "nan Hz is asked for"),
+    "an unknown setting": (lambda: sysid.replay("log.csv", "two.urdf", colour=1), "unknown setting colour"),
+    "a model that is not there": (lambda: sysid.replay("log.csv", "two.urdf", model="no.yaml"), "No such file"),
+}
+
+
+@pytest.mark.parametrize("case", LIBRARY)
+def test_the_library_says_what_it_can_not_take(case: str) -> None:
+    call, words = LIBRARY[case]
+    with pytest.raises(SysidError, match=words):
+        call()

@@ -27,9 +27,7 @@ from sysid_ros.torque.model_file import ModelFile
 @opt.path("--model", "model_path", help="model.yaml of 'sysid identify' or 'sysid diagnose': the model to check.")
 @opt.READ_JOINTS
 @opt.EFFORT_PRESET
-@click.option(
-    "--top", type=click.FloatRange(1.0, 400.0), help="Upper end of the band. [Hz]  [default: a fifth of the rate, 40 at most]"
-)
+@click.option("--top", type=opt.Range(1.0, 400.0), help="Upper end of the band. [Hz]  [default: a fifth of the rate, 40 at most]")
 @opt.CONFIG
 @opt.TOPIC
 @opt.COLUMNS

@@ -31,9 +31,7 @@ from sysid_ros.torque.urdf_export import check_model_file, export_urdf
 @opt.READ_JOINTS
 @opt.EFFORT_PRESET
 @opt.CONFIG
-@click.option(
-    "--cutoff", type=click.FloatRange(0.5, 100.0), help="Cut-off of the low-pass on both sides; else from the spectrum. [Hz]"
-)
+@click.option("--cutoff", type=opt.Range(0.5, 100.0), help="Cut-off of the low-pass on both sides; else from the spectrum. [Hz]")
 @click.option(
     "--form",
     type=click.Choice(FORMS),
@@ -71,7 +69,7 @@ from sysid_ros.torque.urdf_export import check_model_file, export_urdf
 )
 @click.option(
     "--prior-weight",
-    type=click.FloatRange(0.0, min_open=True),
+    type=opt.Range(0.0, min_open=True),
     help="How strongly the links are held to the URDF's; inf keeps them. Else chosen by the error on held-out data.",
 )
 @opt.path("--payload-bag", multiple=True, metavar="BAG...", help="Bags with a payload, found as the difference to BAGs.")

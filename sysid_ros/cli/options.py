@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,17 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 def path(*names: str, **more: Any) -> Decorator:
     """A path."""
     return click.option(*names, type=PATH, **more)
+
+
+class Range(click.FloatRange):
+    """Numbers from ``min`` to ``max``; NaN, which is neither below nor above, is none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number."""
+        found = super().convert(value, param, ctx)
+        if math.isnan(found):
+            self.fail(f"{value!r} is not a number.", param, ctx)
+        return found
 
 
 def number(*names: str, default: float, **more: Any) -> Decorator:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from sysid_ros.exceptions import SettingsError
+from sysid_ros.exceptions import SettingsError, in_a_line
 from sysid_ros.excitation.excitation_settings import ExcitationSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign_slope
@@ -175,7 +175,7 @@ def read_joint_limits(path: Path) -> dict[str, JointLimit]:
     except OSError as error:
         raise SettingsError(f"joint limits '{path}' can't be read: {error.strerror}.") from None
     except (yaml.YAMLError, UnicodeDecodeError, ValueError) as error:
-        raise SettingsError(f"joint limits '{path}' is not YAML: {error}.") from None
+        raise SettingsError(f"joint limits '{path}' is not YAML: {in_a_line(error)}.") from None
     joints = document.get("joint_limits") if isinstance(document, dict) else None
     if not isinstance(joints, dict) or not all(isinstance(entry, dict) for entry in joints.values()):
         raise SettingsError(

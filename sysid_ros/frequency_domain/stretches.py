@@ -95,7 +95,7 @@ def top_frequency(recordings: Sequence[Recording], asked: float = 0.0) -> float:
     if not slowest.period > 0.0:
         raise DataError(f"{slowest.name}: it holds {len(slowest.t)} samples without a rate. Record at least 10 s.")
     allowed = TOLERANCES.of_rate / slowest.period
-    if asked > allowed * (1.0 + 1e-6):
+    if not asked <= allowed * (1.0 + 1e-6):  # NaN neither
         raise DataError(
             f"{slowest.name}: its rate of {1.0 / slowest.period:.4g} Hz allows a check up to {allowed:.3g} Hz (a fifth of it); "
             f"{asked:g} Hz is asked for. Ask for less, or record at {asked / TOLERANCES.of_rate:.0f} Hz or more."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -45,10 +46,13 @@ def identify_recordings(
         progress: called with what is being done, in words.
 
     Raises:
-        SettingsError: a choice is unknown. DataError: the recordings do not determine the robot's parameters, and why.
+        SettingsError: a choice is unknown, or the cut-off is no frequency.
+        DataError: the recordings do not determine the robot's parameters, and why.
     """
     choices = choices or Choices()
     _require(choices)
+    if not 0.0 <= cutoff_hz < math.inf:
+        raise SettingsError(f"the cut-off is {cutoff_hz} Hz; it must be 0, to choose it, or above.")
     checked = [check_channels(robot, r, max_gap) for r in (*recordings, *validation, *loaded)]
     found = [*problems, *(p for c in checked for p in c.problems)]
     found += _check_empty(robot, (*recordings, *validation), choices.accept_doubts)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sysid_ros import __version__
-from sysid_ros.exceptions import DataError
+from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.input_gate import InputGate, gate_for
 from sysid_ros.library.recording import Recording, load
 from sysid_ros.library.results import Checked, Diagnosed, Excited, Identified, Replayed
@@ -38,7 +38,9 @@ def replay(recording: Given, robot: Robot | str | Path | None = None, *, model: 
     from sysid_ros.sources import BagSource, FloatingBagSource
 
     chosen = _settings(robot, settings)
-    (given,) = _several(recording)
+    given, *others = _several(recording)
+    if others:
+        raise DataError(f"replay() takes one recording; {1 + len(others)} are given. Call it for each.")
     own, source = _robot_of(given, robot, chosen)
     estimation = OnlineEstimation(own, chosen, _model_file(model))
     gate = gate_for(own, estimation.base, chosen)
@@ -77,7 +79,7 @@ def identify(
     from sysid_ros.identification.result import Problem
 
     chosen = _settings(robot, settings or {})
-    fitted, judged, with_payload = _several(recordings), _several(validate), _several(loaded)
+    fitted, judged, with_payload = _several(recordings), _several(validate, False), _several(loaded, False)
     own: RobotModel | None = None
     channels: list[Channels] = []
     problems: list[Problem] = []
@@ -119,7 +121,7 @@ def diagnose(
     from sysid_ros.diagnosis import read_messages, with_temperatures
 
     chosen = _settings(robot, settings or {})
-    fitted, judged = _several(recordings), _several(validate)
+    fitted, judged = _several(recordings), _several(validate, False)
     own: RobotModel | None = None
     channels: list[Channels] = []
     for given in (*fitted, *judged):
@@ -183,13 +185,17 @@ def excite(robot: Robot | str | Path, *, start: Sequence[float] | None = None, *
 
     own = (robot if isinstance(robot, Robot) else Robot(robot)).model
     chosen = ExcitationSettings(**settings)
+    if start is not None and np.shape(start) != (own.n,):
+        raise SettingsError(f"start has the shape {np.shape(start)}; it must be ({own.n},), for {', '.join(own.joint_names)}.")
     result = run(free_model(own), chosen, start=None if start is None else np.asarray(start, dtype=float))
     _warn(result.warnings)
     return Excited(result, own, {"settings": chosen, "version": __version__})
 
 
-def _several(given: Given | Iterable[Given]) -> list[Recording]:
+def _several(given: Given | Iterable[Given], needed: bool = True) -> list[Recording]:
     some = [given] if isinstance(given, Recording | str | Path) else list(given)
+    if needed and not some:
+        raise DataError("no recording is given. Give at least one, or the path of one.")
     return [x if isinstance(x, Recording) else load(x) for x in some]
 
 

@@ -11,7 +11,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from sysid_ros.exceptions import RobotModelError
+from sysid_ros.exceptions import RobotModelError, in_a_line
 from sysid_ros.robot.mesh_files import MeshFiles
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.urdf import lock_joints, read_urdf
@@ -118,7 +118,7 @@ class CollisionModel:
             shapes = pin.buildGeomFromUrdfString(pin.buildModelFromXML(text), text, pin.GeometryType.COLLISION, package_dirs=[])
         except (ValueError, RuntimeError) as error:
             raise RobotModelError(
-                f"a collision mesh of the URDF can't be read: {error}. Repair the file, or take its <collision> element out."
+                f"a collision mesh of the URDF can't be read: {in_a_line(error)}. Repair it, or take its <collision> out."
             ) from error
         return shapes
 

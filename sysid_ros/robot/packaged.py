@@ -12,6 +12,7 @@ def packaged(name: str) -> Path | None:
     for parent in Path(pinocchio.__file__).parents:
         folder = parent / "share" / "example-robot-data" / "robots"
         if folder.is_dir():
-            found = sorted(folder.glob(f"**/{name}.urdf")) + sorted(folder.glob(f"**/{name}_*.urdf"))
-            return found[0] if found else None
+            files = sorted(folder.rglob("*.urdf"))
+            named = [file for file in files if file.stem == name] + [file for file in files if file.stem.startswith(f"{name}_")]
+            return named[0] if named else None
     return None

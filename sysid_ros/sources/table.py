@@ -198,14 +198,14 @@ def write_table(path: Path, source: TableSource) -> None:
 
 
 def _numbers(name: str, values: Any) -> FloatArray:
-    array = np.asarray(values)
     try:
+        array = np.asarray(values)
         if array.dtype.kind == "c":
             raise TypeError("complex numbers")
         return np.ascontiguousarray(array, dtype=float)
     except (TypeError, ValueError) as error:
         raise DataError(
-            f"{name}: it holds something else than real numbers: {error}. Give times, positions and efforts."
+            f"{name}: it holds something else than real numbers: {in_a_line(error)}. Give times, positions and efforts."
         ) from None
 
 
