@@ -140,7 +140,7 @@ LOGS: dict[str, tuple[str, Callable[[], Content]]] = {
     "at rest": ("x", lambda: records(with_columns(lambda x: 0.0 * x + 0.1, *NAMES[1:7]))),
     "other robot's joints": ("x", lambda: [replace(r, names=("left", "right")) for r in records(table())]),
     "joint twice": ("x", lambda: [replace(r, names=("a", "a")) for r in records(table())]),
-    "infinite efforts": ("x", lambda: records(with_columns(lambda x: x / 0.0, "effort_a"))),
+    "infinite efforts": ("x", lambda: records(with_columns(lambda x: np.full_like(x, np.inf), "effort_a"))),
     "huge positions": ("x", lambda: records(with_columns(lambda x: 1e9 * x, "position_a"))),
     "empty mcap": ("x.mcap", lambda: b""),
     "empty db3": ("x.db3", lambda: b""),
