@@ -93,7 +93,7 @@ def test_what_is_there_is_not_overwritten(
 
 
 @pytest.mark.parametrize(
-    ("out", "word"), [("arm.sdf", "must be one of"), ("no/arm.xml", "does not exist")], ids=["suffix", "folder"]
+    ("out", "word"), [("arm.stl", "must be one of"), ("no/arm.xml", "does not exist")], ids=["suffix", "folder"]
 )
 def test_bad_outputs(
     model: tuple[Path, Path, RobotModel], out: str, word: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

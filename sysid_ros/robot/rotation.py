@@ -31,3 +31,8 @@ def equivalent_box(mass: float, inertia_com: FloatArray) -> tuple[FloatArray, Fl
         axes[:, 0] = -axes[:, 0]
     squares = 6.0 / mass * (moments.sum() - 2.0 * moments)
     return np.sqrt(np.maximum(squares, 1e-6)), axes
+
+
+def rpy_of(rotation: FloatArray) -> FloatArray:
+    """Roll, pitch and yaw of a rotation matrix (3, 3), as URDF and SDF write them, shape (3,) [rad]."""
+    return np.asarray(pin.rpy.matrixToRpy(np.asarray(rotation)))

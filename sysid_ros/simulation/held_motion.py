@@ -66,8 +66,8 @@ class Reference:
     def needed(self, known: TorqueModel) -> FloatArray:
         """Torque that moves a robot's links and rotors along it, step by step, shape (K, n) [N m]."""
         robot = known.robot.with_links(known.links() - known.robot.pi)
-        armature = np.maximum(known.armature(), 0.0)
-        return robot.rnea_along(self.q[:-1], self.v[:-1], self.a) + armature * self.a
+        beside: FloatArray = np.maximum(known.armature(), 0.0) - np.array(robot.model.armature)  # rnea has the description's
+        return robot.rnea_along(self.q[:-1], self.v[:-1], self.a) + beside * self.a
 
 
 @dataclass(frozen=True, eq=False)

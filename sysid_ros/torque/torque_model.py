@@ -95,8 +95,9 @@ class TorqueModel:
         return self.robot.pi if self._correction is None else self.robot.pi + self._correction
 
     def armature(self) -> FloatArray:
-        """Inertia that turns with each joint alone, beside the URDF's, shape (n,) [kg m^2]."""
-        return np.asarray(sum((k.effect.as_armature(k.theta) for k in self.known), np.zeros(self.robot.n)))
+        """Inertia that turns with each joint alone, shape (n,) [kg m^2]."""
+        own = np.array(self.robot.model.armature) if self._urdf_links else np.zeros(self.robot.n)
+        return np.asarray(sum((k.effect.as_armature(k.theta) for k in self.known), own))
 
     def damping(self) -> FloatArray:
         """Viscous friction of each joint, shape (n,) [N m s/rad]."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,12 +17,15 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.rotation import rotation_of
 from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.torque.exported import Holds, comment, known_of, not_held
 from sysid_ros.torque.model_file import ModelFile
 from sysid_ros.torque.torque_model import TorqueModel
 
 _AXES = ("ixx", "ixy", "iyy", "ixz", "iyz", "izz")
 _MOVABLE = ("revolute", "continuous", "prismatic")
 _ROUNDING = 1e-9
+_HEAD = r"\s*(?:<\?xml.*?\?>)?\s*((?:<!--.*?-->\s*)*)"
+_HOLDS = Holds.LINKS | Holds.DAMPING | Holds.FRICTION
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,21 +45,31 @@ def export_urdf(robot: RobotModel, model: ModelFile, path: Path) -> list[str]:
     """
     text, notes = identified_urdf(robot, model)
     check_urdf(robot, model, text)
-    write_text(path, text)
+    write_text(path, with_comment(text, notes) if notes else text)
     return notes
 
 
-def identified_urdf(robot: RobotModel, model: ModelFile) -> tuple[str, list[str]]:
+def with_comment(text: str, sentences: Sequence[str]) -> str:
+    """A URDF's text with sentences in a comment above the robot, below the comments that stand there."""
+    head = re.match(_HEAD, text, re.DOTALL)
+    end = head.end() if head else 0
+    return f"{text[:end]}<!--{comment(sentences)}-->\n{text[end:]}"
+
+
+def identified_urdf(robot: RobotModel, model: ModelFile, holds: Holds = _HOLDS) -> tuple[str, list[str]]:
     """The robot's URDF with the model's link inertials, damping and friction, and notes about it.
 
     Motion tells what moves as one piece. Where a joint carries several links, through fixed joints or joints locked at 0, those
     keep the URDF's inertials and the identified link gets the rest, if that is a body that can exist; else they lose their mass
     to it, and a note says so. Inertias are written about the centre of mass, along the axes of the link.
 
+    Args:
+        holds: what its readers take from it and from what is added to it.
+
     Raises:
         ModelFileError: the model belongs to another robot or a link of it is no body.
     """
-    known = TorqueModel(robot, [], model.known_effects(robot))
+    known = known_of(robot, model)
     links, damping, friction = known.links(), known.damping(), known.dry_friction()
     root = ElementTree.fromstring(robot.urdf, ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True)))
     by_name = {str(link.get("name")): link for link in root.findall("link")}
@@ -87,11 +101,8 @@ def identified_urdf(robot: RobotModel, model: ModelFile) -> tuple[str, list[str]
             dynamics = ElementTree.SubElement(joint, "dynamics")
         dynamics.set("damping", repr(float(max(damping[j], 0.0))))
         dynamics.set("friction", repr(float(max(friction[j], 0.0))))
-    for word, values in (("Damping", damping), ("Friction", friction)):
-        if below := [f"{name} ({values[j]:.3g})" for j, name in enumerate(robot.joint_names) if values[j] < 0.0]:
-            notes.append(f"{word} below zero is no friction; the URDF has 0 for {', '.join(below)}.")
-    notes += _lost(known)
-    comments = re.match(r"\s*(?:<\?xml.*?\?>)?\s*((?:<!--.*?-->\s*)*)", robot.urdf, re.DOTALL)
+    notes += not_held(known, "A URDF", holds)
+    comments = re.match(_HEAD, robot.urdf, re.DOTALL)
     head = '<?xml version="1.0" encoding="utf-8"?>\n' + (comments.group(1) if comments else "")
     return head + ElementTree.tostring(root, encoding="unicode") + "\n", notes
 
@@ -102,15 +113,16 @@ def check_urdf(robot: RobotModel, model: ModelFile, text: str) -> None:
     Raises:
         ModelFileError: they differ by more than rounding.
     """
-    known = TorqueModel(robot, [], model.known_effects(robot))
+    known = known_of(robot, model)
     links, damping, friction = known.links(), np.maximum(known.damping(), 0.0), np.maximum(known.dry_friction(), 0.0)
     again = RobotModel.from_urdf(text, robot.joint_names, tuple(robot.gravity))
+    stated = np.array(robot.model.armature)
     rng = np.random.default_rng(0)
     low, high = np.maximum(robot.position_lower, -np.pi), np.minimum(robot.position_upper, np.pi)
     worst = 0.0
     for _ in range(20):
         q, v, a = rng.uniform(low, high), rng.normal(size=robot.n), 3.0 * rng.normal(size=robot.n)
-        expected = robot.regressor(q, v, a) @ links + damping * v + friction * smoothed_sign(v)
+        expected = robot.regressor(q, v, a) @ links + stated * a + damping * v + friction * smoothed_sign(v)
         found = TorqueModel(again, []).known_torque(Sample(0.0, q, v, a, np.zeros(robot.n)))
         worst = max(worst, float(np.max(np.abs(found - expected)) / np.max(np.abs(expected))))
     if again.joint_names != robot.joint_names or not worst < _ROUNDING:
@@ -130,17 +142,6 @@ def check_model_file(robot: RobotModel, model: ModelFile, path: Path) -> None:
     for before, after in zip(model.known_effects(robot), again.known_effects(robot), strict=True):
         if before.effect.parameter_names != after.effect.parameter_names or not np.array_equal(before.theta, after.theta):
             raise ModelFileError(f"'{path}' read back holds other parameters of {before.effect.id} than were written.")
-
-
-def _lost(model: TorqueModel) -> list[str]:
-    """What a URDF can't hold of a model, in words."""
-    lost = [k for k in model.known if not k.effect.in_urdf and np.any(k.theta)]
-    if not lost:
-        return []
-    notes = [f"A URDF can't hold {', '.join(dict.fromkeys(k.effect.id for k in lost))}; model.yaml does."]
-    if levels := dict.fromkeys(k.effect.id for k in lost if np.any(k.effect.as_dry_friction(k.theta))):
-        notes.append(f"The <dynamics> friction holds the level Fc of {', '.join(levels)} alone.")
-    return notes
 
 
 def _attached(robot: RobotModel, root: ElementTree.Element, joint: int) -> list[_Attached]:
