@@ -3,6 +3,7 @@
 Name and version are read from there, because ``colcon build --symlink-install`` runs this file without it.
 """
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -23,10 +24,22 @@ def shared_files(folder: str, pattern: str) -> list[tuple[str, list[str]]]:
     return sorted(by_target.items())
 
 
+def long_description() -> str:
+    """README.md as a package index shows it, where a path that begins at the repository's root leads nowhere: links and pictures
+    lead to the project's ``urls.Repository``, and as long as there is none their words stay, and pictures are left out."""
+    text = (HERE / "README.md").read_text(encoding="utf-8")
+    repository = PROJECT.get("urls", {}).get("Repository", "").rstrip("/")
+    relative = r"\[([^\]]*)\]\((?![a-z]+:|#)([^)\s]+)\)"
+    text = re.sub("!" + relative, rf"![\1]({repository}/raw/HEAD/\2)" if repository else "", text)
+    return re.sub(relative, rf"[\1]({repository}/blob/HEAD/\2)" if repository else r"\1", text)
+
+
 setup(
     name=PACKAGE,
     version=PROJECT["version"],
     description=PROJECT["description"],
+    long_description=long_description(),
+    long_description_content_type="text/markdown",
     license="Apache-2.0",
     packages=find_packages(str(HERE), include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={PACKAGE: ["py.typed", "*.pyi", "pages/templates/*", "robot/*.yaml"]},
@@ -39,14 +52,13 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
         *shared_files("launch", "*.py"),
         *shared_files("config", "**/*"),
-        *shared_files("bags", "**/*"),
     ],
     entry_points={
         "console_scripts": [
             "sysid = sysid_ros.cli.main:main",
-            "online_payload_estimator = sysid_ros.nodes.online_payload_estimator:main",
-            "adaptive_controller = sysid_ros.nodes.adaptive_controller:main",
-            "simulated_robot = sysid_ros.nodes.simulated_robot:main",
+            "online_payload_estimator = sysid_ros.nodes.start:online_payload_estimator",
+            "adaptive_controller = sysid_ros.nodes.start:adaptive_controller",
+            "simulated_robot = sysid_ros.nodes.start:simulated_robot",
         ],
     },
 )

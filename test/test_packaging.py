@@ -83,12 +83,39 @@ def test_every_shared_file_is_installed(setup_arguments: dict[str, Any]) -> None
     installed = {source: target for target, sources in setup_arguments["data_files"] for source in sources}
     for name in ("package.xml", "resource/sysid_ros"):
         assert name in installed
-    for folder in ("launch", "config", "bags"):
+    for folder in ("launch", "config"):
         files = [path for path in (ROOT / folder).rglob("*") if path.is_file() and "__pycache__" not in path.parts]
         assert files, f"{folder}/ is empty"
         for path in files:
             relative = path.relative_to(ROOT)
             assert installed.get(relative.as_posix()) == f"share/sysid_ros/{relative.parent.as_posix()}"
+
+
+def test_pixi_has_every_dependency_in_the_same_range() -> None:
+    pixi = tomllib.loads((ROOT / "pixi.toml").read_text(encoding="utf-8"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    called = {"pin": "pinocchio", "matplotlib": "matplotlib-base"}
+    given = pixi["dependencies"] | pixi["pypi-dependencies"]
+    needed = [
+        re.split(r"(?=[<>=])", text, maxsplit=1) for text in (*project["dependencies"], *project["optional-dependencies"]["sim"])
+    ]
+    assert {called.get(name, name): span for name, span in needed}.items() <= given.items()
+    assert pixi["workspace"]["name"] == project["name"]
+
+
+def test_an_index_shows_no_link_that_leads_nowhere(monkeypatch: pytest.MonkeyPatch, setup_arguments: dict[str, Any]) -> None:
+    """The README's pictures and links are paths in the repository, which an index does not have."""
+    assert setup_arguments["long_description_content_type"] == "text/markdown"
+    links = re.findall(r"\]\(([^)]*)\)", setup_arguments["long_description"])
+    assert not [link for link in links if not re.match(r"https?:|#", link)]
+    assert "getting started" in setup_arguments["long_description"]
+    monkeypatch.setattr("setuptools.setup", lambda **_: None)
+    functions = runpy.run_path(str(ROOT / "setup.py"))["long_description"].__globals__
+    monkeypatch.setitem(functions["PROJECT"], "urls", {"Repository": "https://example.org/sysid_ros/"})
+    text = functions["long_description"]()
+    assert "![" in text
+    assert "(https://example.org/sysid_ros/raw/HEAD/docs/images/payload.png)" in text
+    assert "(https://example.org/sysid_ros/blob/HEAD/docs/getting_started.md)" in text
 
 
 def test_shared_files_are_small() -> None:

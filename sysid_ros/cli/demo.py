@@ -1,4 +1,4 @@
-"""``make demo``: a simulated robot and the estimator as two ROS 2 processes, estimate against truth in the terminal, a plot."""
+"""``sysid demo``: a simulated robot and the estimator as two ROS 2 processes, estimate against truth in the terminal, a plot."""
 
 from __future__ import annotations
 
@@ -52,12 +52,13 @@ def demo(robot: str, gait: str, payload_mass: float, seed: int, duration: float,
 
     \b
     Example:
-      python -m sysid_ros.cli.demo --robot arm --payload-mass 2.5 --seed 3
-      python -m sysid_ros.cli.demo --robot quadruped --gait sway --payload-mass 3
+      sysid demo --robot arm --payload-mass 2.5 --seed 3
+      sysid demo --robot quadruped --gait sway --payload-mass 3
 
     Exit codes: 0 the estimate was right by the criterion below; 1 it was not; 2 bad input, or a process failed.
     """
     _require_packages()
+    _heed_signals()
     check_folder(out, (), True, "--out")
     out.mkdir(parents=True, exist_ok=True)
     console = Console()
@@ -112,6 +113,15 @@ def _require_packages() -> None:
             raise SysidError(
                 f"The demo needs {package}, which is not installed. Install it with: pip install 'sysid_ros[{extra}]'"
             )
+
+
+def _heed_signals() -> None:
+    """Leave by an exception, which lets the nodes be stopped."""
+    # a shell starts background jobs with SIGINT ignored, and children would inherit that
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    # a closed terminal sends SIGHUP
+    for sign in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(sign, lambda number, _: sys.exit(128 + number))
 
 
 def _explain(
@@ -232,13 +242,11 @@ def _event_text(event: PayloadEvent, truth: Sequence[TruthSegment]) -> str:
     return f"{said}; its time is {1e3 * abs(event.t - nearest):.0f} ms too {'late' if event.t > nearest else 'early'}"
 
 
+command = demo
+
+
 def main() -> int:
     """Run the demo; its exit code."""
-    # a shell starts background jobs with SIGINT ignored, and children would inherit that
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    # a closed terminal sends SIGHUP; an exception lets the nodes be stopped
-    for sign in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(sign, lambda number, _: sys.exit(128 + number))
     try:
         return int(demo.main(standalone_mode=False) or 0)
     except click.ClickException as error:

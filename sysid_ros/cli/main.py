@@ -17,6 +17,7 @@ from sysid_ros import __version__
 from sysid_ros.exceptions import SysidError
 
 COMMANDS = {
+    "demo": ("sysid_ros.cli.demo", "Watch a payload being estimated live, on a simulated robot."),
     "replay": ("sysid_ros.cli.replay", "Estimate the payload from a bag, as the node does live."),
     "identify": ("sysid_ros.cli.identify", "Identify the arm's own dynamics from bags without a payload."),
     "simulate": ("sysid_ros.cli.simulate", "Record a bag of a simulated robot, with the truth beside it."),

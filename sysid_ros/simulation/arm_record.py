@@ -17,6 +17,7 @@ from sysid_ros.simulation.arm_simulation import ArmSimulation
 from sysid_ros.simulation.scenario import ArmScenario
 
 _LOST = 0.5
+_BLOCK = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,29 +63,29 @@ def simulate_arm(scenario: ArmScenario, progress: Callable[[int], None] | None =
             overcome.
     """
     simulation = ArmSimulation(scenario)
+    n = simulation.robot.n
+    t = np.empty(simulation.count)
+    # arrays from the start: a million messages as objects would take many times their memory
+    exact_q, exact_v, exact_tau, q, v, tau = (np.empty((simulation.count, n)) for _ in range(6))
     try:
-        exact, measured = simulation.run(progress)
+        for k, (exact, measured) in enumerate(simulation.run(progress)):
+            t[k], exact_q[k], exact_v[k], exact_tau[k] = exact.t, exact.q, exact.v, exact.tau
+            q[k], tau[k] = measured.q, measured.tau
+            if measured.v is not None:
+                v[k] = measured.v
         truth = simulation.truth(start_time)
-        _check_followed(simulation, exact)
+        _check_followed(simulation, t, exact_q)
     finally:
         simulation.close()
-    velocity = np.array([m.v for m in measured]) if scenario.velocity else None
-    return ArmRecord(
-        start_time + np.array([m.t for m in exact]),
-        np.array([m.q for m in measured]),
-        velocity,
-        np.array([m.tau for m in measured]),
-        np.array([m.q for m in exact]),
-        np.array([m.v for m in exact]),
-        np.array([m.tau for m in exact]),
-        truth,
-        simulation.urdf,
-    )
+    velocity = v if scenario.velocity else None
+    return ArmRecord(start_time + t, q, velocity, tau, exact_q, exact_v, exact_tau, truth, simulation.urdf)
 
 
-def _check_followed(simulation: ArmSimulation, exact: list[Measurement]) -> None:
-    wanted, _, _ = simulation.trajectory.sample(np.array([m.t for m in exact]))
-    error = np.abs(np.array([m.q for m in exact]) - wanted).max(axis=0)
+def _check_followed(simulation: ArmSimulation, t: FloatArray, q: FloatArray) -> None:
+    error = np.zeros(simulation.robot.n)
+    for first in range(0, len(t), _BLOCK):
+        wanted, _, _ = simulation.trajectory.sample(t[first : first + _BLOCK])
+        error = np.maximum(error, np.abs(q[first : first + _BLOCK] - wanted).max(axis=0))
     # not <=, so that NaN does not pass
     if not np.all(error <= _LOST):
         worst = int(np.argmax(error))

@@ -77,7 +77,7 @@ def simulate_quadruped(
     """
     simulation = QuadrupedSimulation(scenario)
     try:
-        exact, measured = simulation.run(progress)
+        exact, measured = map(list, zip(*simulation.run(progress), strict=True))
         truth = simulation.truth(start_time)
     finally:
         simulation.close()

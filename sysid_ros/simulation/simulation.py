@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Generic, TypeVar
 
 from sysid_ros.robot.robot_model import RobotModel
@@ -70,16 +70,19 @@ class Simulation(ABC, Generic[Message]):
     def noisy(self, exact: Message) -> Message:
         """The message as the robot's sensors would tell it."""
 
-    def run(self, progress: Callable[[int], None] | None) -> tuple[list[Message], list[Message]]:
-        """All messages of a scenario of finite duration, without noise and with it; ``progress``: called with the number of new
-        ones now and then."""
-        exact, noisy = [], []
-        for k in range(round(self.scenario.duration * self.scenario.rate)):
-            exact.append(self.step())
-            noisy.append(self.noisy(exact[-1]))
+    @property
+    def count(self) -> int:
+        """Number of messages of a scenario of finite duration."""
+        return round(self.scenario.duration * self.scenario.rate)
+
+    def run(self, progress: Callable[[int], None] | None) -> Iterator[tuple[Message, Message]]:
+        """All messages of a scenario of finite duration, each without noise and with it; ``progress``: called with the number of
+        new ones now and then."""
+        for k in range(self.count):
+            exact = self.step()
+            yield exact, self.noisy(exact)
             if progress is not None and k % 100 == 99:
                 progress(100)
-        return exact, noisy
 
     @abstractmethod
     def _tie(self, payload: Payload) -> None: ...

@@ -13,7 +13,7 @@ _MODULES = {"mujoco": "mujoco_arm", "pybullet": "bullet_arm"}
 NAMES = {"mujoco": "MuJoCo", "pybullet": "PyBullet"}
 SIMULATORS = tuple(_MODULES)
 """In the order in which they are preferred."""
-MISSING = "Neither MuJoCo nor PyBullet is installed, so nothing was simulated. Install one with: pip install mujoco"
+MISSING = "Neither MuJoCo nor PyBullet is installed, so nothing was simulated. Install one with: pip install 'sysid_ros[mujoco]'"
 
 
 def is_installed(simulator: str) -> bool:
