@@ -16,13 +16,15 @@ from robots import urdf
 
 from sysid_ros.cli.export import WRITERS
 from sysid_ros.cli.main import run
-from sysid_ros.effects import EFFECTS, CoulombFriction, Effect, LinkInertia, RotorInertia, ViscousFriction
+from sysid_ros.effects import EFFECTS, CoulombFriction, Effect, LinkInertia, Motion, RotorInertia, ViscousFriction
 from sysid_ros.robot.packaged import packaged
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.rotation import rotation_of
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.torque.exported import known_of
+from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.model_file import EffectBlock, ModelFile, urdf_digest
+from sysid_ros.torque.torque_model import TorqueModel
 
 STATES = 1000
 TOLERANCE = 0.01
@@ -281,7 +283,8 @@ def test_each_file_says_what_it_can_not_hold(tmp_path: Path) -> None:
         assert {e.id for e in (spring, scale, RotorInertia(robot)) if e.id in text} == lost[name], name
 
 
-def test_the_armature_that_an_mjcf_states_is_in_its_exports(tmp_path: Path) -> None:
+def test_the_armature_that_an_mjcf_states_counts_until_the_links_are_the_models_own(tmp_path: Path) -> None:
+    """As its damping and friction: who identifies the links identifies the rotors too."""
     pytest.importorskip("mujoco", reason="mujoco is not installed (extra mujoco)")
     joint = '<joint name="hip" axis="0 1 0" armature="0.5"/><inertial pos="0 0 .1" mass="1" diaginertia=".1 .1 .1"/>'
     (tmp_path / "given.xml").write_text(f'<mujoco model="one"><worldbody><body name="leg">{joint}</body></worldbody></mujoco>')
@@ -294,3 +297,17 @@ def test_the_armature_that_an_mjcf_states_is_in_its_exports(tmp_path: Path) -> N
     table = json.loads((tmp_path / "arm.isaac.json").read_text())
     assert table["joints"]["hip"]["armature"] == 0.75
     assert "armature that the robot's description states" in (tmp_path / "arm.sdf").read_text()
+
+    sample = Sample(0.0, np.array([0.3]), np.array([0.2]), np.array([2.0]), np.zeros(1))
+    own = [KnownEffect(LinkInertia(robot), robot.pi.copy()), KnownEffect(RotorInertia(robot), np.array([0.25]))]
+    for known, rotor in (([], 0.5), (own[1:], 0.75), (own[:1], 0.0), (own, 0.25)):
+        model = TorqueModel(robot, [], known)
+        expected = robot.regressor(sample.q, sample.v, sample.a) @ robot.pi + rotor * sample.a
+        np.testing.assert_allclose(model.known_torque(sample), expected)
+        np.testing.assert_allclose(model.armature(), rotor)
+        motion = Motion(robot, np.zeros(1), sample.q[None], sample.v[None], sample.a[None], np.zeros((1, 1)))
+        np.testing.assert_allclose(model.torque_along(motion)[0], expected)
+        rows = model.compiled()
+        row = rows.empty.copy()
+        rows.fill(0.0, sample.q, sample.v, sample.a, sample.tau, row)
+        np.testing.assert_allclose(-row[:, rows.p], expected)

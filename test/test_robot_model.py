@@ -308,3 +308,12 @@ def test_messages_of_another_robot() -> None:
         RobotModel.for_messages(urdf("small_arm"), ("shoulder_pan",))
     with pytest.raises(RobotModelError, match=r"lack joints lift; they name turn"):
         RobotModel.for_messages(urdf("small_arm"), ("turn",), ("turn", "lift"))
+
+
+def test_a_robot_of_one_joint_has_a_regressor_of_one_row() -> None:
+    body = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    joint = '<joint name="hip" type="revolute"><parent link="base"/><child link="leg"/><limit effort="9" velocity="9"/></joint>'
+    model = RobotModel.from_urdf(f'<robot name="one"><link name="base"/><link name="leg">{body}</link>{joint}</robot>')
+    state = np.array([[0.3], [0.2], [2.0]])
+    assert model.regressor(*state).shape == (1, 10)
+    np.testing.assert_allclose(model.regressor(*state) @ model.pi, model.rnea(*state))

@@ -52,6 +52,12 @@ def test_a_bag_and_each_form_of_table_give_the_same_to_the_last_digit(tmp_path: 
         assert replayed(tmp_path, path, "--urdf", urdf) == truth, suffix
 
 
+def test_a_joint_that_is_called_a_joint_keeps_its_name() -> None:
+    found = columns_of(["time", "elbow_joint_position", "elbow_joint_velocity", "elbow_joint_effort"], None, "log.csv")
+    assert found.joints == ("elbow_joint",)
+    assert columns_of(["time", "joint_position_0", "joint_effort_0"], None, "log.csv").joints == ()
+
+
 @pytest.mark.slow
 def test_identify_reads_tables(tmp_path: Path, urdf: Path) -> None:
     path, models = tmp_path / "empty.npz", [tmp_path / "bag.yaml", tmp_path / "table.yaml"]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid_ros.effects import CoulombFriction, LinkInertia, Payload, ViscousFriction
+from sysid_ros.effects import CoulombFriction, LinkInertia, Payload, RotorInertia, ViscousFriction
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -46,7 +46,7 @@ class ArmTorque:
         others = [k for k in known if not k.effect.inertial]
         if not any(k.effect.replaces_links for k in rigid):
             links = LinkInertia(robot)
-            rigid.append(KnownEffect(links, links.nominal))
+            rigid += [KnownEffect(links, links.nominal), KnownEffect(RotorInertia(robot), np.array(robot.model.armature))]
             others += [
                 KnownEffect(ViscousFriction(robot), np.array(robot.damping)),
                 KnownEffect(CoulombFriction(robot), np.array(robot.friction)),

@@ -11,7 +11,7 @@ from sysid_ros.diagnosis.covariance import Estimates
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.prepare import Prepared, inexact_links
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects import EFFECTS, CoulombFriction, LinkInertia, ViscousFriction
+from sysid_ros.effects import EFFECTS, CoulombFriction, LinkInertia, RotorInertia, ViscousFriction
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.model_file import EffectBlock, ModelFile, urdf_digest
@@ -89,7 +89,12 @@ def has_links(blocks: Sequence[EffectBlock]) -> bool:
 def urdf_dynamics(robot: RobotModel) -> list[EffectBlock]:
     """The URDF's ``<dynamics>``, which a model with links of its own replaces."""
     out = []
-    for effect, values in ((ViscousFriction(robot), robot.damping), (CoulombFriction(robot), robot.friction)):
+    stated = (
+        (ViscousFriction(robot), robot.damping),
+        (CoulombFriction(robot), robot.friction),
+        (RotorInertia(robot), np.array(robot.model.armature)),
+    )
+    for effect, values in stated:
         if np.any(values):
             out.append(
                 EffectBlock(effect.id, effect.joint_names, effect.settings, values, effect.parameter_names, effect.units, None)

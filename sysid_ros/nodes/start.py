@@ -1,4 +1,4 @@
-"""Entry points of the nodes: they say what is missing before they import it."""
+"""Entry points of the nodes: their help, and what is missing, before anything of ROS is imported."""
 
 from __future__ import annotations
 
@@ -10,6 +10,19 @@ _CURES = {
     "rclpy": "source /opt/ros/jazzy/setup.bash, or take the wheels: pip install 'sysid_ros[ros]'",
     "pybullet": "pip install 'sysid_ros[sim]'",
 }
+_EXAMPLES = {
+    "online_payload_estimator": "-p urdf_path:=arm.urdf -p model_path:=model.yaml -r joint_states:=/arm/joint_states",
+    "adaptive_controller": "-p urdf_path:=arm.urdf -p model_path:=model.yaml",
+    "simulated_robot": "-p payload_mass:=1.5 -p pick_time:=8.0 -p drop_time:=20.0",
+}
+_HELP = """Usage: {name} [--ros-args [-p PARAMETER:=VALUE]... [-r NAME:=NAME]... [--params-file YAML]]
+
+A ROS 2 node, started by itself or as 'ros2 run sysid_ros {name}'; Ctrl-C stops it. 'ros2 param describe /{name} NAME' says
+what a parameter means.
+
+Example:
+  {name} --ros-args {example}
+"""
 _BAD_INPUT = 2
 
 
@@ -29,6 +42,9 @@ def simulated_robot() -> int:
 
 
 def _run(name: str, *needed: str) -> int:
+    if {"-h", "--help"} & set(sys.argv[1:]):
+        sys.stdout.write(_HELP.format(name=name, example=_EXAMPLES[name]))
+        return 0
     for package in needed:
         if find_spec(package) is None:
             sys.stderr.write(f"Error: {name} needs {package}, which is not installed: {_CURES[package]}.\n")

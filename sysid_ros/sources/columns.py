@@ -196,7 +196,7 @@ def _told(name: str) -> tuple[str, str] | None:
         low = plain.lower()
         if re.match(rf"{word}(_|\d|$)", low):
             return quantity, plain[len(word) :].strip("_")
-        if low.endswith("_" + word):
+        if low.endswith("_" + word) and not word.startswith("joint_"):  # the joint of elbow_joint_effort is elbow_joint
             return quantity, plain[: -len(word) - 1]
     return None
 

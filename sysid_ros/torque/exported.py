@@ -103,7 +103,7 @@ def not_held(known: TorqueModel, what: str, holds: Holds) -> list[str]:
         sentences.append(f"{what} can't hold {', '.join(dict.fromkeys(k.effect.id for k in lost))}; model.yaml does.")
     levels = dict.fromkeys(k.effect.id for k in lost if np.any(k.effect.as_dry_friction(k.theta)))
     if levels and Holds.FRICTION in holds:
-        sentences.append(f"Its friction holds the level Fc of {', '.join(levels)} alone.")
+        sentences.append(f"{what} holds of {', '.join(levels)} the level Fc alone.")
     if Holds.ARMATURE not in holds and np.any(known.robot.model.armature):
         sentences.append(f"{what} can't hold the armature that the robot's description states.")
     below = (

@@ -39,7 +39,7 @@ class TorqueModel:
         robot: the model whose joint order the rows have.
         free: effects whose parameters are to be found; their columns stand side by side in this order.
         known: effects whose parameters are given. Without the links' inertials among them or among the free ones, and unless
-            ``links`` is False, the URDF's links and its ``<dynamics>`` (damping, friction) are known.
+            ``links`` is False, the URDF's links and its ``<dynamics>`` (damping, friction, armature) are known.
         links: False where the measured torque is already free of the robot's own torque.
         uncertainty: of the known effects, see :class:`sysid_ros.torque.known_effect.KnownError`.
         inexact: of the URDF's links where they are known, directions of the error of their inertials, shape (10 n, c).
@@ -82,6 +82,9 @@ class TorqueModel:
             raise SysidError(f"effect '{links_free[0]}' is both known and free; it can be one of them.")
         self._urdf_links = links and not links_free
         self._dynamics = self._urdf_links and not replaced
+        stated = np.array(robot.model.armature)
+        # pinocchio counts it always; with links of the model's own the rotors are the model's too
+        self._other_rotors = stated if self._urdf_links and replaced and np.any(stated) else None
         self._rubs, self._turns = bool(np.any(robot.damping) or np.any(robot.friction)), turns
         correction = sum((k.effect.as_links(k.theta).ravel() for k in replaced), np.zeros(10 * robot.n))
         self._correction = correction if self._urdf_links and np.any(correction) else None
@@ -96,7 +99,7 @@ class TorqueModel:
 
     def armature(self) -> FloatArray:
         """Inertia that turns with each joint alone, shape (n,) [kg m^2]."""
-        own = np.array(self.robot.model.armature) if self._urdf_links else np.zeros(self.robot.n)
+        own = np.array(self.robot.model.armature) if self._dynamics else np.zeros(self.robot.n)
         return np.asarray(sum((k.effect.as_armature(k.theta) for k in self.known), own))
 
     def damping(self) -> FloatArray:
@@ -133,6 +136,8 @@ class TorqueModel:
         link = motion.rigid_torque if self._urdf_links else motion.link_torque
         if self._correction is not None:
             link = link + robot.link_torque_along(motion.q, motion.v, motion.a, self._correction)
+        if self._other_rotors is not None:
+            link = link - self._other_rotors * motion.a
         damping = robot.damping * motion.v if self._dynamics else nothing
         jumps = robot.friction * smoothed_sign(motion.v, self._turns) if self._dynamics else nothing
         drive, own = link + damping + jumps, link + nothing if self._urdf_links else nothing
@@ -165,6 +170,8 @@ class TorqueModel:
             tau = robot.rnea(sample.q, sample.v, sample.a)
             if not self._urdf_links:
                 tau[:] = 0.0
+        if self._other_rotors is not None:
+            tau -= self._other_rotors * sample.a
         if self._dynamics and self._rubs:
             tau += robot.damping * sample.v + robot.friction * smoothed_sign(sample.v, self._turns)
         for k in self._others:
@@ -194,9 +201,8 @@ class TorqueModel:
         links = self.links() if self._urdf_links else np.zeros(10 * n)
         joints, nothing = np.arange(n), np.zeros(n)
         own: list[tuple[Curve, float | FloatArray, FloatArray]] = []
-        if self._urdf_links:
-            own.append((Curve.ACCELERATION, 1.0, np.array(robot.model.armature)))
         if self._dynamics:
+            own.append((Curve.ACCELERATION, 1.0, np.array(robot.model.armature)))
             own += [(Curve.SPEED, 1.0, robot.damping), (Curve.SIGN, self._turns, robot.friction)]
         curves = [
             np.column_stack([nothing + kind, nothing + width, joints, theta]) for kind, width, theta in own if np.any(theta)

@@ -101,6 +101,8 @@ def identified_urdf(robot: RobotModel, model: ModelFile, holds: Holds = _HOLDS) 
             dynamics = ElementTree.SubElement(joint, "dynamics")
         dynamics.set("damping", repr(float(max(damping[j], 0.0))))
         dynamics.set("friction", repr(float(max(friction[j], 0.0))))
+        if "armature" in dynamics.attrib:  # of a URDF made of an MJCF, which this package alone reads
+            dynamics.set("armature", repr(float(max(known.armature()[j], 0.0))))
     notes += not_held(known, "A URDF", holds)
     comments = re.match(_HEAD, robot.urdf, re.DOTALL)
     head = '<?xml version="1.0" encoding="utf-8"?>\n' + (comments.group(1) if comments else "")
@@ -116,7 +118,7 @@ def check_urdf(robot: RobotModel, model: ModelFile, text: str) -> None:
     known = known_of(robot, model)
     links, damping, friction = known.links(), np.maximum(known.damping(), 0.0), np.maximum(known.dry_friction(), 0.0)
     again = RobotModel.from_urdf(text, robot.joint_names, tuple(robot.gravity))
-    stated = np.array(robot.model.armature)
+    stated = np.array(again.model.armature)
     rng = np.random.default_rng(0)
     low, high = np.maximum(robot.position_lower, -np.pi), np.minimum(robot.position_upper, np.pi)
     worst = 0.0
