@@ -103,7 +103,7 @@ def _estimation() -> str:
     from sysid_ros.robot.robot_model import RobotModel
 
     started = time.monotonic()
-    with said_if_slow("Compiling for this machine, once after an install"):
+    with said_if_slow("Loading compiled code; after an install it is compiled, which takes a minute, once"):
         estimates = warm_up(RobotModel.from_urdf(_URDF), OnlineSettings())
     if not estimates:
         raise RuntimeError("it gives no estimate")

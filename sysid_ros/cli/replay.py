@@ -84,7 +84,7 @@ def command(
     estimation = OnlineEstimation(robot, settings, ModelFile.read(model_path) if model_path else None)
     records = _records(bag, source, estimation, imu_topic, contact_topic)
     gate = gate_for(robot, estimation.base, settings)
-    with said_if_slow("Compiling for this machine, once after an install"):
+    with said_if_slow("Loading compiled code; after an install it is compiled, which takes a minute, once"):
         warm_up(robot, settings)
     with progress_bar("replay", source.message_count) as advance:
         result = replay(records, gate, estimation, advance)

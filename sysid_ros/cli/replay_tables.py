@@ -42,7 +42,10 @@ def _bodies(result: Replay, name: str) -> Table:
     for k, one in enumerate(result.payloads, 1):
         e = one.estimate
         mass = f"{e.mass:.3f} ± {1.96 * e.mass_std:.3f}"
-        com = [_within(1e3 * x, 1.96e3 * std, 1) for x, std in zip(e.com, e.com_std, strict=True)]
+        com = [
+            _within(1e3 * x, 1.96e3 * std, 1) if told else "-"
+            for x, std, told in zip(e.com, e.com_std, e.observable[1:4], strict=True)
+        ]
         out.add_row(str(k), f"{one.t0 - result.start:.2f}", f"{one.t1 - result.start:.2f}", mass, *com)
     return out
 
