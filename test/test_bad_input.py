@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import bad_inputs as bad
+import bad_files as bad
 import numpy as np
 import pytest
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
-import bad_inputs as bad
+import bad_files as bad
 import numpy as np
 import pytest
 from damaged import damaged
