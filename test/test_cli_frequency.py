@@ -57,6 +57,7 @@ def checked(folder: Path) -> dict[str, Any]:
 def test_the_document_tells_the_band_and_the_spring(checked: dict[str, Any]) -> None:
     joint = checked["joints"][0]
     torque = joint["torque"]
+    assert_regions_within_the_tolerance([torque])
     # the spring makes a tenth of the inertia at 3.3 Hz
     assert 2.0 < torque["holds_to_hz"] < 4.0 < torque["fails_from_hz"] < 6.0
     cause = torque["cause"]
@@ -138,6 +139,16 @@ def test_help_has_an_example(capsys: pytest.CaptureFixture[str]) -> None:
         assert word in text
 
 
+def assert_regions_within_the_tolerance(torques: list[dict[str, Any]], tolerance: float = 0.1) -> None:
+    """What is said to hold does so with all of its 95 % circle, and is not told of frequencies below the lines that were used."""
+    held = [band for torque in torques for band in torque["bands"] if band["says"] == "holds"]
+    assert held
+    for band in held:
+        assert abs(complex(band["real"], band["imag"]) - 1.0) + band["radius95"] <= tolerance
+    for torque in torques:
+        assert torque["holds_from_hz"] is None or torque["holds_from_hz"] > 2.0 / torque["seconds"]
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason="the logs of the UR10e are not beside the project")
 def test_band_in_which_an_identified_model_holds_on_a_real_arm(tmp_path: Path) -> None:
@@ -149,9 +160,11 @@ def test_band_in_which_an_identified_model_holds_on_a_real_arm(tmp_path: Path) -
     for name, known in (("with", ["--model", str(model)]), ("without", [])):
         assert run(["frequency", *runs, *arm, *known, "--json", str(out)]) == 0
         found[name] = [j["torque"] for j in json.loads(out.read_text())["joints"]]
-    # motions of 0.1 to 1 Hz: the identified model holds in their band on nearly every joint, the URDF's fails on the wrists
+    # motions of 0.1 to 1 Hz: the identified model holds in their band on every joint whose torque is not nearly all dry friction
+    # (the pan's is, and of the second wrist too little is known), the URDF's fails on the wrists
     held = {key: [t["holds_to_hz"] or 0.0 for t in torques] for key, torques in found.items()}
-    assert sum(h > 0.25 for h in held["with"]) >= 5, held
+    assert all(held["with"][j] > 0.25 for j in (1, 2, 3, 5)), held
+    assert_regions_within_the_tolerance([t for torques in found.values() for t in torques])
     assert sum(held["with"]) > 1.5 * sum(held["without"]), held
     # nothing is said of an oscillation with its stiffness where dry friction prevails without the reserve
     for torque in found["with"]:

@@ -25,6 +25,7 @@ from sysid_ros.identification.channel_checks import check_channels
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import SLIDE, smoothed_sign
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.postures import Postures
 from sysid_ros.signals.recording import Recording
 from sysid_ros.torque.known_effect import KnownEffect
 
@@ -35,7 +36,8 @@ ASSUMPTIONS = (
     "taken out of the response, and frequencies where it is more than a tenth are not judged.",
     "What disturbs the torque is small beside what the controller asks for: in closed loop the disturbance moves the joint, too.",
     "The model's dry friction has a response of its own beside the one that is judged, since no model is right where a velocity "
-    "changes its sign; it is 10 % of both together that the model is held to.",
+    "changes its sign: the model fails only by a misfit of 10 % of both together, and holds where the response alone is within "
+    "10 %.",
     "Where a joint rests, its torque is taken from the model if dry friction hides it.",
 )
 _CHANNEL_FORMS = ("nothing", "gain", "delay", "low_pass")
@@ -76,7 +78,9 @@ def check_frequency(
         out.append(_joint(robot, stretches, known, j, top))
         progress(1)
     lengths = tuple((r.name, float(sum(len(s.motion.t) * s.period for s in p))) for r, p in zip(recordings, parts, strict=True))
-    return FrequencyCheck(with_sentences(out), top, lengths, tuple(warnings), ASSUMPTIONS, common_findings(out), provenance or {})
+    seen = Postures(recordings[0].t, recordings[0].q)
+    common, origin = common_findings(out), provenance or {}
+    return FrequencyCheck(with_sentences(out), top, lengths, tuple(warnings), ASSUMPTIONS, common, origin, seen)
 
 
 def _too_short(recordings: Sequence[Recording], max_gap: float) -> str:

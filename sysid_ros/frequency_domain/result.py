@@ -13,6 +13,7 @@ from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.frequency_domain.verdict import Verdict
 from sysid_ros.plain_json import plain
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.postures import Postures
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +135,7 @@ class FrequencyCheck:
         joints: one a joint, in the model's order. top_hz: upper end of the band that was looked at [Hz].
         recordings: names and seconds.
         sentences: what several joints have in common. warnings: what the user should know of the recordings. assumptions: under
-            which all of it is true.
+            which all of it is true. postures: of the first recording, to be looked at.
     """
 
     joints: tuple[JointCheck, ...]
@@ -144,6 +145,7 @@ class FrequencyCheck:
     assumptions: tuple[str, ...]
     sentences: tuple[str, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
+    postures: Postures | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """For machines."""

@@ -18,11 +18,12 @@ class Band:
     """Windows over a third of an octave or more, pooled.
 
     Attributes:
-        low, high: its ends [Hz]. H: mean response. radius: of the 95 % circle about it. says: "holds" where the whole circle is
+        low, high: its ends [Hz]; it begins in the middle of a first window of an octave or more, whose response is that of its
+            middle. H: mean response. radius: of the 95 % circle about it. says: "holds" where the whole circle is
             within the tolerance of 1, "fails" where none of the larger circle is that holds H with 1 - 5 % / (number of bands),
             else "untold": a band that fails by chance alone is then rare in all of them. Beside dry friction, which has
-            a response of its own, a misfit counts as a part of both; where dry friction prevails it moves the joint itself,
-            and nothing is said to fail.
+            a response of its own, a misfit fails only as a part of both; where dry friction prevails it moves the joint itself,
+            and nothing is said to fail. What holds is held to the tolerance without that allowance.
     """
 
     low: float
@@ -95,5 +96,6 @@ def _band(windows: Sequence[Window], noise: Sequence[float], tolerance: float, b
     misfit = abs(H - 1.0)
     share = float(np.sqrt(np.mean([w.share**2 for w in windows])))
     fails = (misfit - surely) * share > tolerance and share > TOLERANCES.mostly_smooth
-    says = "holds" if (misfit + radius) * share <= tolerance else "fails" if fails else "untold"
-    return Band(windows[0].low, windows[-1].high, H, radius, says)
+    says = "holds" if misfit + radius <= tolerance else "fails" if fails else "untold"
+    first = windows[0]
+    return Band(first.f if first.high >= 2.0 * first.low else first.low, windows[-1].high, H, radius, says)
