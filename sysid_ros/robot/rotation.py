@@ -36,3 +36,9 @@ def equivalent_box(mass: float, inertia_com: FloatArray) -> tuple[FloatArray, Fl
 def rpy_of(rotation: FloatArray) -> FloatArray:
     """Roll, pitch and yaw of a rotation matrix (3, 3), as URDF and SDF write them, shape (3,) [rad]."""
     return np.asarray(pin.rpy.matrixToRpy(np.asarray(rotation)))
+
+
+def turned_by(quaternions: FloatArray, rotation: FloatArray) -> FloatArray:
+    """Orientations x, y, z, w, shape (N, 4), each followed by a rotation (3, 3) in its own axes, shape (N, 4)."""
+    after = pin.Quaternion(np.asarray(rotation, dtype=float))
+    return np.array([(pin.Quaternion(np.asarray(x, dtype=float)).normalized() * after).coeffs() for x in quaternions])
