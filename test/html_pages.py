@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from html.parser import HTMLParser
 
-from plotly.offline import get_plotlyjs
+from sysid_ros.pages.page import library
 
 _VOID = ("meta", "br", "link", "img")
 
@@ -40,13 +40,18 @@ class Elements(HTMLParser):
 
 
 def elements(page: str) -> Elements:
-    """The page without the drawing library that it holds."""
+    """The page without the drawing libraries that it holds."""
     found = Elements()
-    found.feed(page.replace(get_plotlyjs(), ""))
+    found.feed(_own(page))
     return found
 
 
 def alone(page: str) -> bool:
     """Whether a browser needs nothing else for the page."""
-    own = page.replace(get_plotlyjs(), "")
-    return not elements(page).fetched and not re.search(r"@import|url\(|https?:|//cdn", own)
+    return not elements(page).fetched and not re.search(r"@import|url\(|https?:|//cdn", _own(page))
+
+
+def _own(page: str) -> str:
+    for name in ("plotly", "three"):
+        page = page.replace(library(name), "")
+    return page

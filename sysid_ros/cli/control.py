@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -16,11 +16,15 @@ from sysid_ros.cli.simulate_output import named_option  # says so where PyBullet
 from sysid_ros.control.control_settings import ControlSettings
 from sysid_ros.control.tracking_run import TrackingRun
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.pages import check_plot_path, write_plot
+from sysid_ros.pages import check_plot_path
 from sysid_ros.plain_json import plain
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation import ArmScenario
 from sysid_ros.simulation.tracking import TRACKED, track
 from sysid_ros.torque.model_file import ModelFile
+
+if TYPE_CHECKING:
+    from sysid_ros.pages.tracking_figure import Followed
 
 _SETTLED = 2.0
 """After a pick or a drop, for so long a law is still finding out [s]."""
@@ -101,16 +105,34 @@ def command(
     if json_path is not None:
         write_json(json_path, {"scenario": _plain(scenario), "laws": [_summary(run, scenario) for run in runs]})
     if plot_path is not None:
-        from sysid_ros.pages.tracking_figure import tracking_figure
+        from sysid_ros.pages.tracking_figure import write_tracking
 
-        write_plot(plot_path, tracking_figure(runs, _events(scenario), options["payload_mass"]))
+        write_tracking(plot_path, runs, _followed(scenario), _answer(runs, scenario))
         note(f"Figure written to {plot_path}.")
     _show(runs, scenario)
 
 
-def _events(scenario: ArmScenario) -> list[tuple[float, str]]:
+def _followed(scenario: ArmScenario) -> Followed:
+    """What the laws had to do, for the page."""
+    from sysid_ros.pages.tracking_figure import Followed
+    from sysid_ros.simulation.description import TIP_LINK, arm_description
+
     both = ((scenario.pick_time or 0.0, "pick"), (scenario.drop_time, "drop"))
-    return [(t, kind) for t, kind in both if t is not None and np.isfinite(t)]
+    events = tuple((t, kind) for t, kind in both if t is not None and np.isfinite(t))
+    body, robot = scenario.payload, RobotModel.from_urdf(arm_description())
+    assert body is not None
+    return Followed(robot, TIP_LINK, body.mass, body.com, body.inertia_com, events)
+
+
+def _answer(runs: list[TrackingRun], scenario: ArmScenario) -> str:
+    """The laws by how near they keep the tip to its path while the arm carries what it knows nothing of, in a sentence."""
+    begin, end = _phases(scenario).get("carrying", (0.0, scenario.duration))
+    errors = {run.law: 1e3 * run.tip_rms(begin, end) for run in runs if run.lost is None or run.lost >= end}
+    told = [f"{law.replace('_', ' ')} {error:.2g} mm" for law, error in sorted(errors.items(), key=lambda item: item[1])]
+    lost = [run.law.replace("_", " ") for run in runs if run.law not in errors]
+    gone = f" The motion is lost by {', '.join(lost)}." if lost else ""
+    carried = f"While {scenario.payload_mass:g} kg are carried the tip strays from its path by (rms): "
+    return f"{carried}{', '.join(told)}.{gone}" if told else f"Every law loses the motion.{gone}"
 
 
 def _phases(scenario: ArmScenario) -> dict[str, tuple[float, float]]:

@@ -95,17 +95,19 @@ def command(
     known = ModelFile.read(model_path) if model_path else None
     origin = provenance(bags, validate=validate, urdf=urdfs or "/robot_description of the first bag", model=model_path)
     robot: RobotModel | None = None
+    chosen = urdfs[0] if urdfs else None
     try:
         robots, fitted, judged = _read_with_urdfs(bags, validate, urdfs, settings, (topic, columns_path))
         ranked = _ranked(urdfs, robots, fitted)
-        robot = robots[max(ranked, key=lambda x: x.probability).urdf] if ranked else next(iter(robots.values()))
+        likeliest = max(ranked, key=lambda x: x.probability).urdf if ranked else next(iter(robots))
+        robot, chosen = robots[likeliest], Path(likeliest) if urdfs else None
         for sentence in known.notes(robot.urdf) if known else []:
             note(sentence)
         with stages() as tell:
             result = with_ranking(diagnose(robot, fitted, judged, known, tell, origin, simulator), ranked)
     except (DataError, RobotModelError) as error:
         result = Diagnosis("refused", robot.joint_names if robot else (), refusal=str(error))
-    write_files(result, robot, out_path, origin, json_path)
+    write_files(result, robot, out_path, origin, json_path, chosen)
     show(result)
     note(f"Written to {out_path} in {time.monotonic() - started:.0f} s.")
     return BAD_INPUT if result.verdict == "refused" else 0

@@ -38,10 +38,18 @@ def check_results(folder: Path, json_path: Path | None, force: bool) -> None:
 
 
 def write_files(
-    result: Diagnosis, robot: RobotModel | None, folder: Path, provenance: dict[str, object], json_path: Path | None = None
+    result: Diagnosis,
+    robot: RobotModel | None,
+    folder: Path,
+    provenance: dict[str, object],
+    json_path: Path | None = None,
+    urdf: Path | None = None,
 ) -> None:
     """Write the report, the document for machines, the extended model and its predictions into a folder, all or none of them;
     the document also where else it is asked for.
+
+    Args:
+        urdf: the robot's file, beside which meshes are looked for.
 
     Raises:
         OutputError: they can't be written.
@@ -50,7 +58,7 @@ def write_files(
 
     with whole_files(folder, FILES) as room:
         write_json(room / "diagnosis.json", result.as_dict())
-        write_text(room / "report.html", diagnosis_page(result, robot.name if robot else "", provenance))
+        write_text(room / "report.html", diagnosis_page(result, robot.name if robot else "", provenance, robot, urdf))
         if result.model is not None:
             result.model.write(room / "model.yaml")
         if (p := result.predictions) is not None:

@@ -26,7 +26,6 @@ _PARTS = (
     ("numba", "numba", "compiled code; needed", "pip install numba"),
     ("rosbags", "rosbags", "bags; needed", "pip install rosbags"),
     ("cvxpy", "cvxpy", "physical consistency; needed", "pip install cvxpy"),
-    ("plotly", "plotly", "pages; needed", "pip install plotly"),
     ("rclpy", "ros-jazzy-rclpy", "the nodes", "pip install 'sysid_ros[ros]', or source /opt/ros/jazzy/setup.bash"),
     ("pybullet", "pybullet", "sysid simulate, control", "pip install 'sysid_ros[sim]'"),
     ("mujoco", "mujoco", "MJCF; gain in simulation of diagnose", "pip install 'sysid_ros[mujoco]'"),

@@ -19,7 +19,7 @@ from sysid_ros.excitation.excite import Excitation, excite, steps
 from sysid_ros.excitation.motion_limits import JointLimit, read_joint_limits
 from sysid_ros.files import check_bag, whole_folder, write_text
 from sysid_ros.identification import free_model
-from sysid_ros.pages import check_plot_path, write_plot
+from sysid_ros.pages import check_plot_path
 from sysid_ros.robot.collision_model import CollisionModel
 from sysid_ros.robot.mesh_files import MeshFiles
 from sysid_ros.robot.robot_model import RobotModel
@@ -147,9 +147,9 @@ def command(
     if json_path is not None:
         write_json(json_path, as_json(result, settings))
     if plot_path is not None:
-        from sysid_ros.pages.excitation_figure import excitation_figure
+        from sysid_ros.pages.excitation_figure import write_excitation
 
-        write_plot(plot_path, excitation_figure(result, f"Exciting motion of {robot.name}"))
+        write_excitation(plot_path, result, f"Exciting motion of {robot.name}", urdf)
     show(result)
     note(f"Motion written to {out_path}{f' and {bag}' if bag else ''}. How to send it: sysid excite --help")
 

@@ -84,7 +84,9 @@ def command(
         from sysid_ros.pages.frequency_figure import write_frequency_plot
 
         model = f"{model_path.name}" if model_path else "the URDF"
-        write_frequency_plot(plot_path, result, f"Measured torque over that of {model}: {', '.join(b.name for b in bags)}")
+        write_frequency_plot(
+            plot_path, result, f"Measured torque over that of {model}: {', '.join(b.name for b in bags)}", robot, urdf
+        )
         note(f"Plot written to {plot_path}.")
     show(result)
 

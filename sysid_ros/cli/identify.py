@@ -136,11 +136,11 @@ def command(
         # what was wrong with the messages may be the reason
         warn_of(problems)
         raise
-    _write(robot, result, origin, out_path, json_path, urdf_out, report_path, verbose)
+    _write((robot, urdf), result, origin, out_path, json_path, urdf_out, report_path, verbose)
 
 
 def _write(
-    robot: RobotModel,
+    described: tuple[RobotModel, Path | None],
     result: Identification,
     provenance: dict[str, Any],
     out_path: Path,
@@ -150,6 +150,7 @@ def _write(
     verbose: bool,
 ) -> None:
     """Warnings, the files that were asked for, and the tables."""
+    robot, urdf = described
     warn_of(result.problems)
     for sentence in result.physical.notes if result.physical else ():
         note(sentence)
@@ -162,7 +163,7 @@ def _write(
     if report_path:
         from sysid_ros.pages.identification_page import write_report
 
-        write_report(report_path, result, provenance)
+        write_report(report_path, result, provenance, robot, urdf)
     show(result, verbose=verbose)
     for what, path in (("Model", out_path), ("URDF", urdf_out), ("Report", report_path)):
         if path:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -19,6 +18,7 @@ from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.replay import Replay, as_json, replay, write_series
 from sysid_ros.online.warm_up import warm_up
 from sysid_ros.pages import check_plot_path
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sources import BagSource, FloatingBagSource, Source, TableSource
 from sysid_ros.torque.model_file import ModelFile
 
@@ -91,7 +91,7 @@ def command(
     if result.used == 0:
         worst = max(gate.counts, key=lambda reason: gate.counts[reason], default="joints_missing")
         raise BagError(f"bag '{bag}': no joint state of it can be used. {gate.last_texts.get(worst, '')}".rstrip())
-    _write(result, bag.name, robot.joint_names, json_path, series_path, payloads_path, plot_path)
+    _write(result, bag.name, robot, urdf, json_path, series_path, payloads_path, plot_path)
     for sentence in result.warnings:
         warn(sentence)
     show_replay(result, bag.name)
@@ -112,7 +112,8 @@ def _records(
 def _write(
     result: Replay,
     name: str,
-    joints: Sequence[str],
+    robot: RobotModel,
+    urdf: Path | None,
     json_path: Path | None,
     series_path: Path | None,
     payloads_path: Path | None,
@@ -125,9 +126,9 @@ def _write(
     if payloads_path:
         write_carried(payloads_path, result.payloads)
     if plot_path and result.series:
-        from sysid_ros.pages import write_payload_plot  # drawing libraries take a second to import
+        from sysid_ros.pages import write_replay  # drawing libraries take a second to import
 
-        write_payload_plot(plot_path, result.series, result.events, joints, f"Payload in {name}", carried=result.payloads)
+        write_replay(plot_path, result, robot, f"Payload in {name}", urdf)
 
 
 def _path_in(parameters: dict[str, object], name: str) -> Path | None:

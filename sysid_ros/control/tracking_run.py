@@ -17,7 +17,8 @@ class TrackingRun:
         law: its name. t: shape (N,) [s]. error: wanted minus true positions, shape (N, n) [rad].
         tip_error: distance of the tip from where it should be, shape (N,) [m]. mass: that the law believed in, shape (N,) [kg].
         tau: torques, shape (N, n) [N m]. clipped: steps in which a torque was at its limit. lost: time at which the motion was
-        lost [s], None where it was not; the run ends there. notes: of the law's feedback.
+        lost [s], None where it was not; the run ends there. notes: of the law's feedback. q: true positions,
+        shape (N, n) [rad]; None where they were not kept.
     """
 
     law: str
@@ -29,6 +30,7 @@ class TrackingRun:
     clipped: int
     lost: float | None
     notes: tuple[str, ...] = ()
+    q: FloatArray | None = None
 
     def tip_rms(self, begin: float, end: float) -> float:
         """Of the tip's error from ``begin`` to ``end`` [s], NaN where the run has no sample there [m]."""

@@ -13,6 +13,7 @@ from rich.console import Console
 from sysid_ros.cli.output import write_json
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.files import whole, write_text
+from sysid_ros.library.paths import with_suffix
 from sysid_ros.pages.page import FIGURE_SUFFIXES
 from sysid_ros.robot.robot_model import RobotModel
 
@@ -64,13 +65,13 @@ class Result(ABC):
 
     def report(self, path: str | Path) -> Path:
         """Write the page for people, one .html file; where it is done."""
-        path = _with_suffix(path, (".html",))
+        path = with_suffix(path, (".html",))
         self._write_report(path)
         return path
 
     def save(self, path: str | Path) -> Path:
         """Write it for machines; the suffix says what."""
-        path = _with_suffix(path, self.saves)
+        path = with_suffix(path, self.saves)
         self._write(path)
         return path
 
@@ -80,18 +81,23 @@ class Result(ABC):
 
         drawing = drawn(self.figure())
         if path is not None:
-            target = _with_suffix(path, FIGURE_SUFFIXES)
+            target = with_suffix(path, FIGURE_SUFFIXES)
             with whole(target) as beside:
                 drawing.savefig(beside, dpi=150, format=target.suffix[1:])
         return drawing
 
+    @abstractmethod
     def _write_report(self, path: Path) -> None:
-        from sysid_ros.pages import write_plot
-
-        write_plot(path, self.figure())
+        """The page, for a path that was checked."""
 
     def _write(self, path: Path) -> None:
         write_json(path, self.as_dict())
+
+    @property
+    def _urdf(self) -> Path | None:
+        """The robot's file, where there is one."""
+        given = self.origin.get("urdf")
+        return Path(given) if isinstance(given, str) else None
 
     @property
     def _units(self) -> tuple[str, ...]:
@@ -146,10 +152,9 @@ class Replayed(Result):
         return payload_figure(r.series, r.events, self.robot.joint_names, self._units, "Payload", (), r.payloads)
 
     def _write_report(self, path: Path) -> None:
-        from sysid_ros.pages import write_payload_plot
+        from sysid_ros.pages import write_replay
 
-        r, title = self.details, f"Payload in {self.origin['bags'][0]}"
-        write_payload_plot(path, r.series, r.events, self.robot.joint_names, title, carried=r.payloads)
+        write_replay(path, self.details, self.robot, f"Payload in {self.origin['bags'][0]}", self._urdf)
 
 
 class Identified(Result):
@@ -191,7 +196,7 @@ class Identified(Result):
     def _write_report(self, path: Path) -> None:
         from sysid_ros.pages.identification_page import write_report
 
-        write_report(path, self.details, self.origin)
+        write_report(path, self.details, self.origin, self.robot, self._urdf)
 
 
 class Diagnosed(Result):
@@ -217,7 +222,7 @@ class Diagnosed(Result):
         elif path.suffix == "":
             from sysid_ros.cli.diagnose_output import write_files
 
-            write_files(self.details, self.robot, path, self.origin)
+            write_files(self.details, self.robot, path, self.origin, self._urdf)
         else:
             super()._write(path)
 
@@ -231,7 +236,8 @@ class Diagnosed(Result):
     def _write_report(self, path: Path) -> None:
         from sysid_ros.pages.diagnosis_page import diagnosis_page
 
-        write_text(path, diagnosis_page(self.details, self.robot.name, self.origin))
+        page = diagnosis_page(self.details, self.robot.name, self.origin, self.robot, self._urdf)
+        write_text(path, page)
 
 
 class Excited(Result):
@@ -266,6 +272,11 @@ class Excited(Result):
 
         return excitation_figure(self.details, f"Exciting motion of {self.robot.name}")
 
+    def _write_report(self, path: Path) -> None:
+        from sysid_ros.pages.excitation_figure import write_excitation
+
+        write_excitation(path, self.details, f"Exciting motion of {self.robot.name}", self._urdf)
+
 
 class Checked(Result):
     """Up to what frequency a model holds, see :class:`.FrequencyCheck`: ``joints``, ``modes``, ``sentences``."""
@@ -285,12 +296,8 @@ class Checked(Result):
 
         return frequency_figure(self.details, f"Measured torque over that of {self.robot.name}")
 
+    def _write_report(self, path: Path) -> None:
+        from sysid_ros.pages.frequency_figure import write_frequency_plot
 
-def _with_suffix(path: str | Path, allowed: tuple[str, ...]) -> Path:
-    path = Path(path)
-    if path.suffix not in allowed:
-        words = ", ".join(suffix or "none, for a folder" for suffix in allowed)
-        raise SettingsError(f"'{path}' ends in '{path.suffix}'; the suffix must be one of: {words}.")
-    if not path.parent.is_dir():
-        raise SettingsError(f"The folder '{path.parent}' does not exist. Create it first.")
-    return path
+        title = f"Measured torque over that of {self.robot.name}"
+        write_frequency_plot(path, self.details, title, self.robot, self._urdf)

@@ -19,7 +19,7 @@ class Robot:
         joint_names: joints that move, others are locked at 0; all without it. gravity: in the base frame, shape (3,) [m/s^2].
 
     Attributes:
-        urdf: text. joint_names, gravity: as given.
+        urdf: text. path: of its file, None where it is a text. joint_names, gravity: as given.
 
     Raises:
         RobotModelError: there is no such robot, or it can't be used.
@@ -27,7 +27,8 @@ class Robot:
 
     def __init__(self, source: str | Path, joint_names: Sequence[str] = (), gravity: Sequence[float] = (0.0, 0.0, -9.81)) -> None:
         text = str(source)
-        self.urdf = text if text.lstrip().startswith("<") else urdf_text(_path_of(text))
+        self.path = None if text.lstrip().startswith("<") else _path_of(text)
+        self.urdf = text if self.path is None else urdf_text(self.path)
         self.joint_names, self.gravity = tuple(joint_names), tuple(gravity)
         self.model: RobotModel = RobotModel.from_urdf(self.urdf, self.joint_names, self.gravity)
 

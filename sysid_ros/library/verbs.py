@@ -54,7 +54,7 @@ def replay(recording: Given, robot: Robot | str | Path | None = None, *, model: 
         worst = max(gate.counts, key=lambda reason: gate.counts[reason], default="joints_missing")
         raise DataError(f"{given.name}: no joint state of it can be used. {gate.last_texts.get(worst, '')}")
     _warn(result.warnings)
-    return Replayed(result, own, _origin([given], "replay"))
+    return Replayed(result, own, _origin([given], "replay", robot))
 
 
 def identify(
@@ -93,7 +93,7 @@ def identify(
         problems += [Problem(given.name, "", "gate", sentence) for sentence in gate.warnings]
     assert own is not None
     first, second = len(fitted), len(fitted) + len(judged)
-    origin = _origin(fitted, "identify")
+    origin = _origin(fitted, "identify", robot)
     result = identify_recordings(
         own, channels[:first], channels[first:second], origin, Choices(**choices), cutoff_hz, chosen.max_gap,
         chosen.velocity_source == "message", problems, channels[second:],
@@ -133,7 +133,7 @@ def diagnose(
         _warn([*sentences, *unread, *unused])
         channels.append(read)
     assert own is not None
-    origin = _origin(fitted, "diagnose") | {"validate": [given.name for given in judged]}
+    origin = _origin(fitted, "diagnose", robot) | {"validate": [given.name for given in judged]}
     n = len(fitted)
     result = run(own, channels[:n], channels[n:], _model_file(model), provenance=origin, simulator=simulator)
     return Diagnosed(result, own, origin)
@@ -164,7 +164,7 @@ def frequency(
         gate = InputGate(own, chosen)
         channels.append(Channels.from_measurements(given.name, gate.measurements(source)))
     assert own is not None
-    known, origin = file.known_effects(own) if file else [], _origin(several, "frequency")
+    known, origin = file.known_effects(own) if file else [], _origin(several, "frequency", robot)
     result = check_frequency(own, channels, known, top_hz, chosen.max_gap, provenance=origin)
     _warn(result.warnings)
     return Checked(result, own, origin)
@@ -183,13 +183,14 @@ def excite(robot: Robot | str | Path, *, start: Sequence[float] | None = None, *
     from sysid_ros.excitation.excite import excite as run
     from sysid_ros.identification import free_model
 
-    own = (robot if isinstance(robot, Robot) else Robot(robot)).model
+    described = robot if isinstance(robot, Robot) else Robot(robot)
+    own = described.model
     chosen = ExcitationSettings(**settings)
     if start is not None and np.shape(start) != (own.n,):
         raise SettingsError(f"start has the shape {np.shape(start)}; it must be ({own.n},), for {', '.join(own.joint_names)}.")
     result = run(free_model(own), chosen, start=None if start is None else np.asarray(start, dtype=float))
     _warn(result.warnings)
-    return Excited(result, own, {"settings": chosen, "version": __version__})
+    return Excited(result, own, {"settings": chosen, **_file_of(described), "version": __version__})
 
 
 def _several(given: Given | Iterable[Given], needed: bool = True) -> list[Recording]:
@@ -231,8 +232,15 @@ def _model_file(model: Model) -> ModelFile | None:
     return found
 
 
-def _origin(recordings: Sequence[Recording], verb: str) -> dict[str, Any]:
-    return {"bags": [given.name for given in recordings], "command": f"sysid_ros.{verb}", "version": __version__}
+def _origin(recordings: Sequence[Recording], verb: str, robot: Robot | str | Path | None) -> dict[str, Any]:
+    bags = {"bags": [given.name for given in recordings]}
+    return {**bags, **_file_of(robot), "command": f"sysid_ros.{verb}", "version": __version__}
+
+
+def _file_of(robot: Robot | str | Path | None) -> dict[str, str]:
+    """The robot's file, beside which its meshes may be, where it came from one."""
+    path = (robot if isinstance(robot, Robot) else Robot(robot)).path if robot is not None else None
+    return {"urdf": str(path)} if path is not None and path.is_file() else {}
 
 
 def _warn(sentences: Iterable[str]) -> None:

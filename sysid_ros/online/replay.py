@@ -20,6 +20,7 @@ from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
 from sysid_ros.plain_json import plain
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
+from sysid_ros.signals.postures import PostureLog, Postures
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,7 @@ class Replay:
         read, used: number of messages, those of other publishers apart. rejected: by reason. notes: what was put together from
             several publishers, and what was left out.
         feet: of a floating base, samples by what was doubtful about its feet.
+        postures: that the robot had; None where no message was used.
         start: first stamp [s]. duration: of the recording by its stamps [s]. seconds: that the replay took [s].
     """
 
@@ -49,6 +51,7 @@ class Replay:
     warnings: list[str] = field(default_factory=list)
     feet: dict[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    postures: Postures | None = None
 
     @cached_property
     def payloads(self) -> list[Carried]:
@@ -72,14 +75,18 @@ def replay(
     first_t, last_t, last_received = math.nan, math.nan, math.nan
     last_accepted = math.nan
     read = 0
+    log = PostureLog()
     for record in records:
         if isinstance(record, JointStateRecord):
             read += 1
             if read % 1000 == 0:
                 progress(1000)
+        elif isinstance(record, ImuRecord):
+            log.turn(record)
         last_received = record.receive_time
         for measurement in gate.take(record):
             last_t, last_accepted = measurement.t, record.receive_time
+            log.add(measurement)
             if math.isnan(first_t):
                 first_t = last_t
             estimate = estimation.step(measurement)
@@ -112,6 +119,7 @@ def replay(
         warnings=[*estimation.warnings, *warnings],
         feet=estimation.stance_counts,
         notes=gate.notes,
+        postures=log.postures(),
     )
 
 

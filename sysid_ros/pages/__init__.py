@@ -2,6 +2,6 @@
 
 from sysid_ros.pages.page import check_plot_path, write_plot
 from sysid_ros.pages.payload_curves import TruthSegment
-from sysid_ros.pages.payload_figure import write_payload_plot
+from sysid_ros.pages.payload_figure import write_payload_plot, write_replay
 
-__all__ = ["TruthSegment", "check_plot_path", "write_payload_plot", "write_plot"]
+__all__ = ["TruthSegment", "check_plot_path", "write_payload_plot", "write_plot", "write_replay"]

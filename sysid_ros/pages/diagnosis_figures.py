@@ -17,6 +17,7 @@ _BAND = 8.0
 _CURVE_POINTS = 4000
 _CLOUD_POINTS = 500
 _MODELS = (("model as given", palette.NOMINAL), ("with the causes", palette.FOUND))
+_TIME = Axis("time since the first stamp [s]", clock=True)
 _NAMES = ("model as given", "measured", "with the causes")
 
 
@@ -24,7 +25,7 @@ def torque_figure(p: Predictions, units: Sequence[str]) -> Figure:
     """The measured torque, that of the nominal and of the extended model, a joint a panel."""
     x, channels = thinned(p.t, (p.nominal, p.measured, p.extended), _CURVE_POINTS)
     titles = [f"{name} [{unit}]" for name, unit in zip(p.joints, units, strict=True)]
-    return compared(x + p.t[0], channels, _NAMES, titles, Axis("time since the first stamp [s]"))
+    return compared(x + p.t[0], channels, _NAMES, titles, _TIME)
 
 
 def tracking_error_figure(tracking: Tracking) -> Figure:
@@ -32,7 +33,7 @@ def tracking_error_figure(tracking: Tracking) -> Figure:
     channels = tuple(1e3 * values for values in (tracking.before, tracking.perfect, tracking.after))
     titles = [f"{name} [mrad]" for name in tracking.joints]
     names = ("nominal model", "noise alone", "extended model")
-    return compared(tracking.t, (channels[0], channels[1], channels[2]), names, titles, Axis("time since the first stamp [s]"))
+    return compared(tracking.t, (channels[0], channels[1], channels[2]), names, titles, _TIME)
 
 
 def residual_figure(p: Predictions, units: Sequence[str], floor: FloatArray) -> Figure:

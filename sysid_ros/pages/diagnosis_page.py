@@ -14,7 +14,9 @@ from sysid_ros.diagnosis.sentences import capital, first_sentence, percent
 from sysid_ros.effects.wording import listed
 from sysid_ros.pages import palette
 from sysid_ros.pages.diagnosis_figures import residual_figure, torque_figure, tracking_error_figure
+from sysid_ros.pages.diagnosis_view import diagnosis_view
 from sysid_ros.pages.page import page
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation.simulators import NAMES
 
 _VERDICTS = {
@@ -35,8 +37,18 @@ _SEEN = 5e-4
 _MODELS = (("model as given", palette.NOMINAL), ("with the causes", palette.FOUND), ("noise", palette.PALE))
 
 
-def diagnosis_page(result: Diagnosis, name: str, provenance: Mapping[str, object]) -> str:
-    """HTML of the report: the answer, faults of the data, what makes the error, figures, numbers, where they come from."""
+def diagnosis_page(
+    result: Diagnosis,
+    name: str,
+    provenance: Mapping[str, object],
+    robot: RobotModel | None = None,
+    urdf: Path | None = None,
+) -> str:
+    """HTML of the report: the answer, faults of the data, what makes the error, figures, numbers, where they come from.
+
+    Args:
+        robot: to be shown. urdf: its file, beside which meshes are looked for.
+    """
     p = result.predictions
     units = ["N m"] * len(result.joints)
     floor = result.torque.noise_floor if result.torque is not None else np.zeros(len(result.joints))
@@ -47,6 +59,7 @@ def diagnosis_page(result: Diagnosis, name: str, provenance: Mapping[str, object
         where=f"{len(result.joints)} joints; {_judged_on(provenance)}." if result.joints else "",
         result=result,
         chip=chip,
+        view=diagnosis_view(robot, urdf, result),
         meaning=" ".join(s for s in (meaning, first_sentence(result.refusal or "")[1], result.unexplained) if s),
         tiles=_tiles(result),
         parts=_parts(result),

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from sysid_ros.excitation.excite import Excitation
 from sysid_ros.excitation.motion_limits import KINDS
 from sysid_ros.pages import palette
 from sysid_ros.pages.figure import Axis, Cells, Curve, Figure, Mark, Panel, Stack
+from sysid_ros.pages.page import PAGE_SUFFIXES, check_plot_path, write_plot
+from sysid_ros.pages.robot_view import RATE, Track, View, percentages, view
 
 _TITLES = {"position": "Position", "velocity": "Velocity", "acceleration": "Acceleration", "torque": "Nominal torque"}
 _POINTS = 1000
@@ -22,7 +26,7 @@ def excitation_figure(excitation: Excitation, title: str) -> Figure:
     use = 100.0 * limits.use(q, v, a, limits.torque(q, v, a))
     slides = limits.robot.is_prismatic
     unit = "m" if np.all(slides) else "rad" if not np.any(slides) else "rad or m"
-    time = Axis("time from start [s]", (0.0, float(t[-1])))
+    time = Axis("time from start [s]", (0.0, float(t[-1])), clock=True)
     ends = tuple(Mark("y", limit, dash="dashed") for limit in (-100.0, 100.0))
     motion = []
     for k, kind in enumerate(KINDS):
@@ -38,6 +42,40 @@ def excitation_figure(excitation: Excitation, title: str) -> Figure:
     beside = (_criteria(excitation), _largest_use(excitation))
     stacks = (Stack(tuple(motion), width=1.8, least=480.0), Stack(beside, shared=False, least=330.0))
     return Figure(stacks, title, _headline(excitation), columns=2, width=1240.0)
+
+
+def write_excitation(path: Path, excitation: Excitation, title: str, urdf: Path | None = None) -> None:
+    """Write the motion; a page also shows the robot that is to make it, and begins with the answer.
+
+    Args:
+        path: .png, .svg or .pdf for a report; .html for a page. urdf: the robot's file, beside which meshes are looked for.
+
+    Raises:
+        SettingsError: the suffix is not known, or the folder is not there.
+    """
+    check_plot_path(path)
+    seen = _view(excitation, urdf) if path.suffix.lower() in PAGE_SUFFIXES else None
+    d = [c.d for c in excitation.random]
+    answer = (
+        f"A motion of {excitation.trajectory.duration:g} s that tells more than each of {len(d)} random feasible ones."
+        if d and excitation.criteria.d > d[0]
+        else f"A feasible motion of {excitation.trajectory.duration:g} s; random ones tell as much."
+    )
+    write_plot(path, excitation_figure(excitation, title), answer=answer, heading="The motion and its limits", view=seen)
+
+
+def _view(excitation: Excitation, urdf: Path | None) -> View | None:
+    """The robot in the motion, before it makes it."""
+    trajectory, robot = excitation.trajectory, excitation.limits.robot
+    t = trajectory.grid(1.0 / RATE)
+    limited = np.isfinite(excitation.limits.effort)
+    used = [np.where(limited | (kind != "torque"), part, np.nan) for kind, part in zip(KINDS, excitation.use.limits, strict=True)]
+    colourings = tuple(percentages(f"{kind}", part, 1.0) for kind, part in zip(KINDS, used, strict=True))
+    caption = (
+        "The motion that the robot is to make. Each joint has the colour of the largest part that it uses of its limit of one "
+        "kind."
+    )
+    return view(robot, urdf, [Track("", t, trajectory.sample(t)[0])], caption, colourings=colourings)
 
 
 def _headline(excitation: Excitation) -> str:

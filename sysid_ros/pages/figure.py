@@ -96,13 +96,15 @@ class Axis:
 
     Attributes:
         label: with its unit. limits: of the values, None for what the curves need. log: logarithmic.
-        ticks: (value, text) each, None for usual ones, () for none.
+        ticks: (value, text) each, None for usual ones, () for none. clock: it is the time at which the page shows the robot, so
+            that its cursor moves along it.
     """
 
     label: str = ""
     limits: tuple[float, float] | None = None
     log: bool = False
     ticks: tuple[tuple[float, str], ...] | None = None
+    clock: bool = False
 
 
 @dataclass(frozen=True, eq=False, slots=True)

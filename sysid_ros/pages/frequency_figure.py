@@ -12,23 +12,30 @@ from sysid_ros.frequency_domain import FrequencyCheck, JointCheck, Response
 from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.pages import palette
 from sysid_ros.pages.figure import Axis, Band, Curve, Figure, Item, Mark, Panel, Spans, Stack
-from sysid_ros.pages.page import check_plot_path, write_plot
+from sysid_ros.pages.page import PAGE_SUFFIXES, check_plot_path, write_plot
+from sysid_ros.pages.robot_view import Track, View, percentages, view
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 _SAYS = {"holds": palette.GREEN, "fails": palette.ORANGE, "untold": "#C8C8C8"}
 _SMALLEST, _LARGEST = 0.1, 10.0
 _POINTS = 400
+_KNOWN = 0.5
+"""Radius of the 95 % circle, over the response or 1, up to which a response is shown: beyond, gain and phase say nothing."""
 _HERTZ = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 _RATIOS = tuple((x, f"{x:g}") for x in (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0))
 _DEGREES = tuple((float(x), f"{x}") for x in (-180, -90, 0, 90, 180))
 
 
-def write_frequency_plot(path: Path, result: FrequencyCheck, title: str) -> None:
+def write_frequency_plot(
+    path: Path, result: FrequencyCheck, title: str, robot: RobotModel | None = None, urdf: Path | None = None
+) -> None:
     """Write the response of each joint with its 95 % region, the cause that was found, and the coherence.
 
     Args:
         path: .png, .svg or .pdf for a report; .html for a page that holds all it needs.
         result: of :func:`sysid_ros.frequency_domain.check_frequency`. title: of the figure.
+        robot: to be shown on a page. urdf: its file, beside which meshes are looked for.
 
     Raises:
         SettingsError: the suffix is not known, or the folder is not there. DataError: no joint has a response.
@@ -37,7 +44,42 @@ def write_frequency_plot(path: Path, result: FrequencyCheck, title: str) -> None
     if not _shown(result):
         raise DataError("There is no response to plot: no joint moves enough in these recordings.")
     sentences = (*result.sentences, *(s for c in result.joints for s in c.sentences))
-    write_plot(path, frequency_figure(result, title), sentences=sentences)
+    seen = _view(robot, urdf, result) if path.suffix.lower() in PAGE_SUFFIXES else None
+    answer, heading = _answer(result), "Response of each joint"
+    write_plot(path, frequency_figure(result, title), answer=answer, sentences=sentences, heading=heading, view=seen)
+
+
+def _answer(result: FrequencyCheck) -> str:
+    """On how many joints the model holds, and up to where, in a sentence or two."""
+    within = f"within {100.0 * TOLERANCES.misfit:.0f} % with {100.0 * TOLERANCES.level:.0f} % confidence"
+    holds = {c.joint: v.holds_to for c in result.joints if c.torque and (v := c.torque.verdict).holds_to is not None}
+    fails = [c.joint for c in result.joints if c.torque and c.torque.verdict.fails_from is not None]
+    off = f" It is off by more on {', '.join(fails)}." if fails else ""
+    if not holds:
+        return f"On no joint do these recordings show the model to hold {within}.{off}"
+    low, high = min(holds.values()), max(holds.values())
+    to = f"{low:.2g} Hz" if high < 1.05 * low else f"{low:.2g} to {high:.2g} Hz"
+    return f"The model holds {within} on {len(holds)} of {len(result.joints)} joints, up to {to}.{off}"
+
+
+def _view(robot: RobotModel | None, urdf: Path | None, result: FrequencyCheck) -> View | None:
+    """The robot in the first recording, its joints in the colour of the misfit where it is surest."""
+    if robot is None or result.postures is None:
+        return None
+    p = result.postures
+    misfits = percentages("misfit", [_misfit(c) for c in result.joints])
+    caption = (
+        "The motion of the first recording. Each joint has the colour of its misfit |H − 1| in the band that is known best; "
+        "grey: nothing is known."
+    )
+    return view(robot, urdf, [Track("", p.t - p.t[0], p.q)], caption, colourings=(misfits,))
+
+
+def _misfit(check: JointCheck) -> float:
+    """Of the band with the smallest 95 % circle, NaN where there is none."""
+    bands = check.torque.verdict.bands if check.torque is not None else ()
+    best = min(bands, key=lambda band: band.radius, default=None)
+    return float("nan") if best is None else float(abs(best.H - 1.0))
 
 
 def frequency_figure(result: FrequencyCheck, title: str) -> Figure:
@@ -79,9 +121,9 @@ def _joint(check: JointCheck, hertz: Axis) -> Stack:
 def _bode(response: Response) -> tuple[FloatArray, FloatArray]:
     """Magnitude and phase [degrees] with their lower and upper ends, shape (3, w) each.
 
-    Windows in which the input is mostly noise, or whose 95 % circle is wider than the response, are left out, as NaN.
+    Windows in which the input is mostly noise, or whose 95 % circle is wider than half the response, are left out, as NaN.
     """
-    judged = np.array([w.clear and w.radius < max(abs(w.H), 1.0) for w in response.windows])
+    judged = np.array([w.clear and w.radius < _KNOWN * max(abs(w.H), 1.0) for w in response.windows])
     H = np.where(judged, [w.H for w in response.windows], np.nan)
     radius, size = np.where(judged, [w.radius for w in response.windows], np.nan), np.abs(H)
     # where the circle holds 0 the phase is not known
@@ -129,7 +171,7 @@ def _shown(result: FrequencyCheck) -> list[JointCheck]:
 def _span(checks: Sequence[JointCheck]) -> tuple[float, float]:
     """Frequencies that the axes show [Hz]: a little more than what any joint tells."""
     windows = [w for c in checks if c.torque for w in c.torque.windows]
-    clear = [w for w in windows if w.clear and w.radius < max(abs(w.H), 1.0)] or windows
+    clear = [w for w in windows if w.clear and w.radius < _KNOWN * max(abs(w.H), 1.0)] or windows
     fitted = [c.torque.cause.band[1] for c in checks if c.torque and c.torque.cause and c.torque.cause.named]
     return max(min(w.f for w in clear) / 1.15, 0.05), max([w.high for w in clear] + fitted) * 1.1
 

@@ -20,16 +20,20 @@ _PARTS = 4.0
 """Recordings of a joint are pieced together with a gap of this [s]."""
 
 
-def torque_figure(series: ResidualSeries, joints: Sequence[str], units: Sequence[str], share: float = 1.0) -> Figure:
+def torque_figure(
+    series: ResidualSeries, joints: Sequence[str], units: Sequence[str], share: float = 1.0, clock: bool = False
+) -> Figure:
     """Measured and predicted torque, and that of the URDF alone, a joint a panel over the time of one recording.
 
     Args:
-        share: part of the file's points that this figure may take.
+        share: part of the file's points that this figure may take. clock: its time is that of the robot on the page.
     """
     most = max(round(share * _CURVE_POINTS / (3 * len(joints))), 200)
     x, channels = thinned(series.t, (series.tau_nominal, series.tau_measured, series.tau_predicted), most)
     titles = [f"{name} [{unit}]" for name, unit in zip(joints, units, strict=True)]
-    return compared(x, channels, ("URDF alone", "measured", "predicted"), titles, Axis("time since the first stamp [s]"))
+    return compared(
+        x, channels, ("URDF alone", "measured", "predicted"), titles, Axis("time since the first stamp [s]", clock=clock)
+    )
 
 
 def residual_figure(

@@ -16,7 +16,9 @@ from sysid_ros.identification.result import Identification, Parameter, TorqueErr
 from sysid_ros.pages import palette
 from sysid_ros.pages.identification_figures import residual_figure, torque_figure
 from sysid_ros.pages.page import number, page
+from sysid_ros.pages.robot_view import Track, View, percentages, view
 from sysid_ros.robot.inertial_parameters import NAMES
+from sysid_ros.robot.robot_model import RobotModel
 
 _MOST_RECORDINGS = 4
 """Recordings whose torques are drawn one by one."""
@@ -26,9 +28,12 @@ _MODELS = {
     "urdf_friction": ("URDF with friction, rotors and offsets", palette.GREEN),
     "residual": ("identified", palette.BLUE),
 }
+_SHORT = {"nominal": "URDF alone", "urdf_friction": "with friction", "residual": "identified"}
 
 
-def write_report(path: Path, result: Identification, provenance: dict[str, Any]) -> None:
+def write_report(
+    path: Path, result: Identification, provenance: dict[str, Any], robot: RobotModel | None = None, urdf: Path | None = None
+) -> None:
     """Write the report of an identification.
 
     It holds the torque measured and predicted where nothing was fitted, the residual against position, velocity, time and
@@ -37,12 +42,14 @@ def write_report(path: Path, result: Identification, provenance: dict[str, Any])
 
     Args:
         path: the HTML file; one that is there is replaced. result: what was found.
-        provenance: bags, command and version.
+        provenance: bags, command and version. robot: to be shown. urdf: its file, beside which meshes are looked for.
     """
-    write_text(path, report_page(result, provenance))
+    write_text(path, report_page(result, provenance, robot, urdf))
 
 
-def report_page(result: Identification, provenance: dict[str, Any]) -> str:
+def report_page(
+    result: Identification, provenance: dict[str, Any], robot: RobotModel | None = None, urdf: Path | None = None
+) -> str:
     """HTML of the report."""
     judged = result.validation or result.errors
     joints = result.joint_names
@@ -56,10 +63,11 @@ def report_page(result: Identification, provenance: dict[str, Any]) -> str:
         result=result,
         judged_on=_judged_on(result).removeprefix("judged on "),
         summary=_summary(result, judged),
+        view=_view(robot, urdf, result, judged),
         tiles=_tiles(result, judged),
         models=_MODELS.values(),
         errors=_errors(joints, units, judged),
-        torques=[(s, torque_figure(s, joints, units, 1.0 / len(drawn))) for s in drawn],
+        torques=[(s, torque_figure(s, joints, units, 1.0 / len(drawn), i == 0)) for i, s in enumerate(drawn)],
         residual=left,
         joints=_joints(joints, [p for p in result.parameters if not EFFECTS[p.effect].replaces_links]),
         several=any(math.isfinite(p.between_bags) for p in result.parameters),
@@ -69,6 +77,22 @@ def report_page(result: Identification, provenance: dict[str, Any]) -> str:
         command=provenance.get("command"),
         version=provenance.get("version"),
     )
+
+
+def _view(robot: RobotModel | None, urdf: Path | None, result: Identification, judged: Sequence[TorqueError]) -> View | None:
+    """The robot in the first recording that is drawn, each joint in the colour of what is left of its torque."""
+    if robot is None or not result.series:
+        return None
+    first, torque = result.series[0], np.maximum(_mean(judged, "torque"), 1e-12)
+    parts = {name: _mean(judged, field) / torque for field, (name, _) in _MODELS.items()}
+    most = float(max(part.max() for part in parts.values()))
+    shown = ("residual", "urdf_friction", "nominal")
+    colourings = tuple(percentages(_SHORT[field], parts[_MODELS[field][0]], most) for field in shown)
+    caption = (
+        f"The motion of {Path(first.name).name}, {first.kind}. Each joint has the colour of the part of its torque (rms) that a "
+        "model leaves where nothing was fitted."
+    )
+    return view(robot, urdf, [Track("", first.t - first.t[0], first.q)], caption, colourings=colourings)
 
 
 def _bag_names(bags: Sequence[str]) -> str:

@@ -12,9 +12,11 @@ from sysid_ros.exceptions import SettingsError
 from sysid_ros.files import whole, write_text
 from sysid_ros.pages.figure import Figure, legends
 from sysid_ros.pages.plotly_renderer import specification
+from sysid_ros.pages.robot_view import scene
 
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 PAGE_SUFFIXES = (".html", ".htm")
+TEMPLATES = Path(__file__).parent / "templates"
 
 
 def check_plot_path(path: Path) -> None:
@@ -55,9 +57,7 @@ def write_plot(path: Path, figure: Figure, template: str = "figure.html", **word
 
 def page(template: str, **words: object) -> str:
     """HTML of a page; what it is given is text, and is escaped."""
-    from plotly.offline import get_plotlyjs
-
-    return _environment().get_template(template).render(plotly=get_plotlyjs, **words)
+    return _environment().get_template(template).render(library=library, **words)
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -68,9 +68,15 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 @cache
+def library(name: str) -> str:
+    """A drawing library that pages hold, "plotly" or "three", as it is kept beside the templates with its licence."""
+    return (TEMPLATES / f"{name}.min.js").read_text(encoding="utf-8")
+
+
+@cache
 def _environment() -> Environment:
     environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -81,6 +87,7 @@ def _environment() -> Environment:
         "number": number,
         "specification": specification,
         "legends": legends,
+        "scene": scene,
         "unit": lambda unit: unit.replace("^2", "²"),
         "file_name": lambda path: Path(path).name,
     }

@@ -9,6 +9,8 @@ MEASURED, NOMINAL, FOUND = INK, ORANGE, BLUE
 """What was measured, what the model said that was given, what the one says that was found."""
 CELLS = ("#F4F8FC", "#08519C")
 """Of the least and of the greatest value of a table of cells."""
+SCALE = ("#FFF3C4", "#FDC865", "#F28A2E", "#C8421F", "#7A1430")
+"""Of the value of a joint, from none to the most."""
 STATUS = {
     "ok": GREEN,
     "no_payload": PALE,

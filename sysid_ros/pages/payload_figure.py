@@ -12,9 +12,10 @@ import numpy as np
 from sysid_ros.exceptions import DataError
 from sysid_ros.online.carried import Carried
 from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
+from sysid_ros.online.replay import Replay
 from sysid_ros.pages import palette
 from sysid_ros.pages.figure import Axis, Band, Curve, Dash, Figure, Item, Mark, Panel, Spans, Stack, evenly, peaks, with_gaps
-from sysid_ros.pages.page import check_plot_path, write_plot
+from sysid_ros.pages.page import PAGE_SUFFIXES, check_plot_path, write_plot
 from sysid_ros.pages.payload_curves import (
     BELIEVED,
     Quantities,
@@ -28,6 +29,9 @@ from sysid_ros.pages.payload_curves import (
     relative_times,
     status_spans,
 )
+from sysid_ros.pages.payload_view import payload_view
+from sysid_ros.pages.robot_view import View
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
 _MOST_POINTS = 5000
@@ -44,6 +48,7 @@ def write_payload_plot(
     truth: Sequence[TruthSegment] | None = None,
     effort_units: Sequence[str] | None = None,
     carried: Sequence[Carried] = (),
+    view: View | None = None,
 ) -> None:
     """Write mass, centre of mass, inertia with their 95 % bands, status, events and residual torques over time.
 
@@ -55,7 +60,7 @@ def write_payload_plot(
         title: of the figure.
         truth: what was really carried, where that is known.
         effort_units: unit of each joint's residual, "N m" where it is left out.
-        carried: what was carried, in order.
+        carried: what was carried, in order. view: of the robot that carried it, for a page.
 
     Raises:
         SettingsError: the suffix is not known, or the folder is not there.
@@ -72,7 +77,19 @@ def write_payload_plot(
         )
     figure = payload_figure(series, events, joint_names, units, title, truth or (), carried)
     tables = _bodies(series[0].t, carried) + _events(series, events)
-    write_plot(path, figure, tiles=_tiles(series, events), tables=tables)
+    write_plot(path, figure, answer=_answer(series, carried), tiles=_tiles(series, events), tables=tables, view=view)
+
+
+def write_replay(path: Path, result: Replay, robot: RobotModel, title: str, urdf: Path | None = None) -> None:
+    """Write what a replay gave, as :func:`write_payload_plot`; a page also shows the robot.
+
+    Args:
+        urdf: the robot's file, beside which meshes are looked for.
+    """
+    check_plot_path(path)
+    seen = payload_view(robot, urdf, result) if path.suffix.lower() in PAGE_SUFFIXES else None
+    units = tuple("N" if slides else "N m" for slides in robot.is_prismatic)
+    write_payload_plot(path, result.series, result.events, robot.joint_names, title, None, units, result.payloads, seen)
 
 
 def payload_figure(
@@ -86,7 +103,7 @@ def payload_figure(
 ) -> Figure:
     """Estimates on the left, one residual a joint on the right; times since the first estimate."""
     t, spans, known = relative_times(series), status_spans(series), last_known(series, events)
-    time = Axis(f"time since stamp {series[0].t:.3f} [s]", (0.0, max(spans[-1].end, 1e-3)))
+    time = Axis(f"time since stamp {series[0].t:.3f} [s]", (0.0, max(spans[-1].end, 1e-3)), clock=True)
     marks = [_mark(e.t - series[0].t, e) for e in events]
     behind: tuple[Item, ...] = (*_shades(spans), *(replace(mark, text="") for mark in marks))
     estimates = [_strip(spans, marks, time)]
@@ -194,6 +211,19 @@ def _tiles(series: Sequence[PayloadEstimate], events: Sequence[PayloadEvent]) ->
         (f"{com} mm", f"centre of mass in {e.frame}; 95 %: ± {', '.join(f'{1.96e3 * x:.1f}' for x in e.com_std)}"),
         (series[-1].status.replace("_", " "), "status at the end"),
     ]
+
+
+def _answer(series: Sequence[PayloadEstimate], carried: Sequence[Carried]) -> str:
+    """What was carried, in words."""
+    if not carried:
+        return f"Nothing that was carried was found: {series[-1].status.replace('_', ' ')} at the end."
+    told = []
+    for c in carried:
+        e, span = c.estimate, f"from {c.t0 - series[0].t:.2f} to {c.t1 - series[0].t:.2f} s"
+        doubt = "" if e.status == "ok" else f" ({e.status.replace('_', ' ')})"
+        com = ", ".join(f"{1e3 * x:.0f}" for x in e.com)
+        told.append(f"{e.mass:.3f} ± {1.96 * e.mass_std:.3f} kg {span}, centre of mass at {com} mm in {e.frame}{doubt}")
+    return f"Carried: {'; '.join(told)}.".replace("-", "−")
 
 
 def _bodies(start: float, carried: Sequence[Carried]) -> list[dict[str, Any]]:

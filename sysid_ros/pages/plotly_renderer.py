@@ -22,7 +22,8 @@ _NONE = "rgba(0,0,0,0)"
 
 
 def specification(figure: Figure) -> dict[str, Any]:
-    """``arrays``; ``data``, traces whose x and y are indices of them; ``layout`` and, for each of ``WIDTHS``, more of it."""
+    """``arrays``; ``data``, traces whose x and y are indices of them; ``layout`` and, for each of ``WIDTHS``, more of it;
+    ``clocks``, the x and y axes of panels over the page's time."""
     arrays, nothing = _Arrays(), np.zeros(0)
     data: list[dict[str, Any]] = []
     shapes: list[dict[str, Any]] = []
@@ -47,7 +48,9 @@ def specification(figure: Figure) -> dict[str, Any]:
         "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
         "font": {"size": 11, "family": _FONT, "color": palette.INK},
     }
-    return {"arrays": arrays.values, "data": data, "layout": layout, "layouts": [_layout(figure, w) for w in WIDTHS]}
+    clocks = [[_key("x", k), _key("y", k)] for k, place in enumerate(placed, start=1) if place.panel.x.clock]
+    layouts = [_layout(figure, w) for w in WIDTHS]
+    return {"arrays": arrays.values, "data": data, "layout": layout, "layouts": layouts, "clocks": clocks}
 
 
 class _Arrays:
@@ -144,7 +147,7 @@ def _layout(figure: Figure, width: float) -> dict[str, Any]:
         for cells in (item for item in place.panel.items if isinstance(item, Cells)):
             rows = [_text(shortened(name, place.margin - 10.0)) for name in cells.rows]
             y |= {"autorange": "reversed", "tickvals": [*range(len(rows))], "ticktext": rows}
-        axes |= {f"xaxis{k if k > 1 else ''}": x, f"yaxis{k if k > 1 else ''}": y}
+        axes |= {_key("x", k): x, _key("y", k): y}
         words += _words(place, k)
     # a finger that drags scrolls the page of a telephone
     drag = {"dragmode": False} if width < WIDTHS[1] else {"dragmode": "zoom"}
@@ -207,6 +210,10 @@ def _domain(start: float, length: float, whole: float) -> list[float]:
 
 def _id(way: str, k: int) -> str:
     return way if k == 1 else f"{way}{k}"
+
+
+def _key(way: str, k: int) -> str:
+    return f"{way}axis{k if k > 1 else ''}"
 
 
 def _text(text: str) -> str:

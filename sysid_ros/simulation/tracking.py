@@ -100,7 +100,7 @@ def track(
             error = tracked.wanted - exact.q
             if k % _KEPT_EVERY == 0:
                 tip = [robot.frame_placement(at, frame)[1] for at in (tracked.wanted, exact.q)]
-                rows.append((exact.t, error, float(np.linalg.norm(tip[0] - tip[1])), controller.payload[0], exact.tau))
+                rows.append((exact.t, error, float(np.linalg.norm(tip[0] - tip[1])), controller.payload[0], exact.tau, exact.q))
             if k % 100 == 99:
                 progress(100)
             # not >, so that NaN is lost too
@@ -109,5 +109,5 @@ def track(
                 break
     finally:
         simulation.close()
-    t, error, tip_error, mass, tau = (np.array(column) for column in zip(*rows, strict=True))
-    return TrackingRun(law, t, error, tip_error, mass, tau, tracked.clipped, lost, controller.feedback.notes)
+    t, error, tip_error, mass, tau, q = (np.array(column) for column in zip(*rows, strict=True))
+    return TrackingRun(law, t, error, tip_error, mass, tau, tracked.clipped, lost, controller.feedback.notes, q)
