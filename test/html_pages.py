@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 
 from sysid_ros.pages.page import library
 
-_VOID = ("meta", "br", "link", "img")
+_VOID = ("meta", "br", "link", "img", "input")
 
 
 class Elements(HTMLParser):

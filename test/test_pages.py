@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import cache
 from html import escape
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,7 +23,7 @@ from sysid_ros.frequency_domain import FrequencyCheck
 from sysid_ros.identification.result import ResidualSeries
 from sysid_ros.pages import diagnosis_figures, identification_figures, write_payload_plot, write_plot
 from sysid_ros.pages.diagnosis_page import diagnosis_page
-from sysid_ros.pages.excitation_figure import excitation_figure
+from sysid_ros.pages.excitation_figure import excitation_figure, write_excitation
 from sysid_ros.pages.figure import Axis, Band, Cells, Curve, Figure, Mark, Panel, Spans, Stack, keys, legends, peaks
 from sysid_ros.pages.frequency_figure import frequency_figure, write_frequency_plot
 from sysid_ros.pages.layout import places
@@ -30,8 +31,11 @@ from sysid_ros.pages.matplotlib_renderer import drawn
 from sysid_ros.pages.page import page
 from sysid_ros.pages.payload_figure import payload_figure
 from sysid_ros.pages.plotly_renderer import WIDTHS, specification
-from sysid_ros.pages.tracking_figure import tracking_figure
+from sysid_ros.pages.robot_view import Track, ellipsoid, view
+from sysid_ros.pages.tracking_figure import Followed, tracking_figure, write_tracking
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.postures import Postures
 
 BAD = '_<b>x</b>&"$a$</script><script>alert(1)</script>'
 NAMES = (f"{BAD}0", f"{BAD}1", "wrist")
@@ -45,9 +49,32 @@ def wide() -> np.ndarray:
     return RNG.normal(size=(N, 3))
 
 
+@cache
+def arm() -> RobotModel:
+    """Two turns and a slide, of bodies of three shapes."""
+    shapes = ('<box size="0.1 0.1 0.4"/>', '<cylinder radius="0.05" length="0.5"/>', '<sphere radius="0.06"/>')
+    inertial = '<inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>'
+    parts = ['<link name="base"/>']
+    for k, (name, shape) in enumerate(zip(NAMES, shapes, strict=True)):
+        kind, parent = "revolute" if k < 2 else "prismatic", f"link {k - 1}" if k else "base"
+        parts.append(
+            f'<link name="link {k}">{inertial}<visual><origin xyz="0 0 0.2"/><geometry>{shape}</geometry></visual></link>'
+        )
+        parts.append(
+            f'<joint name="{escape(name)}" type="{kind}"><parent link="{parent}"/><child link="link {k}"/>'
+            f'<origin xyz="0 0 {0.4 * (k > 0)}"/>'
+            f'<axis xyz="0 {int(k == 1)} {int(k != 1)}"/><limit lower="-3" upper="3" effort="9" velocity="9"/></joint>'
+        )
+    return RobotModel.from_urdf(f'<robot name="{escape(BAD)}">{"".join(parts)}</robot>')
+
+
+def postures() -> FloatArray:
+    return np.column_stack([np.sin(T), np.cos(2.0 * T), 0.1 * np.sin(3.0 * T)])
+
+
 def runs() -> list[TrackingRun]:
     laws = (BAD, "slotine_li")
-    return [TrackingRun(law, T, wide(), np.abs(wide()[:, 0]), wide()[:, 1], wide(), 0, None) for law in laws]
+    return [TrackingRun(law, T, wide(), np.abs(wide()[:, 0]), wide()[:, 1], wide(), 0, None, (), postures()) for law in laws]
 
 
 EVENTS = ((3.0, "pick"), (8.0, "drop"))
@@ -55,12 +82,12 @@ EVENTS = ((3.0, "pick"), (8.0, "drop"))
 
 def excitation() -> Excitation:
     limits = SimpleNamespace(
-        robot=SimpleNamespace(joint_names=NAMES, is_prismatic=np.array([False, False, True])),
+        robot=arm(),
         effort=np.array([10.0, 20.0, np.inf]),
         torque=lambda q, v, a: q,
         use=lambda *given: np.stack([np.clip(x, -1.0, 1.0) for x in given]),
     )
-    trajectory = SimpleNamespace(duration=10.0, sample=lambda t: (np.outer(np.sin(t), [1, 2, 3]),) * 3)
+    trajectory = SimpleNamespace(duration=10.0, sample=lambda t: (np.outer(np.sin(t), [1, 2, 3]),) * 3, grid=lambda _: T)
     criteria = SimpleNamespace(d=-3.0, condition_number=12.0)
     random = tuple(SimpleNamespace(d=d) for d in (-5.0, -9.0, -np.inf))
     use = SimpleNamespace(limits=np.linspace(0.0, 1.0, 12).reshape(4, 3), room=np.array([0.01]))
@@ -77,10 +104,13 @@ def frequency() -> FrequencyCheck:
     ]
     delay = SimpleNamespace(name="delay", value=0.003, unit="s")
     cause = SimpleNamespace(named=True, band=(0.2, 4.0), H=lambda f: np.exp(-0.02j * f), name="time_delay", parameters=[delay])
-    bands = [SimpleNamespace(low=a, high=b, says=says) for a, b, says in ((0.1, 1, "holds"), (1, 2, "untold"), (2, 9, "fails"))]
-    response = SimpleNamespace(windows=windows, cause=cause, verdict=SimpleNamespace(bands=bands, holds_to=1.0))
+    bands = [
+        SimpleNamespace(low=a, high=b, says=says, H=1.02 + 0.1j, radius=0.05 * b)
+        for a, b, says in ((0.1, 1, "holds"), (1, 2, "untold"), (2, 9, "fails"))
+    ]
+    response = SimpleNamespace(windows=windows, cause=cause, verdict=SimpleNamespace(bands=bands, holds_to=1.0, fails_from=2.0))
     joints = tuple(SimpleNamespace(joint=name, torque=response, friction=None, sentences=(f"{name}: holds",)) for name in NAMES)
-    return cast(FrequencyCheck, SimpleNamespace(joints=joints, sentences=(BAD,)))
+    return cast(FrequencyCheck, SimpleNamespace(joints=joints, sentences=(BAD,), postures=Postures(T, postures())))
 
 
 def series() -> list[ResidualSeries]:
@@ -93,7 +123,7 @@ def series() -> list[ResidualSeries]:
 
 def predictions(warm: bool = True) -> Predictions:
     temperature = np.column_stack([T, np.full((N, 2), np.nan)]) if warm else None
-    return Predictions(T, NAMES, wide(), wide(), wide(), wide(), wide(), wide(), temperature)
+    return Predictions(T, NAMES, wide(), wide(), wide(), postures(), wide(), wide(), temperature)
 
 
 def tracking_error() -> Tracking:
@@ -103,14 +133,17 @@ def tracking_error() -> Tracking:
 
 
 def diagnosis() -> Diagnosis:
-    vector = Parameter("com", None, [0.1, 0.2], "m", [0.1, 0.1], [0.0, 0.1], [0.2, 0.3])
+    vector = Parameter("com", None, [0.1, 0.2, 0.3], "m", [0.1] * 3, [0.0, 0.1, 0.2], [0.2, 0.3, 0.4])
+    mass = Parameter("mass", None, 1.2, "kg", 0.1, 1.0, 1.4)
     plain = Parameter("Fc", NAMES[0], 0.6, "N m", 0.01, 0.58, 0.62)
-    finding = Finding(BAD, BAD, NAMES, (plain, vector), 0.3, 120.0, 1e-9, (BAD, "payload"), f"{BAD} is there.", BAD)
+    finding = Finding(BAD, BAD, NAMES, (plain,), 0.3, 120.0, 1e-9, (BAD, "payload"), f"{BAD} is there.", BAD, headline=True)
+    body = Finding(BAD, BAD, (), (mass, vector), 0.2, 120.0, 1e-9, (), f"{BAD} is there.", BAD, headline=True)
     fault = Finding("torque_unit", "unit", (NAMES[0],), (), cast(Any, None), cast(Any, None), 1.0, (), "A unit.")
     ones = np.ones(3)
     temperature = {"joints": [BAD], "range": [(20.0, 30.0)], "friction_before": [-0.5], "friction_after": [None]}
     return Diagnosis(
-        "partly_explained", NAMES, findings=(finding, fault), torque=TorqueRmse(NAMES, 4.0 * ones, 2.0 * ones, ones, 9.0 * ones),
+        "partly_explained", NAMES, findings=(finding, body, fault),
+        torque=TorqueRmse(NAMES, 4.0 * ones, 2.0 * ones, ones, 9.0 * ones),
         simulation=SimulationError(9.5, "mujoco", 0.3, 0.01, 0.01, 1.0, 0.1, 0.1, ones, ones, ones),
         unexplained_fraction=0.2, unexplained=BAD, record_next=(BAD,),
         predictions=predictions(), tracking=tracking_error(), temperature=temperature,
@@ -137,7 +170,13 @@ def items() -> Figure:
 
 def payload(path: Path) -> None:
     estimates, events, truth = pick_and_drop()
-    write_payload_plot(path, estimates, events, NAMES, BAD, truth, UNITS)
+    carried = ellipsoid(arm(), "link 2", 1.0, np.zeros(3), BAD, 0.01 * np.eye(3), np.full(3, 0.01), (2.0, 8.0))
+    seen = view(arm(), None, [Track("", T, postures())], BAD, ellipsoids=(carried,))
+    write_payload_plot(path, estimates, events, NAMES, BAD, truth, UNITS, view=seen)
+
+
+def tracking(path: Path) -> None:
+    write_tracking(path, runs(), Followed(arm(), "link 2", 3.0, np.zeros(3), 0.01 * np.eye(3), EVENTS), BAD)
 
 
 FIGURES: dict[str, Callable[[], Figure]] = {
@@ -154,10 +193,11 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 }
 PAGES: dict[str, Callable[[Path], object]] = {
     "payload": payload,
-    "tracking": lambda path: write_plot(path, tracking_figure(runs(), EVENTS, 3.0)),
-    "excitation": lambda path: write_plot(path, excitation_figure(excitation(), BAD)),
-    "frequency": lambda path: write_frequency_plot(path, frequency(), BAD),
-    "diagnosis": lambda path: path.write_text(diagnosis_page(diagnosis(), BAD, {"bags": [f"/home/{BAD}"]})),
+    "tracking": tracking,
+    "excitation": lambda path: write_excitation(path, excitation(), BAD),
+    "frequency": lambda path: write_frequency_plot(path, frequency(), BAD, arm()),
+    "diagnosis": lambda path: path.write_text(diagnosis_page(diagnosis(), BAD, {"bags": [f"/home/{BAD}"]}, arm())),
+    "figure alone": lambda path: write_plot(path, excitation_figure(excitation(), BAD)),
     "refused": lambda path: path.write_text(diagnosis_page(Diagnosis("refused", NAMES, BAD), BAD, {"bags": ["/a/b"]})),
 }
 
@@ -244,7 +284,11 @@ def test_a_page_is_well_formed_and_needs_nothing_else_and_names_are_text(name: s
     assert "<b>x</b>" not in text
     assert "alert(1)" in " ".join(found.text)
     assert all("/home" not in title and "/a/b" not in title for title in found.text[: found.text.index(found.text[-1])][:12])
-    figures = [script for script in found.scripts if script.lstrip().startswith("{")]
+    figures = [script for script in found.scripts if script.startswith("{") and "layouts" in script]
+    robots = [script for script in found.scripts if script.startswith("{") and "layouts" not in script]
+    assert len(robots) == (name not in ("refused", "figure alone"))
+    assert all(json.loads(script)["tracks"] for script in robots)
+    assert path.stat().st_size < 6e6
     assert len(figures) == found.tags.count("figure") == {"refused": 0, "diagnosis": 3}.get(name, 1)
     for script in figures:
         assert json.loads(script)["layouts"]

@@ -245,10 +245,10 @@ def ring_radius(looks: Appearance, joint: int) -> float:
             continue
         along = points @ axis
         radial = np.linalg.norm(points - along[:, None] * axis, axis=1)
-        near = (np.abs(along) < 0.03 * looks.size) & (radial < 0.14 * looks.size)
+        near = (np.abs(along) < 0.03 * looks.size) & (radial < 0.09 * looks.size)
         reach.append(radial[near])
     radii = np.concatenate([np.zeros(1), *reach])
-    return float(np.clip(1.1 * np.quantile(radii, 0.9), 0.045 * looks.size, 0.11 * looks.size))
+    return float(np.clip(1.1 * np.quantile(radii, 0.9), 0.045 * looks.size, 0.085 * looks.size))
 
 
 def _track(track: Track) -> dict[str, Any]:

@@ -1,4 +1,16 @@
 "use strict";
+/* A figure is drawn when it comes near, or when there is nothing else to do: a page with many opens at once. */
+const waiting = new Map();
+const near = new IntersectionObserver((entries) => { for (const { target, isIntersecting } of entries) if (isIntersecting) begin(target); }, { rootMargin: "500px" });
+function begin(plot) {
+  near.unobserve(plot);
+  waiting.get(plot)?.();
+  waiting.delete(plot);
+}
+const idle = window.requestIdleCallback || ((f) => setTimeout(f, 200));
+const rest = () => { for (const plot of waiting.keys()) { begin(plot); idle(rest); return; } };
+window.addEventListener("beforeprint", () => { for (const plot of [...waiting.keys()]) begin(plot); });
+window.addEventListener("load", () => idle(rest));
 for (const figure of document.querySelectorAll("figure")) {
   const plot = figure.querySelector(".plot");
   const spec = JSON.parse(figure.querySelector("script").textContent);
@@ -24,21 +36,27 @@ for (const figure of document.querySelectorAll("figure")) {
   };
   clock.listeners.push(point);
   let used = null;
+  const fits = () => spec.layouts.filter((layout) => layout.least <= plot.clientWidth).pop() || spec.layouts[0];
   const draw = () => {
-    const fitting = spec.layouts.filter((layout) => layout.least <= plot.clientWidth).pop() || spec.layouts[0];
+    const fitting = fits();
     if (fitting === used) return Plotly.Plots.resize(plot).then(point);
     used = fitting;
     const layout = structuredClone({ ...spec.layout, ...fitting.layout });
     plot.style.height = layout.height + "px";
     return Plotly.react(plot, spec.data, layout, { displayModeBar: false }).then(point);
   };
-  draw().then(() => {
-    plot.on("plotly_relayout", point);
-    if (cursors.length) plot.on("plotly_click", ({ points: [first] }) => { if (spec.clocks.some(([x]) => plot._fullLayout[x] === first.xaxis)) clock.set(first.x); });
+  plot.style.height = fits().layout.height + "px";
+  waiting.set(plot, () => {
+    draw().then(() => {
+      plot.on("plotly_relayout", point);
+      if (cursors.length) plot.on("plotly_click", ({ points: [first] }) => { if (spec.clocks.some(([x]) => plot._fullLayout[x] === first.xaxis)) clock.set(first.x); });
+    });
+    new ResizeObserver(draw).observe(plot);
   });
-  new ResizeObserver(draw).observe(plot);
+  near.observe(plot);
   for (const button of figure.querySelectorAll(".legend button")) {
     button.addEventListener("click", () => {
+      begin(plot);
       const shown = button.getAttribute("aria-pressed") !== "true";
       button.setAttribute("aria-pressed", shown);
       const label = button.dataset.label;
