@@ -109,7 +109,9 @@ def test_shapes_of_the_urdf_stand_where_it_says(tmp_path: Path) -> None:
     with_mesh = appearance(RobotModel.from_urdf(text), files_of(tmp_path / "arm.urdf"))
     (blue,) = (s for s in with_mesh.shapes if s.colour == "#000080")
     assert blue.joint == 2
-    np.testing.assert_allclose([blue.vertices.min(axis=0), blue.vertices.max(axis=0)], [[0, 0, 0], [0.3, 0.02, 0.02]], atol=1e-6)
+    np.testing.assert_allclose(
+        [blue.vertices.min(axis=0), blue.vertices.max(axis=0)], np.array([[0.0, 0.0, 0.0], [0.3, 0.02, 0.02]]), atol=1e-6
+    )
     # the same one without its file is a line
     assert all(
         s.colour != "#000080" for s in appearance(RobotModel.from_urdf(text), files_of(tmp_path / "no" / "arm.urdf")).shapes
@@ -189,7 +191,7 @@ def test_what_was_found_is_drawn_where_it_is() -> None:
     (body,) = seen.ellipsoids
     assert body.joint == 2
     np.testing.assert_allclose(body.position, [0.1, 0.2, 0.3])
-    assert [c.values for c in seen.colourings] == [(pytest.approx(4 / 9),) * 3, (pytest.approx(2 / 9),) * 3]
+    np.testing.assert_allclose([c.values for c in seen.colourings], np.outer([4 / 9, 2 / 9], np.ones(3)))
     assert len({c.most for c in seen.colourings}) == 1
     assert diagnosis_view(arm(), None, replace(diagnosis(), predictions=None)) is None
 
