@@ -15,7 +15,7 @@ from test_pages import arm, diagnosis
 from sysid_ros.pages.diagnosis_view import diagnosis_view
 from sysid_ros.pages.payload_view import trunk_orientation
 from sysid_ros.pages.robot_view import RATE, Track, ellipsoid, percentages, scene, thinned, view
-from sysid_ros.robot.appearance import appearance, in_joint
+from sysid_ros.robot.appearance import appearance, files_of, in_joint
 from sysid_ros.robot.inertial_parameters import from_com
 from sysid_ros.robot.mesh_reduction import along, box, capsule, cone, cylinder, reduced
 from sysid_ros.robot.robot_model import RobotModel
@@ -104,8 +104,6 @@ def test_shapes_of_the_urdf_stand_where_it_says(tmp_path: Path) -> None:
     mesh = '<geometry><mesh filename="arm.obj" scale="0.001 0.001 0.001"/></geometry>'
     shape = f'<visual>{mesh}<material name="m"><color rgba="0 0 0.5 1"/></material></visual>'
     text = urdf("small_arm").replace('<link name="forearm">', f'<link name="forearm">{shape}')
-    from sysid_ros.robot.appearance import files_of
-
     with_mesh = appearance(RobotModel.from_urdf(text), files_of(tmp_path / "arm.urdf"))
     (blue,) = (s for s in with_mesh.shapes if s.colour == "#000080")
     assert blue.joint == 2

@@ -43,6 +43,8 @@ for (const figure of document.querySelectorAll("figure")) {
     used = fitting;
     const layout = structuredClone({ ...spec.layout, ...fitting.layout });
     plot.style.height = layout.height + "px";
+    /* on paper no figure is higher than a page */
+    plot.style.setProperty("--shrink", Math.min(0.6, 860 / layout.height));
     return Plotly.react(plot, spec.data, layout, { displayModeBar: false }).then(point);
   };
   plot.style.height = fits().layout.height + "px";

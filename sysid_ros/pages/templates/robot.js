@@ -133,9 +133,10 @@ for (const host of document.querySelectorAll(".robot")) {
   sun.position.set(2, -1.5, 4);
   world.add(sky, sun);
   let floor = null;
-  const dark = matchMedia("(prefers-color-scheme: dark)"), paper = matchMedia("print");
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  let printing = false;
   function theme() {
-    const night = dark.matches && !paper.matches;
+    const night = dark.matches && !printing;
     if (floor) world.remove(floor);
     floor = new THREE.GridHelper(3 * scene.size, 12, night ? "#4a5464" : "#b9c1cb", night ? "#2b333f" : "#dde2e8");
     floor.rotation.x = Math.PI / 2;
@@ -202,7 +203,8 @@ for (const host of document.querySelectorAll(".robot")) {
       draw();
     }).observe(stage);
     dark.addEventListener("change", theme);
-    paper.addEventListener("change", theme);
+    addEventListener("beforeprint", () => { printing = true; theme(); });
+    addEventListener("afterprint", () => { printing = false; theme(); });
     theme();
   }
   show(clock.t);
