@@ -189,7 +189,7 @@ def test_what_was_found_is_drawn_where_it_is() -> None:
     (body,) = seen.ellipsoids
     assert body.joint == 2
     np.testing.assert_allclose(body.position, [0.1, 0.2, 0.3])
-    np.testing.assert_allclose([c.values for c in seen.colourings], np.outer([4 / 9, 2 / 9], np.ones(3)))
+    np.testing.assert_allclose([c.values for c in seen.colourings], np.outer([4.0, 2.0], np.ones(3)))
     assert len({c.most for c in seen.colourings}) == 1
     assert diagnosis_view(arm(), None, replace(diagnosis(), predictions=None)) is None
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid_ros.diagnosis.result import Diagnosis, Finding, TorqueRmse
-from sysid_ros.pages.robot_view import Colouring, Ellipsoid, Ring, Track, View, ellipsoid, percentages, view
+from sysid_ros.pages.robot_view import Colouring, Ellipsoid, Ring, Track, View, ellipsoid, view
 from sysid_ros.robot.robot_model import RobotModel
 
 _MOST = 3
@@ -32,7 +32,7 @@ def diagnosis_view(robot: RobotModel | None, urdf: Path | None, result: Diagnosi
     )
     told = ["The motion that the models were judged on."]
     if result.torque is not None:
-        told.append("Each joint has the colour of its torque error, as a part of its torque (both rms).")
+        told.append("Each joint has the colour of its torque error over the noise of its torque (both rms); 1 is noise alone.")
     if rings:
         told.append(f"Thick rings: {'; '.join(ring.label for ring in rings)}.")
     if bodies:
@@ -44,11 +44,18 @@ def diagnosis_view(robot: RobotModel | None, urdf: Path | None, result: Diagnosi
 
 
 def _errors(t: TorqueRmse, found: bool) -> tuple[Colouring, ...]:
-    """As given and with the causes, on one scale."""
-    torque = np.maximum(t.torque, 1e-12)
-    models = {"as given": t.before / torque} | ({"with the causes": t.after / torque} if found else {})
-    most = max(float(parts.max()) for parts in models.values())
-    return tuple(percentages(name, parts, most) for name, parts in models.items())
+    """As given and with the causes, on one scale. Over the noise, as the causes are weighed: where a joint has hardly any torque
+    its error is all of it and tells nothing."""
+    noise = np.where(t.noise_floor > 0.0, t.noise_floor, np.nan)
+    models = {"as given": t.before / noise} | ({"with the causes": t.after / noise} if found else {})
+    most = max([float(x) for ratios in models.values() for x in ratios if np.isfinite(x)], default=1.0)
+    return tuple(_times(name, ratios.tolist(), most) for name, ratios in models.items())
+
+
+def _times(name: str, ratios: list[float], most: float) -> Colouring:
+    texts = [f"{x:.2g}" if x < 99.5 else f"{x:.0f}" for x in (*ratios, most)]
+    told = tuple(f"{text} ×" if np.isfinite(x) else "–" for text, x in zip(texts, ratios, strict=False))
+    return Colouring(name, tuple(ratios), told, most, ("0", f"{texts[-1]} × noise"))
 
 
 def _body(robot: RobotModel, f: Finding) -> Ellipsoid | None:
