@@ -128,11 +128,15 @@ def _answer(runs: list[TrackingRun], scenario: ArmScenario) -> str:
     """The laws by how near they keep the tip to its path while the arm carries what it knows nothing of, in a sentence."""
     begin, end = _phases(scenario).get("carrying", (0.0, scenario.duration))
     errors = {run.law: 1e3 * run.tip_rms(begin, end) for run in runs if run.lost is None or run.lost >= end}
-    told = [f"{law.replace('_', ' ')} {error:.2g} mm" for law, error in sorted(errors.items(), key=lambda item: item[1])]
-    lost = [run.law.replace("_", " ") for run in runs if run.law not in errors]
+    told = [f"{_said(law)} {error:.2g} mm" for law, error in sorted(errors.items(), key=lambda item: item[1])]
+    lost = [_said(run.law) for run in runs if run.law not in errors]
     gone = f" The motion is lost by {', '.join(lost)}." if lost else ""
     carried = f"While {scenario.payload_mass:g} kg are carried the tip strays from its path by (rms): "
     return f"{carried}{', '.join(told)}.{gone}" if told else f"Every law loses the motion.{gone}"
+
+
+def _said(law: str) -> str:
+    return law.replace("_", " ").replace("slotine li", "Slotine-Li")
 
 
 def _phases(scenario: ArmScenario) -> dict[str, tuple[float, float]]:

@@ -221,9 +221,9 @@ def _answer(series: Sequence[PayloadEstimate], carried: Sequence[Carried]) -> st
     for c in carried:
         e, span = c.estimate, f"from {c.t0 - series[0].t:.2f} to {c.t1 - series[0].t:.2f} s"
         doubt = "" if e.status == "ok" else f" ({e.status.replace('_', ' ')})"
-        com = ", ".join(f"{1e3 * x:.0f}" for x in e.com)
+        com = ", ".join(f"{1e3 * x:.0f}" for x in e.com).replace("-", "−")
         told.append(f"{e.mass:.3f} ± {1.96 * e.mass_std:.3f} kg {span}, centre of mass at {com} mm in {e.frame}{doubt}")
-    return f"Carried: {'; '.join(told)}.".replace("-", "−")
+    return f"Carried: {'; '.join(told)}. Times count from the first estimate."
 
 
 def _bodies(start: float, carried: Sequence[Carried]) -> list[dict[str, Any]]:
