@@ -66,9 +66,8 @@ def command(
     """Find what the model of a robot gets wrong: the causes by name, with evidence, and a model extended by them.
 
     Give bags of a robot that moves all of its joints (15 to 30 s of positions and efforts, slow and fast) and its URDF. Without
-    --validate the last part of each bag is held out and judged on. It takes about as long as the recording, where much is wrong
-    up to three times as long. Temperatures of joints (sensor_msgs/Temperature, or a temperature in
-    control_msgs/DynamicJointState) are read where a bag has them.
+    --validate the last part of each bag is held out and judged on. It takes about as long as the recording, up to three times as
+    long where much is wrong. Temperatures of joints (Temperature or DynamicJointState messages) are read where a bag has them.
 
     \b
     Writes to DIR:
@@ -101,16 +100,27 @@ def command(
         ranked = _ranked(urdfs, robots, fitted)
         likeliest = max(ranked, key=lambda x: x.probability).urdf if ranked else next(iter(robots))
         robot, chosen = robots[likeliest], Path(likeliest) if urdfs else None
-        for sentence in known.notes(robot.urdf) if known else []:
-            note(sentence)
-        with stages() as tell:
-            result = with_ranking(diagnose(robot, fitted, judged, known, tell, origin, simulator), ranked)
+        result = with_ranking(_diagnosed(robot, fitted, judged, known, origin, simulator), ranked)
     except (DataError, RobotModelError) as error:
         result = Diagnosis("refused", robot.joint_names if robot else (), refusal=str(error))
     write_files(result, robot, out_path, origin, json_path, chosen)
     show(result)
     note(f"Written to {out_path} in {time.monotonic() - started:.0f} s.")
     return BAD_INPUT if result.verdict == "refused" else 0
+
+
+def _diagnosed(
+    robot: RobotModel,
+    fitted: list[Recording],
+    judged: list[Recording],
+    known: ModelFile | None,
+    origin: dict[str, object],
+    simulator: str | None,
+) -> Diagnosis:
+    for sentence in known.notes(robot.urdf) if known else []:
+        note(sentence)
+    with stages() as tell:
+        return diagnose(robot, fitted, judged, known, tell, origin, simulator)
 
 
 def _read_with_urdfs(

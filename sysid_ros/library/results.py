@@ -65,14 +65,12 @@ class Result(ABC):
 
     def report(self, path: str | Path) -> Path:
         """Write the page for people, one .html file; where it is done."""
-        path = with_suffix(path, (".html",))
-        self._write_report(path)
+        self._write_report(path := with_suffix(path, (".html",)))
         return path
 
     def save(self, path: str | Path) -> Path:
         """Write it for machines; the suffix says what."""
-        path = with_suffix(path, self.saves)
-        self._write(path)
+        self._write(path := with_suffix(path, self.saves))
         return path
 
     def plot(self, path: str | Path | None = None) -> Drawing:
@@ -96,8 +94,7 @@ class Result(ABC):
     @property
     def _urdf(self) -> Path | None:
         """The robot's file, where there is one."""
-        given = self.origin.get("urdf")
-        return Path(given) if isinstance(given, str) else None
+        return Path(given) if isinstance(given := self.origin.get("urdf"), str) else None
 
     @property
     def _units(self) -> tuple[str, ...]:
@@ -124,7 +121,6 @@ class Replayed(Result):
     """What was carried, see :class:`.Replay`: ``payloads``, ``events``, ``series``, ``final``, ``status``."""
 
     details: Replay
-
     saves = (".json", ".csv")
 
     def show(self, console: Console) -> None:
@@ -161,7 +157,6 @@ class Identified(Result):
     """The arm's own dynamics, see :class:`.Identification`: ``parameters``, ``model``, ``errors``, ``validation``."""
 
     details: Identification
-
     saves = (".yaml", ".json", ".urdf", ".xml")
 
     def show(self, console: Console) -> None:
@@ -203,7 +198,6 @@ class Diagnosed(Result):
     """What the model gets wrong, see :class:`.Diagnosis`: ``verdict``, ``causes``, ``data_faults``, ``model``."""
 
     details: Diagnosis
-
     saves = (".json", ".yaml", "")
 
     def show(self, console: Console) -> None:
@@ -222,7 +216,7 @@ class Diagnosed(Result):
         elif path.suffix == "":
             from sysid_ros.cli.diagnose_output import write_files
 
-            write_files(self.details, self.robot, path, self.origin, self._urdf)
+            write_files(self.details, self.robot, path, self.origin, urdf=self._urdf)
         else:
             super()._write(path)
 
@@ -236,15 +230,13 @@ class Diagnosed(Result):
     def _write_report(self, path: Path) -> None:
         from sysid_ros.pages.diagnosis_page import diagnosis_page
 
-        page = diagnosis_page(self.details, self.robot.name, self.origin, self.robot, self._urdf)
-        write_text(path, page)
+        write_text(path, diagnosis_page(self.details, self.robot.name, self.origin, self.robot, self._urdf))
 
 
 class Excited(Result):
     """A motion, see :class:`.Excitation`: ``trajectory``, ``criteria``, ``use``."""
 
     details: Excitation
-
     saves = (".yaml", ".json")
 
     def show(self, console: Console) -> None:
@@ -294,10 +286,13 @@ class Checked(Result):
     def figure(self) -> Figure:
         from sysid_ros.pages.frequency_figure import frequency_figure
 
-        return frequency_figure(self.details, f"Measured torque over that of {self.robot.name}")
+        return frequency_figure(self.details, self._title)
+
+    @property
+    def _title(self) -> str:
+        return f"Measured torque over that of {self.robot.name}"
 
     def _write_report(self, path: Path) -> None:
         from sysid_ros.pages.frequency_figure import write_frequency_plot
 
-        title = f"Measured torque over that of {self.robot.name}"
-        write_frequency_plot(path, self.details, title, self.robot, self._urdf)
+        write_frequency_plot(path, self.details, self._title, self.robot, self._urdf)

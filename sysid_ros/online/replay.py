@@ -98,12 +98,6 @@ def replay(
     timeout = estimation.settings.sensor_timeout
     if not last_received - last_accepted <= timeout and read > 0:
         status, reason = "stale", f"The recording ends without a usable sample for more than {timeout:g} s."
-    warnings = list(gate.warnings)
-    warnings += [f"{n} of {gate.received} messages rejected: {gate.last_texts[key]}" for key, n in gate.counts.items()]
-    if estimation.fault:
-        warnings.append(estimation.fault)
-    if not series:
-        warnings.append("The recording gave no estimate at all: it is too short, or no sample of it was usable.")
     return Replay(
         series=series,
         final=final,
@@ -116,11 +110,22 @@ def replay(
         seconds=time.perf_counter() - start,
         status=status,
         reason=reason,
-        warnings=[*estimation.warnings, *warnings],
+        warnings=_warnings(gate, estimation, bool(series)),
         feet=estimation.stance_counts,
         notes=gate.notes,
         postures=log.postures(),
     )
+
+
+def _warnings(gate: Gate, estimation: OnlineEstimation, told: bool) -> list[str]:
+    """What the user should know, a sentence or a few each; ``told``: there was an estimate at all."""
+    out = [*estimation.warnings, *gate.warnings]
+    out += [f"{n} of {gate.received} messages rejected: {gate.last_texts[key]}" for key, n in gate.counts.items()]
+    if estimation.fault:
+        out.append(estimation.fault)
+    if not told:
+        out.append("The recording gave no estimate at all: it is too short, or no sample of it was usable.")
+    return out
 
 
 def as_json(result: Replay) -> dict[str, Any]:
