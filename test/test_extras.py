@@ -9,7 +9,7 @@ import sys
 import pytest
 
 ALONE = """import contextlib, io, json, sys
-for name in ("pybullet", "pybullet_data", "mujoco", "pyarrow", "pyarrow.parquet", "rclpy"):
+for name in ("pybullet", "pybullet_data", "mujoco", "pyarrow", "pyarrow.parquet", "rclpy", "rerun"):
     sys.modules[name] = None
 from sysid_ros.cli.main import run
 from sysid_ros.nodes import start
@@ -25,6 +25,7 @@ COMMANDS: dict[str, tuple[list[str], str]] = {
     "control": (["control", "--json", "new.json"], "sim"),
     "mjcf": (["export", "model.yaml", "--urdf", "robot.xml", "--out", "new.xml"], "mujoco"),
     "parquet": (["replay", "table.parquet", "--urdf", "robot.urdf"], "tables"),
+    "rerun": (["replay", "table.csv", "--urdf", "robot.urdf", "--rerun", "new.rrd"], "rerun"),
     "demo": (["demo"], "ros"),
     "online_payload_estimator": ([], "ros"),
     "adaptive_controller": ([], "ros"),
@@ -36,6 +37,7 @@ FILES = {
     "robot.xml": "<mujoco/>",
     "robot.urdf": "<robot name='one'/>",
     "table.parquet": "x",
+    "table.csv": "x",
 }
 
 

@@ -16,7 +16,7 @@ from sysid_ros.cli.simulate_output import named_option  # says so where PyBullet
 from sysid_ros.control.control_settings import ControlSettings
 from sysid_ros.control.tracking_run import TrackingRun
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.pages import check_plot_path
+from sysid_ros.pages import check_plot_paths
 from sysid_ros.plain_json import plain
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation import ArmScenario
@@ -61,9 +61,16 @@ def _settings_options(command: Any) -> Any:
 @_settings_options
 @opt.JSON
 @opt.path("--plot", "plot_path", help="Draw errors and masses over time: .png or .html.")
+@opt.RERUN
 @opt.FORCE
 def command(
-    laws: tuple[str, ...], model_path: Path | None, json_path: Path | None, plot_path: Path | None, force: bool, **options: Any
+    laws: tuple[str, ...],
+    model_path: Path | None,
+    json_path: Path | None,
+    plot_path: Path | None,
+    rerun_path: Path | None,
+    force: bool,
+    **options: Any,
 ) -> None:
     """Compare control laws on a simulated arm that picks up a payload which none of them knows.
 
@@ -86,9 +93,8 @@ def command(
 
     Exit codes: 0 done; 2 bad input or usage.
     """
-    check_outputs(force, json=json_path, plot=plot_path)
-    if plot_path is not None:
-        check_plot_path(plot_path)
+    check_outputs(force, json=json_path, plot=plot_path, rerun=rerun_path)
+    check_plot_paths(plot_path, rerun_path)
     try:
         settings = ControlSettings(**{name: options[name] for name in _SETTINGS})
         scenario = ArmScenario(**{name: value for name, value in options.items() if name not in _SETTINGS})
@@ -104,11 +110,12 @@ def command(
         note(sentence)
     if json_path is not None:
         write_json(json_path, {"scenario": _plain(scenario), "laws": [_summary(run, scenario) for run in runs]})
-    if plot_path is not None:
-        from sysid_ros.pages.tracking_figure import write_tracking
+    for path in (plot_path, rerun_path):
+        if path is not None:
+            from sysid_ros.pages.tracking_figure import write_tracking
 
-        write_tracking(plot_path, runs, _followed(scenario), _answer(runs, scenario))
-        note(f"Figure written to {plot_path}.")
+            write_tracking(path, runs, _followed(scenario), _answer(runs, scenario))
+            note(f"Figure written to {path}.")
     _show(runs, scenario)
 
 

@@ -31,6 +31,7 @@ _PARTS = (
     ("mujoco", "mujoco", "MJCF; gain in simulation of diagnose", "pip install 'sysid_ros[mujoco]'"),
     ("pyarrow", "pyarrow", "Parquet tables", "pip install 'sysid_ros[tables]'"),
     ("xacro", "xacro", "robots written as xacro", "pip install 'sysid_ros[xacro]'"),
+    ("rerun", "rerun-sdk", "recordings for the viewer of Rerun", "pip install 'sysid_ros[rerun]'"),
 )
 """Module, distribution, what it brings, and how to get it."""
 

@@ -19,7 +19,7 @@ from sysid_ros.excitation.excite import Excitation, excite, steps
 from sysid_ros.excitation.motion_limits import JointLimit, read_joint_limits
 from sysid_ros.files import check_bag, whole_folder, write_text
 from sysid_ros.identification import free_model
-from sysid_ros.pages import check_plot_path
+from sysid_ros.pages import check_plot_paths
 from sysid_ros.robot.collision_model import CollisionModel
 from sysid_ros.robot.mesh_files import MeshFiles
 from sysid_ros.robot.robot_model import RobotModel
@@ -60,6 +60,7 @@ def _setting(name: str, text: str) -> opt.Decorator:
 @opt.path("--out", "out_path", required=True, help="trajectory_msgs/JointTrajectory in YAML, to write.")
 @opt.path("--bag", help="Folder to create: a bag with the same message.")
 @opt.PLOT
+@opt.RERUN
 @opt.JSON
 @_setting("duration", "Of the motion. [s]")
 @click.option("--period", type=float, help="The duration is a whole number of periods. [s]  [default: about 10]")
@@ -97,6 +98,7 @@ def command(
     out_path: Path,
     bag: Path | None,
     plot_path: Path | None,
+    rerun_path: Path | None,
     json_path: Path | None,
     period: float | None,
     rate: float,
@@ -124,7 +126,7 @@ def command(
       sysid excite --urdf arm.urdf --floor 0 --out traj.yaml --bag traj_bag --plot traj.png
     """
     settings = _settings({"period": period or 0.0, **options})
-    _check(out_path, bag, plot_path, json_path, force)
+    _check(out_path, bag, (plot_path, rerun_path), json_path, force)
     _check_times(rate, approach)
     online = settings_from(read_config(config_path))
     robot = RobotModel.from_urdf(urdf_text(urdf), joint_names or online.joint_names, online.gravity)
@@ -146,12 +148,17 @@ def command(
     _write(result, robot, out_path, bag, f"/{controller.strip('/')}/joint_trajectory", storage, rate, approach)
     if json_path is not None:
         write_json(json_path, as_json(result, settings))
-    if plot_path is not None:
-        from sysid_ros.pages.excitation_figure import write_excitation
-
-        write_excitation(plot_path, result, f"Exciting motion of {robot.name}", urdf)
+    _draw((plot_path, rerun_path), result, urdf)
     show(result)
     note(f"Motion written to {out_path}{f' and {bag}' if bag else ''}. How to send it: sysid excite --help")
+
+
+def _draw(paths: tuple[Path | None, ...], result: Excitation, urdf: Path) -> None:
+    for path in paths:
+        if path is not None:
+            from sysid_ros.pages.excitation_figure import write_excitation
+
+            write_excitation(path, result, f"Exciting motion of {result.limits.robot.name}", urdf)
 
 
 def _limits_of(robot: RobotModel, path: Path) -> dict[str, JointLimit]:
@@ -171,11 +178,10 @@ def _settings(options: dict[str, Any]) -> ExcitationSettings:
         raise SettingsError(f"--{field.replace('_', '-')} {rest}") from None
 
 
-def _check(out: Path, bag: Path | None, plot: Path | None, json_path: Path | None, force: bool) -> None:
+def _check(out: Path, bag: Path | None, plots: tuple[Path | None, Path | None], json_path: Path | None, force: bool) -> None:
     """What can be wrong is said before the search, not after it."""
-    check_outputs(force, out=out, json=json_path, plot=plot)
-    if plot is not None:
-        check_plot_path(plot)
+    check_outputs(force, out=out, json=json_path, plot=plots[0], rerun=plots[1])
+    check_plot_paths(*plots)
     if bag is not None:
         check_bag(bag, force, "--bag")
 

@@ -78,6 +78,9 @@ READ_JOINTS = click.option(
 JSON = path("--json", "json_path", help="Write the result for machines.")
 NEW_BAG = path("--bag", required=True, help="Folder to create; the truth goes to BAG.truth.json.")
 PLOT = path("--plot", "plot_path", help="Write a figure: .png, .svg, .pdf, or .html to look around in.")
+RERUN = path(
+    "--rerun", "rerun_path", metavar="RRD", help="Write figures and robot over time for the viewer of Rerun (extra rerun)."
+)
 SEED = number("--seed", default=0, help="Of the motion and of the noise.")
 STORAGE = click.option("--storage", type=click.Choice(["mcap", "sqlite3"]), default="mcap", show_default=True, help="Of the bag.")
 TOPIC = click.option("--topic", default="/joint_states", show_default=True)

@@ -17,7 +17,7 @@ from sysid_ros.online.carried import write_carried
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.replay import Replay, as_json, replay, write_series
 from sysid_ros.online.warm_up import warm_up
-from sysid_ros.pages import check_plot_path
+from sysid_ros.pages import check_plot_paths
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sources import BagSource, FloatingBagSource, Source, TableSource
 from sysid_ros.torque.model_file import ModelFile
@@ -39,6 +39,7 @@ from sysid_ros.torque.model_file import ModelFile
 @opt.path("--series", "series_path", help="Write every estimate as a row of CSV.")
 @opt.path("--payloads", "payloads_path", help="Write what was carried, a row of CSV each.")
 @opt.path("--plot", "plot_path", help="Draw the estimate over time: .png or .html.")
+@opt.RERUN
 @opt.FORCE
 def command(
     bag: Path,
@@ -56,6 +57,7 @@ def command(
     series_path: Path | None,
     payloads_path: Path | None,
     plot_path: Path | None,
+    rerun_path: Path | None,
     force: bool,
 ) -> None:
     """Estimate from BAG, exactly as the node does live, what was carried: one row for each thing.
@@ -73,9 +75,8 @@ def command(
     Exit codes: 0 done; 2 bad input or usage, or nothing in BAG tells of a payload. Whether an estimate can be believed is its
     status.
     """
-    check_outputs(force, json=json_path, series=series_path, payloads=payloads_path, plot=plot_path)
-    if plot_path:
-        check_plot_path(plot_path)
+    check_outputs(force, json=json_path, series=series_path, payloads=payloads_path, plot=plot_path, rerun=rerun_path)
+    check_plot_paths(plot_path, rerun_path)
     parameters = read_config(config_path)
     settings = settings_from(parameters, frame_id=frame, joint_names=joint_names, effort_preset=effort_preset)
     urdf = urdf or _path_in(parameters, "urdf_path")
@@ -91,7 +92,7 @@ def command(
     if result.used == 0:
         worst = max(gate.counts, key=lambda reason: gate.counts[reason], default="joints_missing")
         raise BagError(f"bag '{bag}': no joint state of it can be used. {gate.last_texts.get(worst, '')}".rstrip())
-    _write(result, bag.name, robot, urdf, json_path, series_path, payloads_path, plot_path)
+    _write(result, bag.name, robot, urdf, json_path, series_path, payloads_path, (plot_path, rerun_path))
     for sentence in result.warnings:
         warn(sentence)
     show_replay(result, bag.name)
@@ -117,7 +118,7 @@ def _write(
     json_path: Path | None,
     series_path: Path | None,
     payloads_path: Path | None,
-    plot_path: Path | None,
+    plots: tuple[Path | None, ...],
 ) -> None:
     if json_path:
         write_json(json_path, as_json(result))
@@ -125,10 +126,11 @@ def _write(
         write_series(series_path, result.series)
     if payloads_path:
         write_carried(payloads_path, result.payloads)
-    if plot_path and result.series:
-        from sysid_ros.pages import write_replay  # drawing libraries take a second to import
+    for path in plots:
+        if path and result.series:
+            from sysid_ros.pages import write_replay  # drawing libraries take a second to import
 
-        write_replay(plot_path, result, robot, f"Payload in {name}", urdf)
+            write_replay(path, result, robot, f"Payload in {name}", urdf)
 
 
 def _path_in(parameters: dict[str, object], name: str) -> Path | None:

@@ -10,7 +10,7 @@ from sysid_ros.excitation.excite import Excitation
 from sysid_ros.excitation.motion_limits import KINDS
 from sysid_ros.pages import palette
 from sysid_ros.pages.figure import Axis, Cells, Curve, Figure, Mark, Panel, Stack
-from sysid_ros.pages.page import PAGE_SUFFIXES, check_plot_path, write_plot
+from sysid_ros.pages.page import VIEW_SUFFIXES, check_plot_path, write_plot
 from sysid_ros.pages.robot_view import RATE, Track, View, percentages, view
 
 _TITLES = {"position": "Position", "velocity": "Velocity", "acceleration": "Acceleration", "torque": "Nominal torque"}
@@ -54,7 +54,7 @@ def write_excitation(path: Path, excitation: Excitation, title: str, urdf: Path 
         SettingsError: the suffix is not known, or the folder is not there.
     """
     check_plot_path(path)
-    seen = _view(excitation, urdf) if path.suffix.lower() in PAGE_SUFFIXES else None
+    seen = _view(excitation, urdf) if path.suffix.lower() in VIEW_SUFFIXES else None
     d = [c.d for c in excitation.random]
     answer = (
         f"A motion of {excitation.trajectory.duration:g} s that tells more than each of {len(d)} random feasible ones."

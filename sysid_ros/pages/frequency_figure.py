@@ -12,7 +12,7 @@ from sysid_ros.frequency_domain import FrequencyCheck, JointCheck, Response
 from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.pages import palette
 from sysid_ros.pages.figure import Axis, Band, Curve, Figure, Item, Mark, Panel, Spans, Stack
-from sysid_ros.pages.page import PAGE_SUFFIXES, check_plot_path, write_plot
+from sysid_ros.pages.page import VIEW_SUFFIXES, check_plot_path, write_plot
 from sysid_ros.pages.robot_view import Track, View, percentages, view
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -44,7 +44,7 @@ def write_frequency_plot(
     if not _shown(result):
         raise DataError("There is no response to plot: no joint moves enough in these recordings.")
     sentences = (*result.sentences, *(s for c in result.joints for s in c.sentences))
-    seen = _view(robot, urdf, result) if path.suffix.lower() in PAGE_SUFFIXES else None
+    seen = _view(robot, urdf, result) if path.suffix.lower() in VIEW_SUFFIXES else None
     answer, heading = _answer(result), "Response of each joint"
     write_plot(path, frequency_figure(result, title), answer=answer, sentences=sentences, heading=heading, view=seen)
 

@@ -15,7 +15,7 @@ from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
 from sysid_ros.online.replay import Replay
 from sysid_ros.pages import palette
 from sysid_ros.pages.figure import Axis, Band, Curve, Dash, Figure, Item, Mark, Panel, Spans, Stack, evenly, peaks, with_gaps
-from sysid_ros.pages.page import PAGE_SUFFIXES, check_plot_path, write_plot
+from sysid_ros.pages.page import VIEW_SUFFIXES, check_plot_path, write_plot
 from sysid_ros.pages.payload_curves import (
     BELIEVED,
     Quantities,
@@ -87,7 +87,7 @@ def write_replay(path: Path, result: Replay, robot: RobotModel, title: str, urdf
         urdf: the robot's file, beside which meshes are looked for.
     """
     check_plot_path(path)
-    seen = payload_view(robot, urdf, result) if path.suffix.lower() in PAGE_SUFFIXES else None
+    seen = payload_view(robot, urdf, result) if path.suffix.lower() in VIEW_SUFFIXES else None
     units = tuple("N" if slides else "N m" for slides in robot.is_prismatic)
     write_payload_plot(path, result.series, result.events, robot.joint_names, title, None, units, result.payloads, seen)
 

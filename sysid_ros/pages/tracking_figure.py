@@ -11,7 +11,7 @@ import numpy as np
 from sysid_ros.control.tracking_run import TrackingRun
 from sysid_ros.pages import palette
 from sysid_ros.pages.figure import Axis, Curve, Figure, Mark, Panel, Stack
-from sysid_ros.pages.page import PAGE_SUFFIXES, check_plot_path, write_plot
+from sysid_ros.pages.page import VIEW_SUFFIXES, check_plot_path, write_plot
 from sysid_ros.pages.robot_view import Track, View, ellipsoid, view
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -45,7 +45,7 @@ def write_tracking(path: Path, runs: Sequence[TrackingRun], followed: Followed, 
         SettingsError: the suffix is not known, or the folder is not there.
     """
     check_plot_path(path)
-    seen = _view(runs, followed) if path.suffix.lower() in PAGE_SUFFIXES else None
+    seen = _view(runs, followed) if path.suffix.lower() in VIEW_SUFFIXES else None
     figure = tracking_figure(runs, followed.events, followed.mass)
     write_plot(path, figure, answer=answer, heading="Errors and masses over time", view=seen)
 
