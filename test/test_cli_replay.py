@@ -168,7 +168,7 @@ def test_before_it_can_know_it_does_not_claim_to(picked: tuple[dict[str, Any], l
             assert t < 4.1 or 4.0 < t < 10.5, t
 
 
-@pytest.mark.parametrize("bag", [PICK, EMPTY], ids=["mcap", "sqlite3"])
+@pytest.mark.parametrize("bag", [pytest.param(PICK, marks=pytest.mark.slow), EMPTY], ids=["mcap", "sqlite3"])
 def test_every_form_of_a_bag_gives_the_same(tmp_path: Path, bag: Path) -> None:
     """A folder with and without metadata.yaml, and the file in it alone."""
     config = slow_output(tmp_path)

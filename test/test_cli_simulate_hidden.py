@@ -44,6 +44,7 @@ def test_bag_and_truth_are_written(tmp_path: Path) -> None:
         simulate(tmp_path / "a", "--hide", "coulomb_friction")
 
 
+@pytest.mark.slow
 def test_another_seed_moves_the_same_robot_otherwise(tmp_path: Path) -> None:
     hidden = ("--hide", "payload", "--hide", "viscous_friction", "--hide-seed", "3", "--no-velocity")
     one, other = simulate(tmp_path / "a", *hidden), simulate(tmp_path / "b", *hidden, "--seed", "1")

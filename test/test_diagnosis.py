@@ -115,7 +115,7 @@ def diagnosed(name: str) -> Diagnosis:
     return diagnose(robot(ARM), [record(cause, 1)], [record(cause, 2, 10.0)])
 
 
-QUICK = ("payload", "torque_sign")
+QUICK = ("payload",)
 
 
 @pytest.mark.parametrize("name", [pytest.param(x, marks=() if x in QUICK else pytest.mark.slow) for x in CAUSES])

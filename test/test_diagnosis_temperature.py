@@ -63,6 +63,7 @@ def diagnosed(what: str) -> Diagnosis:
     return diagnose(robot(ARM), [fit], [judge])
 
 
+@pytest.mark.slow
 def test_friction_that_falls_with_the_temperature_is_found_as_such() -> None:
     result = diagnosed("temperature")
     (found,) = result.findings

@@ -320,6 +320,7 @@ def factor_inside(seed: int) -> bool:
     return low <= 0.0 <= high
 
 
+@pytest.mark.slow
 def test_intervals_of_a_factor_on_the_efforts_hold_the_truth() -> None:
     check_coverage([factor_inside(seed) for seed in range(24)])
 

@@ -240,7 +240,7 @@ def test_pybullet_says_the_same(id_: str) -> None:
     agree(c, effect, run(effect, c), run(effect, c, move_in_pybullet), 0.03)
 
 
-@pytest.mark.parametrize("id_", ["payload", "coulomb_friction"])
+@pytest.mark.parametrize("id_", ["coulomb_friction"])
 def test_mujoco_says_the_same(id_: str) -> None:
     c = usual(9)
     effect = CAUSES[id_].draw(c)

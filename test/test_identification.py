@@ -310,6 +310,7 @@ def test_links_that_the_urdf_states_right_are_kept(seed: int) -> None:
     assert sum(np.isinf(result.prior.link_weights)) >= model.n - 1
 
 
+@pytest.mark.slow
 def test_links_that_the_urdf_states_wrong_are_found() -> None:
     """On every joint that they load at all, and worse on none."""
     model = robot("small_arm")

@@ -75,6 +75,7 @@ def test_each_joint_gets_the_friction_that_predicts_what_was_not_fitted() -> Non
     assert "load_dependent_friction" not in {b.effect for b in plain.model.effects}
 
 
+@pytest.mark.slow
 def test_friction_that_grows_with_the_load_is_found() -> None:
     theta = np.array([1.0, 0.0, 0.8, 0.08, 0.6, 0.05, 0.5, 0.0])
     recording = slow_recording(theta, LoadDependentFriction(MODEL))

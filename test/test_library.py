@@ -92,6 +92,7 @@ def test_an_identification_is_the_model_of_the_next(run: sysid.Recording, identi
     assert identified.plot().axes
 
 
+@pytest.mark.slow
 def test_frequency_is_a_verb_too(tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

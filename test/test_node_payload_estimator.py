@@ -328,6 +328,7 @@ def test_nan_effort_is_an_error_and_nothing_is_committed(bench: Callable[..., Be
     one.tester.destroy_subscription(committed)
 
 
+@pytest.mark.slow
 def test_bag_that_loops_starts_the_estimation_again(bench: Callable[..., Bench]) -> None:
     one = bench()
     messages = motion(4.0, time.time() - 100.0)

@@ -121,7 +121,9 @@ def test_the_frame_is_only_a_view() -> None:
     np.testing.assert_allclose(plain.theta[:4], payload[:4], atol=0.02)
 
 
-@pytest.mark.parametrize(("run", "mass", "part"), [("fourier14_load", 2.805, 0.05), ("fast20_load", 1.069, 0.05)])
+@pytest.mark.parametrize(
+    ("run", "mass", "part"), [("fourier14_load", 2.805, 0.05), pytest.param("fast20_load", 1.069, 0.05, marks=pytest.mark.slow)]
+)
 def test_payloads_of_a_real_arm(run: str, mass: float, part: float) -> None:
     if not UR10E.is_dir():
         pytest.skip("the measured data are not beside the project")

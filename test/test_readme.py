@@ -281,12 +281,17 @@ def test_pages_with_examples_are_found() -> None:
     assert {README, DOCS / "getting_started.md", DOCS / "library.md"} <= set(WITH_EXAMPLES)
 
 
-@pytest.mark.parametrize("path", WITH_EXAMPLES, ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, marks=() if path == README else pytest.mark.slow) for path in WITH_EXAMPLES],
+    ids=lambda path: str(path.relative_to(ROOT)),
+)
 def test_examples_of_a_page_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     run_blocks(path, tmp_path)
 
 
+@pytest.mark.slow
 def test_examples_of_extending_run(extended: tuple[type, type], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     run_blocks(EXTENDING, tmp_path)

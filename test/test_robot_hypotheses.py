@@ -53,6 +53,7 @@ def test_a_wrong_sign_is_told_from_a_joint_that_counts_backwards() -> None:
         assert fault.probability > 0.9
 
 
+@pytest.mark.slow
 def test_dead_channels_among_currents_are_the_reason_of_a_refusal() -> None:
     healthy, rng = record(None, 1), np.random.default_rng(0)
     tau = healthy.tau / np.array([11.0, 14.0, 7.0, 9.0])
