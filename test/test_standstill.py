@@ -12,9 +12,11 @@ from robots import robot
 from sysid_ros.effects import CoulombFriction, Payload
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.payload_estimate import PayloadEstimate
+from sysid_ros.online.rows import Rows
+from sysid_ros.online.standstill import Standstill
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot import inertial_parameters
-from sysid_ros.sample import FloatArray, Measurement
+from sysid_ros.sample import FloatArray, Measurement, Sample
 
 RATE, START = 250.0, 100.0
 STOPS, GOES = 8.0, 10.0
@@ -57,6 +59,26 @@ def test_a_pick_of_a_standing_arm_is_not_denied(seed: int, mass: float) -> None:
     assert abs(series[-1].mass - mass) < 4.0 * series[-1].mass_std
     denied = [e for e in series if e.t - START > pick + 0.3 and e.status == "no_payload"]
     assert not denied
+
+
+def test_a_long_stand_keeps_nothing_and_stamps_that_jump_back_end_it() -> None:
+    watch, n = Standstill(np.ones(10)), MODEL.n
+
+    def row(t: float, jump: float = 0.0, stands: bool = True) -> None:
+        zero = np.zeros(n)
+        sample = Sample(t, zero, zero, zero, zero)
+        rows = Rows(np.ones((n, 10)), zero, zero, zero, zero, zero, np.zeros((n, 0)), sample)
+        watch.add(rows, stands, np.full(n, jump), np.full(n, 1e-4), np.full(n, 0.1), 0.1)
+
+    for k in range(3000):
+        row(0.01 * k, 20.0 if k > 50 else 0.0)
+    assert watch.told
+    assert len(watch._left) < 20
+    row(30.0, stands=False)
+    assert watch.told
+    row(1.0, stands=False)  # the bag is played again
+    assert not watch.told
+    assert not watch.lasts
 
 
 def test_friction_that_creeps_while_the_arm_stands_is_no_change() -> None:

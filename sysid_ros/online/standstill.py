@@ -53,7 +53,7 @@ class Standstill:
             if self._left:
                 self._left.clear()
                 self._moves_since = t
-            if self.told and t - self._moves_since > _SHOWS:
+            if not 0.0 <= t - self._moves_since <= _SHOWS:  # or the stamps have jumped back
                 self.told = ""
             self.lasts = bool(self.told)
             return
@@ -61,9 +61,11 @@ class Standstill:
         if self._left and not 0.0 < t - self._left[-1][0] < apart:
             self._left.clear()
         self._left.append((t, left))
-        if self.told or hidden is None or t - self._left[0][0] < apart:
+        if t - self._left[0][0] < apart:
             return
         before, was = self._left.popleft()
+        if self.told or hidden is None:
+            return
         creep = 2.0 * (1.0 - np.exp(-(t - before) / _CREEPS))
         change, alone = left - was, 2.0 * noise + creep * hidden
         columns = rows.Y[:, : self._prior_variance.size]

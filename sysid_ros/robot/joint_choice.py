@@ -30,8 +30,9 @@ class Kind:
         """Count one."""
         self.count += 1
         self.has_effort |= len(record.effort) > 0
-        pairs = zip(record.names, np.nan_to_num(np.asarray(record.effort, dtype=float)).tolist(), strict=False)
-        self.measured.update(name for name, effort in pairs if effort)
+        effort = np.asarray(record.effort, dtype=float)
+        measured = (effort != 0.0) & ~np.isnan(effort)  # 0 or NaN all the time is what a driver says of what it does not measure
+        self.measured.update(name for name, one in zip(record.names, measured.tolist(), strict=False) if one)
 
 
 def kinds_of(records: Collection[JointStateRecord]) -> dict[tuple[str, ...], Kind]:
