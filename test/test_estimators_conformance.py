@@ -233,7 +233,6 @@ def test_covariance_is_symmetric_and_positive_definite_whatever_comes(make: Fact
         estimate = estimator.update(Y[k], tau[k], hold=bool(k % 500 > 450))
         assert estimate.status in STATUSES
         if k % 20 == 0:
-            assert_positive_definite(estimate.covariance)
             assert_positive_definite(estimator.covariance())
         assert np.isfinite(estimate.theta).all()
 
@@ -246,15 +245,15 @@ def test_the_estimate_is_a_value(make: Factory) -> None:
     estimate = estimator.update(Y[0], tau[0])
     np.testing.assert_array_equal(estimate.innovation, tau[0] - Y[0] @ before)
     np.testing.assert_array_equal(estimate.theta, estimator.theta)
-    np.testing.assert_array_equal(estimate.covariance, estimator.covariance())
-    kept = [np.copy(a) for a in (estimate.theta, estimate.covariance, estimate.innovation)]
+    covariance = estimator.covariance()
+    kept = [np.copy(a) for a in (estimate.theta, covariance, estimate.innovation)]
     assert estimate.theta.shape == (5,)
-    assert estimate.covariance.shape == (5, 5)
+    assert covariance.shape == (5, 5)
     assert estimate.innovation.shape == (3,)
     feed(estimator, Y[1:], tau[1:])
     estimator.theta[:] = 7.0
     estimator.covariance()[:] = 7.0
-    for array, copy in zip((estimate.theta, estimate.covariance, estimate.innovation), kept, strict=True):
+    for array, copy in zip((estimate.theta, covariance, estimate.innovation), kept, strict=True):
         np.testing.assert_array_equal(array, copy)
     assert not np.any(estimator.theta == 7.0)
 

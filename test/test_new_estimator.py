@@ -50,15 +50,15 @@ class RandomWalk(Estimator):
     ) -> Estimate:
         innovation = tau - Y @ self.x
         if not (np.isfinite(Y).all() and np.isfinite(tau).all()):
-            return Estimate(self.theta, self.covariance(), innovation, "not_finite", "the rows are not finite")
+            return Estimate(self.theta, innovation, "not_finite", "the rows are not finite")
         if hold:
-            return Estimate(self.theta, self.covariance(), innovation, "not_excited", "nothing excites the parameters")
+            return Estimate(self.theta, innovation, "not_excited", "nothing excites the parameters")
         R = self.R if extra_variance is None else self.R + np.diag(extra_variance)
         C = self.C + self.Q
         K = np.linalg.solve(Y @ C @ Y.T + R, Y @ C).T
         rest = np.eye(self.p) - K @ Y
         self.x, self.C = self.x + K @ innovation, rest @ C @ rest.T + K @ R @ K.T
-        return Estimate(self.theta, self.covariance(), innovation, "ok", "")
+        return Estimate(self.theta, innovation, "ok", "")
 
 
 @pytest.fixture(autouse=True)

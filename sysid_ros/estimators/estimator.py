@@ -21,15 +21,13 @@ class Estimate(NamedTuple):
     """Result of one update.
 
     Attributes:
-        theta: parameters, shape (p,).
-        covariance: of theta, shape (p, p).
+        theta: parameters, shape (p,); their covariance is :meth:`Estimator.covariance`, which not every update is asked for.
         innovation: tau - Y theta before the update, shape (m,).
         status: one of :data:`STATUSES`: may this be believed.
         reason: the same in a sentence.
     """
 
     theta: FloatArray
-    covariance: FloatArray
     innovation: FloatArray
     status: str
     reason: str
@@ -139,9 +137,7 @@ class Estimator(ABC):
         return self._P.copy() if self._sensitivity.shape[1] else self.covariance()
 
     def _estimate(self, innovation: FloatArray, status: str, reason: str) -> Estimate:
-        S = self._sensitivity
-        covariance = self._P + S @ S.T if S.shape[1] else self._P.copy()
-        return Estimate(self._theta.copy(), covariance, innovation, status, reason)
+        return Estimate(self._theta.copy(), innovation, status, reason)
 
     @abstractmethod
     def update(

@@ -102,7 +102,7 @@ class WatchedEstimator(Estimator):
             self._inner.forget()
         self._see()
         if jumped and self._clean:
-            return Estimate(self.theta, self.covariance(), seen.innovation, seen.status, seen.reason)
+            return Estimate(self.theta, seen.innovation, seen.status, seen.reason)
         variance = self.noise_variance if extra_variance is None else self.noise_variance + self._colour * extra_variance
         if seen.status == "outlier":
             variance = variance + seen.innovation**2

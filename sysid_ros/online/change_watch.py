@@ -53,7 +53,7 @@ class ChangeWatch:
         self.trial.compare(rows.Y, rows.y, self._free.extra_variance(rows, self.trial.before, front_end.passed), estimator)
         if self.trial.force:
             innovation = rows.y - rows.Y @ estimator.theta
-            estimate = Estimate(estimator.theta, estimator.covariance(), innovation, "outlier", "a force acts on the robot")
+            estimate = Estimate(estimator.theta, innovation, "outlier", "a force acts on the robot")
         else:
             known, jumps = estimator.noise_known, estimator.jumps
             extra = self._free.extra_variance(rows, estimator, front_end.passed)

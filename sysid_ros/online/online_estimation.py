@@ -248,8 +248,8 @@ class OnlineEstimation:
         self, estimate: Estimate, rows: Rows, t: float, judgement: Judgement, projection: ContactProjection | None
     ) -> PayloadEstimate:
         assert self.estimator is not None
-        theta: FloatArray = estimate.theta[PAYLOAD] - self._changes.tare.theta
-        covariance = estimate.covariance[PAYLOAD, PAYLOAD]
+        theta: FloatArray = self.estimator.theta[PAYLOAD] - self._changes.tare.theta
+        covariance = self.estimator.covariance()[PAYLOAD, PAYLOAD]
         if self._changes.tare.taken:
             covariance = sum(self._changes.tare.covariances(self.estimator), np.zeros((10, 10)))
         if self.base is not None:
