@@ -45,6 +45,9 @@ class SafetySettings(Settings):
     """When a motion is refused or given up, and what torque may be used."""
 
     effort_limit_scale: float = setting(1.0, "part of the URDF's effort limits that may be used", "", 0.0, 1.0)
+    effort_rise_time: float = setting(
+        0.05, "in which an effort may go from nothing to its limit, at the fastest", "s", 0.0005, 10.0
+    )
     error_limit: float = setting(0.3, "a joint this far from its motion ends the motion", "rad or m", 1e-4, 10.0)
     start_tolerance: float = setting(0.05, "a motion may begin this far from where the arm is wanted", "rad or m", 1e-4, 10.0)
     braking_time: float = setting(0.3, "in which the arm comes to rest where a motion ends early", "s", 0.01, 10.0)

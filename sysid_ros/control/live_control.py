@@ -10,6 +10,7 @@ from sysid_ros.control.arm_torque import ArmTorque
 from sysid_ros.control.control_settings import SafetySettings
 from sysid_ros.control.controller import Reference, TrackingController
 from sysid_ros.control.timed_motion import TimedMotion
+from sysid_ros.control.unmodelled_torque import ToldPayload, UnmodelledTorque
 from sysid_ros.exceptions import DataError
 from sysid_ros.sample import FloatArray
 
@@ -17,10 +18,20 @@ _GRID = 0.01
 _TOO_FAST = 1.5
 """Speed in parts of the URDF's limit from which something is wrong."""
 _JITTER = 1.05
-_TO_KNOW, _AVERAGE = 20, 200
-"""States after which their period is known, and over which it is averaged."""
-_YIELDING = 0.25
-"""Damping of an arm that yields, in bandwidths of its law."""
+_TO_KNOW, _AVERAGE = 50, 200
+"""States after which their period is known, some of them lost, and over which it is averaged."""
+_YIELDING = 0.5
+"""Bandwidth of an arm that yields, in those of its law, where its states come fast enough for that."""
+_GIVES_WAY = 0.05
+"""From its posture an arm that yields is pulled back by no more than a distance of so much would do [rad or m]."""
+_COAST = 0.04
+"""So far may a joint go without states along the motion that it has, before it is brought to rest [rad or m]."""
+_BRAKING_WAY = 0.08
+"""On which an arm without states comes to rest, unless ``braking_time`` is shorter [rad or m]."""
+_GRACE = 3.0
+"""Periods of the joint states after which one is missing."""
+_RESTS = 0.02
+"""Speed below which a joint stands [rad/s or m/s]."""
 _NEARLY = 1e-3
 """By which a limit may be exceeded between points, in radians or parts."""
 
@@ -29,7 +40,8 @@ class LiveControl:
     """Holds the arm where it stands, follows motions that it is given, and yields where something is wrong.
 
     Where a joint is too far from its motion or too fast, something holds it, or the loop swings up. Then the feedback is no help:
-    the arm yields, its weight and that of the payload held, its motion damped, until :meth:`hold`.
+    the arm yields until :meth:`hold`: its weight and that of the payload are held, its motion is damped, and it stays where it is
+    pushed to. Where states stay away, :meth:`without_states` brings it to rest on the model alone.
 
     Args:
         law: the control law. arm: its model, whose limits hold. safety: see :class:`SafetySettings`.
@@ -39,6 +51,7 @@ class LiveControl:
         reference: what is wanted now, None before the first state. error: the last one, wanted minus measured, shape (n,).
         clipped: steps in which a torque was at its limit, by joint, shape (n,).
         trouble: why the last motion ended early or the arm yields, "" where neither is so.
+        unmodelled: what the feedback adds to the model. told: the payload that was told last.
     """
 
     def __init__(self, law: TrackingController, arm: ArmTorque, safety: SafetySettings) -> None:
@@ -51,6 +64,9 @@ class LiveControl:
         self.trouble = ""
         self._period, self._states = 0.0, 0
         self._limit = safety.effort_limit_scale * robot.effort_limit
+        self.unmodelled, self.told = UnmodelledTorque(robot.effort_limit), ToldPayload()
+        self._sent: FloatArray | None = None
+        self._braking: tuple[TimedMotion, float] | None = None
         self._motion: TimedMotion | None = None
         self._begin = 0.0
         self._last_t: float | None = None
@@ -60,6 +76,8 @@ class LiveControl:
         """Hold the arm where the next state finds it."""
         self.following = self.yields = False
         self.reference, self._motion, self._last_t, self._state = None, None, None, None
+        self._sent = self._braking = None
+        self.unmodelled.forget()
 
     def command(self, t: float, q: FloatArray, v: FloatArray) -> FloatArray:
         """Torques for the state at t, within the limits, shape (n,) [N m].
@@ -68,14 +86,15 @@ class LiveControl:
             t: stamp of the state [s]. q, v: shape (n,) each.
         """
         period = 0.0 if self._last_t is None else t - self._last_t
-        if self._last_t is None or not 0.0 < period <= self.safety.state_timeout:
+        if self._last_t is None or self._braking is not None or not 0.0 < period <= self.safety.state_timeout:
             if self.following:
                 self.trouble = f"there was no joint state for {period:.2f} s; the motion was given up"
             self._come_to_rest(t, q, v)
-            period = 0.0
+            period, self._braking = 0.0, None
         if period > 0.0:
             self._states += 1
-            self._period += (period - self._period) / min(self._states, _AVERAGE)
+            counted = period if self._states == 1 else min(period, _GRACE * self._period)  # a lost one says little of the rate
+            self._period += (counted - self._period) / min(self._states, _AVERAGE)
         self._last_t, self._state = t, (q, v)
         assert self._motion is not None
         self.reference = self._motion.at(t - self._begin)
@@ -84,15 +103,29 @@ class LiveControl:
             self.following = False
         if not self.yields and (fault := self._fault(v)):
             self.trouble, self.yields, self.following = fault, True, False
+            self._come_to_rest(t, q, np.zeros_like(q))
         if self.yields:
-            self._motion, self._begin = TimedMotion.braking(q, np.zeros_like(q), self.safety.braking_time), t
-            self.reference = self._motion.at(0.0)
-            tau = self._yielding(q, v)
-        else:
-            tau = self.law.torque(q, v, self.reference, period)
+            return self._limited(self._yielding(t, q, v), period)
+        tau = self._limited(self.law.torque(q, v, self.reference, period), period)
+        columns, rest = self._arm.split(q, v, v, self.reference.a, self.reference.v)
+        self.unmodelled.add(tau - rest - columns @ self.law.payload, period)
+        if (payload := self.told.choose(columns, self.law.payload, self.unmodelled)) is not None:
+            self.law.tell(payload)
+        return tau
+
+    def _limited(self, tau: FloatArray, period: float) -> FloatArray:
+        """Within the limits of the torque and of its change, shape (n,)."""
         allowed = np.clip(tau, -self._limit, self._limit)
+        if self._sent is not None and np.isfinite(self._limit).all():
+            step = self._limit * min(max(period, self._period) / self.safety.effort_rise_time, 1.0)
+            allowed = np.clip(allowed, self._sent - step, self._sent + step)
         self.clipped += allowed != tau
-        return np.asarray(allowed)
+        self._sent = np.asarray(allowed)
+        return self._sent
+
+    def tell(self, payload: FloatArray) -> None:
+        """Hear of the payload that an estimator believes in, shape (10,); taken over where the torques do not say otherwise."""
+        self.told.tell(payload, self.law.payload)
 
     def _fault(self, v: FloatArray) -> str:
         far, fast = np.abs(self.error), np.abs(v) / self.robot.velocity_limit
@@ -112,12 +145,19 @@ class LiveControl:
             )
         return ""
 
-    def _yielding(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """What holds the weight and damps, shape (n,)."""
-        still = np.zeros(self.robot.n)
+    def _yielding(self, t: float, q: FloatArray, v: FloatArray) -> FloatArray:
+        """What holds the weight, damps, and pulls back to a posture that gives way, shape (n,)."""
+        assert self.reference is not None
+        away = np.clip(self.reference.q - q, -_GIVES_WAY, _GIVES_WAY)
+        still = np.zeros_like(q)
+        self._motion, self._begin = TimedMotion.braking(q + away, still, self.safety.braking_time), t
+        self.reference = self._motion.at(0.0)
+        self.error = away
+        # as calm with the delay that there is as the law's own feedback with the one that it is made for
+        w = min(_YIELDING * self.law.feedback.bandwidth, _YIELDING * 0.5 / max(self._period, self.law.feedback.delay))
+        pull = self.law.feedback.weighted(q, w**2 * away - 2.0 * w * v)
         columns, rest = self._arm.split(q, still, still, still, still)
-        damping = _YIELDING * self.law.feedback.bandwidth * self._arm.inertial_torque(q, v, np.zeros(10))
-        return np.asarray(rest + columns @ self.law.payload - damping)
+        return np.asarray(rest + columns @ self.law.payload + pull)
 
     def hold(self) -> None:
         """Bring the arm to rest now, along the motion that it has; where it yields, hold it where it is."""
@@ -125,12 +165,54 @@ class LiveControl:
             self._come_to_rest(self._last_t, self.reference.q, self.reference.v)
             self.yields, self.trouble = False, ""
 
+    def without_states(self, silent: float) -> FloatArray | None:
+        """Torque on the model alone while states stay away, shape (n,) [N m]; None while none is missing yet, and once the arm
+        must have come to rest and :meth:`torque_at_rest` is all that is left to say.
+
+        The motion goes on for the time that its speed allows, then it is braked. What the feedback has been adding goes on too.
+
+        Args:
+            silent: time since the last state [s].
+        """
+        if self._motion is None or self._last_t is None or self._state is None or silent <= _GRACE * self._period:
+            return None
+        speed = float(np.abs(self.reference.v).max()) if self.reference is not None else 0.0
+        if self._braking is None and silent > min(_COAST / max(speed, 1e-9), self.safety.state_timeout):
+            now = self._motion.at(self._last_t - self._begin + silent)
+            way = 2.0 * _BRAKING_WAY / max(float(np.abs(now.v).max()), 1e-9)
+            self._braking = TimedMotion.braking(now.q, now.v, min(self.safety.braking_time, way)), silent
+        if self._braking is None:
+            wanted = self._motion.at(self._last_t - self._begin + silent)
+        else:
+            motion, begin = self._braking
+            if silent - begin > motion.end:
+                return None
+            wanted = motion.at(silent - begin)
+        columns, rest = self._arm.split(wanted.q, wanted.v, wanted.v, wanted.a, wanted.v)
+        return self._limited(rest + columns @ self.law.payload + self._kept(), self._period)
+
+    def _kept(self) -> FloatArray:
+        """What the feedback has been adding, shape (n,); nothing where the arm yields, as that may be somebody's force."""
+        return np.zeros(self.robot.n) if self.yields else self.unmodelled.mean
+
     def torque_at_rest(self) -> FloatArray | None:
-        """Torque that would hold the last known posture, for a robot that tells no states any more; None before the first."""
+        """Torque that holds the posture where the arm is, or must be by now, shape (n,) [N m]; None before the first state."""
         if self._state is None:
             return None
-        tau = self._yielding(self._state[0], np.zeros(self.robot.n))
-        return np.asarray(np.clip(tau, -self._limit, self._limit))
+        q = self._state[0] if self._braking is None else self._braking[0].at(np.inf).q
+        still = np.zeros(self.robot.n)
+        columns, rest = self._arm.split(q, still, still, still, still)
+        return np.asarray(np.clip(rest + columns @ self.law.payload + self._kept(), -self._limit, self._limit))
+
+    @property
+    def rests(self) -> bool:
+        """True where no motion is under way or wanted, and no joint moves by more than noise."""
+        return (
+            self.reference is not None
+            and self._state is not None
+            and not np.any(self.reference.v)
+            and bool(np.all(np.abs(self._state[1]) < _RESTS))
+        )
 
     def follow(
         self, joint_names: Sequence[str], t: FloatArray, q: FloatArray, v: FloatArray | None, a: FloatArray | None

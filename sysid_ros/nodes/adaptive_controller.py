@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import InertiaStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -21,12 +21,14 @@ from trajectory_msgs.msg import JointTrajectory
 from sysid_ros.control import ArmTorque, ControlSettings, Reference, make_law
 from sysid_ros.control.control_settings import SafetySettings
 from sysid_ros.control.live_control import LiveControl
+from sysid_ros.control.state_age import StateAge
 from sysid_ros.exceptions import SysidError
-from sysid_ros.input_gate import InputGate, Level
+from sysid_ros.input_gate import InputGate
 from sysid_ros.input_gate.rejections import Rejection
-from sysid_ros.nodes.controller_messages import MASSLESS, in_order, payload_of, points_of
+from sysid_ros.nodes.controller_messages import MASSLESS, in_order, payload_of, points_of, poll, without_efforts
 from sysid_ros.nodes.controller_settings import ControllerSettings
-from sysid_ros.nodes.diagnostics import diagnostic_array, status_message
+from sysid_ros.nodes.controller_status import Heard, control_status, idle, input_status
+from sysid_ros.nodes.diagnostics import diagnostic_array
 from sysid_ros.nodes.messages import LATCHED, inertia_of, record_of, stamp_of
 from sysid_ros.nodes.parameters import NodeParameters
 from sysid_ros.nodes.spinning import spin
@@ -39,7 +41,10 @@ from sysid_ros.sources.source import urdf_text
 from sysid_ros.torque.model_file import ModelFile
 
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)
-_WATCH, _REPORT, _TELL = 0.02, 1.0, 0.1
+_WATCH, _REPORT, _TELL = 0.005, 1.0, 0.1
+_LAST_WORDS = 0.1
+"""For so long the torque of an arm that has come to rest is repeated where no states come [s]."""
+_SETTLES, _POLL = 0.3, 0.0005
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -51,14 +56,20 @@ class AdaptiveController(LifecycleNode):
     itself with the laws ``slotine_li`` and ``composite``. ``~/reference`` tells the wanted motion with the efforts sent,
     ``~/payload`` what the law believes in, ``/diagnostics`` what is wrong.
 
-    Without joint states for ``state_timeout`` the torque is sent that holds the last known posture.
+    Where joint states stay away the arm is brought to rest on the model alone, and told the torque that holds it; then nothing is
+    sent any more, so that the robot's own watch over its commands takes it. Before the node ends, is deactivated or cleaned up it
+    brings the arm to rest.
+
+    Attributes:
+        live: the control, None without a model. now: the time that silence is measured by [s].
     """
 
     def __init__(self, **options: Any) -> None:
         super().__init__("adaptive_controller", **options)
         self.live: LiveControl | None = None
         self._state, self._problem, self._description, self._refusal = "unconfigured", "", "", ""
-        self._receive_clock = ReceiveClock()
+        self.now = time.monotonic
+        self._receive_clock, self._state_age, self._old = ReceiveClock(), StateAge(), 0
         groups = (ControllerSettings, ControlSettings, SafetySettings)
         self._parameter_source = NodeParameters(self, lambda: self._state != "unconfigured", lambda: None, groups, ())
         self._commands = self.create_lifecycle_publisher(Float64MultiArray, "effort_commands", 1)
@@ -66,8 +77,8 @@ class AdaptiveController(LifecycleNode):
         self._payload = self.create_lifecycle_publisher(InertiaStamped, "~/payload", 1)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 1)
         committed = "online_payload_estimator/payload_committed"
+        self._states = self.create_subscription(JointState, "joint_states", self._on_joint_states, _NEWEST)
         self._kept = (
-            self.create_subscription(JointState, "joint_states", self._on_joint_states, _NEWEST),
             self.create_subscription(String, "robot_description", self._on_description, LATCHED),
             self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, 1),
             self.create_subscription(InertiaStamped, committed, self._on_payload, LATCHED),
@@ -106,28 +117,47 @@ class AdaptiveController(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._state = "active"
+        self._state_age.forget()
         if self.live is not None:
             self.live.forget()
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        # controllers behind the topic keep the last command
-        self._send_rest()
+        self.bring_to_rest()
         self._state = "inactive"
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.bring_to_rest()
         self.live, self._problem, self._state = None, "", "unconfigured"
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        self._send_rest()
+        self.bring_to_rest()
         self.live, self._state = None, "finalized"
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.bring_to_rest()
         self.live, self._state = None, "unconfigured"
         return _SUCCESS
+
+    def bring_to_rest(self) -> None:
+        """Brake the arm now, by the states that come while this waits; the last message holds it, as controllers behind the topic
+        keep their last command."""
+        live = self.live
+        if live is None or self._state != "active" or live.reference is None:
+            return
+        if not live.yields:
+            live.hold()
+        end = time.monotonic() + live.safety.braking_time + _SETTLES
+        while not live.rests and time.monotonic() < end and self.context.ok():
+            if (message := poll(self._states)) is not None:
+                self._on_joint_states(message)
+            else:
+                self._watch()
+                time.sleep(_POLL)
+        self._send_rest()
 
     def _load(self, urdf: str, settings: ControllerSettings) -> None:
         known = ModelFile.read(Path(settings.model_path)) if settings.model_path else None
@@ -144,7 +174,7 @@ class AdaptiveController(LifecycleNode):
         self._gate = InputGate(robot, gate)
         self._arm, self._order = arm, in_order(robot.joint_names, settings.joint_names)
         self._names = [robot.joint_names[j] for j in self._order]
-        self.live, self._problem, self._last = live, "", -np.inf
+        self.live, self._problem, self._last, self._spoken = live, "", -np.inf, -np.inf
         self.get_logger().info(
             f"{robot.name}: {settings.law} on joints {', '.join(self._names)}; payload in {arm.payload.frame}. Efforts go to "
             f"{self.resolve_topic_name('effort_commands')} while the node is active."
@@ -167,13 +197,19 @@ class AdaptiveController(LifecycleNode):
         live = self.live
         if live is None or self._state != "active":
             return
-        found = self._gate.accept(record_of(message, self._receive_clock.now()))
+        now, restarts = self._receive_clock.now(), self._gate.restarts
+        found = self._gate.accept(without_efforts(record_of(message, now)))
         if isinstance(found, Rejection) or found.v is None:
+            return
+        if self._gate.restarts != restarts:
+            self._state_age.forget()
+        if self._state_age.of(found.t, now) > live.safety.state_timeout:
+            self._old += 1
             return
         trouble = live.trouble
         try:
             self._send(live.command(found.t, found.q, found.v), message.header.stamp)
-            self._last = time.monotonic()
+            self._last = self._spoken = self.now()
         except Exception as error:  # noqa: BLE001 - one state must not end the node; without news the watch holds the arm
             if not self.context.ok():
                 return
@@ -185,24 +221,40 @@ class AdaptiveController(LifecycleNode):
         live = self.live
         assert live is not None
         assert live.reference is not None
-        efforts = array.array("d", tau[self._order].tobytes())
-        self._commands.publish(Float64MultiArray(data=efforts))
+        efforts = self._command(tau)
         wanted = JointState(name=self._names, effort=efforts)
         wanted.header.stamp = stamp
         wanted.position = array.array("d", live.reference.q[self._order].tobytes())
         wanted.velocity = array.array("d", live.reference.v[self._order].tobytes())
         self._reference.publish(wanted)
 
+    def _command(self, tau: FloatArray) -> Any:
+        efforts = array.array("d", tau[self._order].tobytes())
+        self._commands.publish(Float64MultiArray(data=efforts))
+        return efforts
+
     def _send_rest(self) -> None:
         if self.live is not None and self._state == "active" and (tau := self.live.torque_at_rest()) is not None:
-            self._commands.publish(Float64MultiArray(data=array.array("d", tau[self._order].tobytes())))
+            self._command(tau)
 
     def _watch(self) -> None:
-        if self.live is not None and self._state == "active" and self._age() > self.live.safety.state_timeout:
+        live = self.live
+        if live is None or self._state != "active":
+            return
+        silent = self._age()
+        try:
+            tau = live.without_states(silent)
+        except Exception as error:  # noqa: BLE001 - what holds the arm is left to say
+            self.get_logger().error(f"{type(error).__name__} without states: {error}", throttle_duration_sec=5.0)
+            tau = None
+        if tau is not None:
+            self._command(tau)
+            self._spoken = self.now()
+        elif silent > live.safety.state_timeout and self.now() - self._spoken < _LAST_WORDS:
             self._send_rest()
 
     def _age(self) -> float:
-        return time.monotonic() - self._last
+        return self.now() - self._last
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         live = self.live
@@ -226,7 +278,7 @@ class AdaptiveController(LifecycleNode):
         if self.live is None:
             return
         try:
-            self.live.law.tell(payload_of(message, self._arm.payload.frame))
+            self.live.tell(payload_of(message, self._arm.payload.frame))
         except SysidError as error:
             self.get_logger().error(str(error), throttle_duration_sec=5.0)
 
@@ -247,35 +299,13 @@ class AdaptiveController(LifecycleNode):
         now = 1e-9 * self.get_clock().now().nanoseconds
         self._receive_clock.follow(now)
         robot = self.live.robot.name if self.live is not None else ""
-        self._diagnostics.publish(diagnostic_array(self, now, robot, [self._input_status(), self._control_status()]))
-
-    def _input_status(self) -> DiagnosticStatus:
         if self.live is None or self._state != "active":
-            return status_message("input", Level.STALE, f"The node is {self._state}. {self._problem}".strip(), {})
-        health = self._gate.health(self._receive_clock.now())
-        values = {"received": health.received, "accepted": health.accepted, "rate_hz": health.rate}
-        return status_message("input", health.level, health.text, values | dict(health.counts))
-
-    def _control_status(self) -> DiagnosticStatus:
-        live = self.live
-        if live is None or self._state != "active":
-            level = Level.ERROR if self._problem else Level.STALE
-            return status_message("controller", level, self._problem or f"The node is {self._state}.", {"state": self._state})
-        level, texts = Level.OK, ["Yielding." if live.yields else "Following a motion." if live.following else "Holding the arm."]
-        if live.clipped.any():
-            where = ", ".join(name for name, k in zip(live.robot.joint_names, live.clipped, strict=True) if k)
-            level, texts = Level.WARN, [*texts, f"Efforts reached their limit since the last report on {where}."]
-        if self._refusal:
-            level, texts = Level.WARN, [*texts, self._refusal]
-        if live.trouble:
-            level, texts = Level.ERROR, [*texts, f"{live.trouble}."]
-        if live.reference is None or self._age() > live.safety.state_timeout:
-            level = Level.ERROR
-            texts[0] = "No usable joint states: the torque of the last known posture is sent, without feedback."
-        values: dict[str, Any] = {"state": self._state, "mass": float(live.law.payload[0])}
-        values |= {f"error.{n}": float(x) for n, x in zip(live.robot.joint_names, live.error, strict=True)}
-        live.clipped[:] = 0
-        return status_message("controller", level, " ".join(texts), values)
+            statuses = idle(self._state, self._problem)
+        else:
+            heard = Heard(self._age(), self._old, self._refusal)
+            statuses = [input_status(self._gate.health(self._receive_clock.now())), control_status(self.live, heard)]
+            self.live.clipped[:], self._old = 0, 0
+        self._diagnostics.publish(diagnostic_array(self, now, robot, statuses))
 
 
 def main(args: list[str] | None = None) -> int:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import InertiaStamped
+from rclpy.subscription import Subscription
 from trajectory_msgs.msg import JointTrajectory
 
 from sysid_ros.exceptions import DataError
 from sysid_ros.nodes.messages import body_of
 from sysid_ros.robot import inertial_parameters
-from sysid_ros.sample import FloatArray
+from sysid_ros.sample import FloatArray, JointStateRecord
 
 MASSLESS = 1e-6
 """Less than this is no payload [kg]."""
@@ -64,3 +67,17 @@ def payload_of(message: InertiaStamped, frame: str) -> FloatArray:
 def in_order(names: Sequence[str], wanted: Sequence[str]) -> list[int]:
     """Indices that bring values of ``names`` into the order of ``wanted``; unchanged where that is empty."""
     return [list(names).index(name) for name in (wanted or names)]
+
+
+def without_efforts(record: JointStateRecord) -> JointStateRecord:
+    """A state in which the velocities stand for the efforts: who moves an arm need not know what it measures, and may not lose it
+    over efforts that are absent, NaN or stuck; that the velocities are alive it must know."""
+    complete = len(record.velocity) == len(record.position)
+    return replace(record, effort=record.velocity if complete else np.zeros(len(record.position)))
+
+
+def poll(subscription: Subscription) -> Any | None:
+    """The message that a subscription has ready, taken past the executor, as where a callback waits for it; or None."""
+    with subscription.handle:
+        taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+    return None if taken is None else taken[0]

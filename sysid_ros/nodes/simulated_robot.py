@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import array
 import math
-import signal
 import time
 from typing import Any
 
@@ -12,7 +11,6 @@ import numpy as np
 import rclpy
 from geometry_msgs.msg import InertiaStamped
 from rcl_interfaces.msg import ParameterDescriptor
-from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -26,9 +24,11 @@ from sysid_ros.control import Reference
 from sysid_ros.exceptions import SettingsError, SysidError
 from sysid_ros.nodes.messages import LATCHED, inertia_of
 from sysid_ros.nodes.simulation_parameters import ARM_ONLY, PARAMETERS, typed
+from sysid_ros.nodes.spinning import Stop, init
 from sysid_ros.sample import FloatArray, Measurement
 from sysid_ros.simulation import ArmScenario, ArmSimulation
 from sysid_ros.simulation.description import IMU_LINK
+from sysid_ros.simulation.drives import HeldByDrives
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 from sysid_ros.simulation.quadruped_simulation import QuadrupedSimulation, QuadrupedState
 
@@ -78,7 +78,8 @@ class SimulatedRobot(Node):
     Topics: ``joint_states`` (reliable, depth 10, as joint_state_broadcaster), ``robot_description`` and ``~/truth`` (latched: the
     payload carried now, com in the tip link's frame and inertia about it; mass 0 while there is none); of the quadruped ``imu``
     and ``contacts`` too. Services ``~/pick`` and ``~/drop``. With ``commanded`` the arm obeys ``effort_commands``
-    (Float64MultiArray, one effort a joint), the last one until the next comes.
+    (Float64MultiArray, one effort a joint), the last one until the next comes; where none comes for ``command_timeout`` its own
+    drives bring it to rest and hold it, as those of a real arm do, until the next.
 
     Raises:
         SettingsError: a parameter is not allowed.
@@ -87,6 +88,7 @@ class SimulatedRobot(Node):
     def __init__(self) -> None:
         super().__init__("simulated_robot")
         self._effort: FloatArray | None = None
+        self._commanded_at, self._held = -math.inf, HeldByDrives()
         self.simulation = self._make_simulation()
         self._joint_states = self.create_publisher(JointState, "joint_states", 10)
         self._description = self.create_publisher(String, "robot_description", LATCHED)
@@ -108,8 +110,8 @@ class SimulatedRobot(Node):
             f"payload frame {self.simulation.frame}"
         )
 
-    def run(self, executor: SingleThreadedExecutor) -> None:
-        """Simulate in real time until ROS shuts down.
+    def run(self, executor: SingleThreadedExecutor, stop: Stop) -> None:
+        """Simulate in real time until it is asked to stop.
 
         Steps that are overdue are made up for at once, without a gap in the stamps; the robot's time falls behind the clock only
         when the machine can't simulate in real time, and then the node says so.
@@ -121,7 +123,7 @@ class SimulatedRobot(Node):
         quiet_until = start
         serve_every = _SERVE_COMMANDS_EVERY if self._commanded else _SERVE_EVERY
         done = 0
-        while rclpy.ok():
+        while rclpy.ok() and not stop.asked:
             now = time.monotonic()
             if done * period <= now - start:
                 self._publish(self._next())
@@ -171,7 +173,7 @@ class SimulatedRobot(Node):
                 "drop_time": drop if drop >= 0.0 else None,
             }
         legs = {name: v.pop(name) for name in ("gait", "slope")}
-        self._commanded = bool(v.pop("commanded")) and robot == "arm"
+        self._commanded, self._command_timeout = bool(v.pop("commanded")) and robot == "arm", float(v.pop("command_timeout"))
         if robot == "arm":
             return ArmSimulation(ArmScenario(**v, duration=duration or math.inf), self._command if self._commanded else None)
         v = {name: value for name, value in v.items() if name not in ARM_ONLY} | legs
@@ -180,17 +182,25 @@ class SimulatedRobot(Node):
         return QuadrupedSimulation(QuadrupedScenario(**v, duration=duration or math.inf))
 
     def _command(self, q: FloatArray, v: FloatArray, wanted: Reference) -> FloatArray:
-        """The efforts that came last; before the first, the arm holds the posture that it starts in."""
-        if self._effort is not None:
-            return self._effort
-        simulation, still = self.simulation, np.zeros(len(q))
+        """The efforts that came last; before the first and where none come any more, its drives hold the arm."""
+        simulation = self.simulation
         assert isinstance(simulation, ArmSimulation)
-        return simulation.own_command(q, v, Reference(simulation.trajectory.centre, still, still))
+        if self._effort is not None and time.monotonic() - self._commanded_at < self._command_timeout:
+            if self._held.engaged:
+                self._held.release()
+                self.get_logger().info("Commands come again; the drives let go of the arm.")
+            return self._effort
+        if self._effort is not None and not self._held.engaged:
+            self.get_logger().warning(f"No command for {self._command_timeout:g} s: the drives brake and hold the arm.")
+        still = np.zeros(len(q))
+        if self._effort is None:
+            return simulation.own_command(q, v, Reference(simulation.trajectory.centre, still, still))
+        return simulation.own_command(q, v, self._held.wanted(simulation.t, q, v))
 
     def _on_efforts(self, message: Float64MultiArray) -> None:
         effort, n = np.array(message.data), self.simulation.robot.n
         if effort.shape == (n,) and np.isfinite(effort).all():
-            self._effort = effort
+            self._effort, self._commanded_at = effort, time.monotonic()
         else:
             self.get_logger().error(
                 f"A command was not used: {n} finite efforts are needed, {np.isfinite(effort).sum()} of its {effort.size} are.",
@@ -238,26 +248,20 @@ class SimulatedRobot(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until it is asked to stop; 2 where a parameter is not allowed."""
-    rclpy.init(args=args)
+    stop = init(args)
     node: SimulatedRobot | None = None
     code = 0
     try:
         node = SimulatedRobot()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        node.run(executor)
-    except (KeyboardInterrupt, ExternalShutdownException):
+        node.run(executor, stop)
+    except ExternalShutdownException:
         pass
-    except RCLError:
-        # the context may end between two looks for requests
-        if rclpy.ok():
-            raise
     except SysidError as error:
         rclpy.logging.get_logger("simulated_robot").fatal(str(error))
         code = 2
     finally:
-        # Ctrl-C reaches a launched node twice; the second one must not break the clean-up
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
         if node is not None:
             node.simulation.close()
             node.destroy_node()

@@ -28,6 +28,7 @@ PARAMETERS: tuple[tuple[str, Any, str], ...] = (
     ("rotor_inertia", [0.0], "one value for all joints or one a joint [kg m^2]"),
     ("torque_offset", [0.0], "what the torque sensors show too much: one value for all joints or one a joint [N m]"),
     ("controller_knows_payload", False, "the controller's model has the payload while it is carried"),
+    ("command_timeout", 0.05, "without a command for so long the drives of a commanded arm bring it to rest and hold it [s]"),
     ("commanded", False, "the arm obeys what comes on effort_commands; until then it holds its first posture"),
 )
 

@@ -4,45 +4,61 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable
+from types import FrameType
 from typing import Any
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
-_IDLE = 0.1
+_IDLE = 0.05
+
+
+class Stop:
+    """Hears SIGINT and SIGTERM instead of ROS, and only notes them: nothing is torn out of a callback, and the context lives
+    until the node has said its last.
+
+    Attributes:
+        asked: True once one came.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._hear)
+
+    def _hear(self, number: int, frame: FrameType | None) -> None:
+        self.asked = True
+
+
+def init(args: list[str] | None) -> Stop:
+    """``rclpy.init`` with signals that are only noted."""
+    stop = Stop()
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    return stop
 
 
 def spin(make_node: Callable[[], Node], args: list[str] | None) -> int:
-    """Make the node and run it until it is asked to stop; the exit code."""
-    rclpy.init(args=args)
+    """Make the node and run it until it is asked to stop; the exit code. One with ``bring_to_rest`` is asked for that."""
+    stop = init(args)
     node: Node | None = None
     try:
         node = make_node()
         executor = _executor(node)
         executor.add_node(node)
         # not executor.spin(): the EventsExecutor's does not return on shutdown
-        while rclpy.ok():
+        while rclpy.ok() and not stop.asked:
             executor.spin_once(timeout_sec=_IDLE)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except ExternalShutdownException:
         pass
     finally:
-        # Ctrl-C reaches a launched node twice; the second one must not break the clean-up
-        while not _ignores_interrupts():
-            pass
         if node is not None:
+            if rclpy.ok() and (last := getattr(node, "bring_to_rest", None)) is not None:
+                last()
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
-
-
-def _ignores_interrupts() -> bool:
-    """Ignore further interrupts; False where one came before that."""
-    try:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-    except KeyboardInterrupt:
-        return False
-    return True
 
 
 def _executor(node: Node) -> Any:

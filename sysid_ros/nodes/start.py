@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import os
+import signal
 import sys
 from importlib.util import find_spec
 
@@ -23,7 +25,7 @@ what a parameter means.
 Example:
   {name} --ros-args {example}
 """
-_BAD_INPUT = 2
+_BAD_INPUT, _INTERRUPTED = 2, 130
 
 
 def online_payload_estimator() -> int:
@@ -45,6 +47,8 @@ def _run(name: str, *needed: str) -> int:
     if {"-h", "--help"} & set(sys.argv[1:]):
         sys.stdout.write(_HELP.format(name=name, example=_EXAMPLES[name]))
         return 0
+    # nothing runs yet: while the libraries load there is nothing to clean up, and no stack of theirs helps anybody
+    signal.signal(signal.SIGINT, lambda number, frame: os._exit(_INTERRUPTED))
     for package in needed:
         if find_spec(package) is None:
             sys.stderr.write(f"Error: {name} needs {package}, which is not installed: {_CURES[package]}.\n")

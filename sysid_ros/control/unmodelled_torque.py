@@ -1,0 +1,104 @@
+"""UnmodelledTorque: what the feedback has to add to a model, and what that says of a payload that somebody tells."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from sysid_ros.sample import FloatArray
+
+_MEAN, _SCATTER = 0.1, 5.0
+"""Time constants of the mean and of the squared scatter about it [s]."""
+_FIRST: Final = 0.01
+"""Standard deviation before anything is known of it, in parts of the effort limit: the friction of a good gear."""
+CLEARLY: Final = 3.0
+"""Logarithm of a likelihood ratio from which one of two payloads is believed against what was told: 20 to 1."""
+
+
+class UnmodelledTorque:
+    """Mean and scatter of the torque that was sent beyond what the model asks for: weight, friction and forces it does not know.
+
+    Args:
+        effort_limit: shape (n,) [N m].
+
+    Attributes:
+        mean: over the last tenth of a second, shape (n,) [N m]. variance: of single values about it, shape (n,).
+    """
+
+    def __init__(self, effort_limit: FloatArray) -> None:
+        known = np.where(np.isfinite(effort_limit), effort_limit, np.nan)
+        usual = float(np.nanmedian(known)) if np.isfinite(known).any() else 100.0
+        self._first = (_FIRST * np.where(np.isfinite(known), known, usual)) ** 2
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing is known."""
+        self.mean: FloatArray = np.zeros_like(self._first)
+        self.variance: FloatArray = self._first.copy()
+        self._time = 0.0
+
+    def add(self, torque: FloatArray, period: float) -> None:
+        """Take in what was sent beyond the model for ``period`` [s], shape (n,) [N m]."""
+        if not period > 0.0:
+            return
+        self._time += period
+        scatter = min(period / _SCATTER, 1.0)
+        self.variance = (1.0 - scatter) * self.variance + scatter * (torque - self.mean) ** 2
+        part = min(period / min(_MEAN, self._time), 1.0)
+        self.mean = self.mean + part * (torque - self.mean)
+
+    def against(self, change: FloatArray) -> float:
+        """Logarithm of the likelihood ratio against a model whose torque is larger by ``change``, shape (n,) [N m]: above 0 where
+        the feedback would have to take it back, below where it has been adding it already."""
+        variance = np.maximum(self.variance, self._first)
+        return float(np.sum(((self.mean - change) ** 2 - self.mean**2) / variance) / 2.0)
+
+
+class ToldPayload:
+    """Which of two payloads a controller believes in: one that it is told, or the one before.
+
+    The torque says it: what is carried is carried by the feedback until it is believed, and what is not carried has to be taken
+    back by it. So a false value is not taken over, one that comes before the grasp waits for it, and one that falls is let go of,
+    before its weight moves the arm.
+
+    Attributes:
+        refused: True while what was told last is not believed.
+    """
+
+    def __init__(self) -> None:
+        self._told: FloatArray | None = None
+        self._before: FloatArray = np.zeros(10)
+        self._new = False
+        self.refused = False
+
+    @property
+    def mass(self) -> float:
+        """That was told last [kg]."""
+        return 0.0 if self._told is None else float(self._told[0])
+
+    def tell(self, payload: FloatArray, believed: FloatArray) -> None:
+        """Hear of a payload, shape (10,), in place of the one that is believed in now."""
+        if self._told is None or not np.array_equal(payload, self._told):
+            self._before = np.array(believed)
+            self._told, self._new, self.refused = np.array(payload), True, False
+
+    def choose(self, columns: FloatArray, believed: FloatArray, unmodelled: UnmodelledTorque) -> FloatArray | None:
+        """What the law is to be told now, shape (10,); None where nothing is new.
+
+        Args:
+            columns: torque a parameter, shape (n, 10). believed: by the law now, shape (10,).
+        """
+        if self._told is None:
+            return None
+        if self._new or self.refused:
+            against = unmodelled.against(columns @ (self._told - believed))
+            if against <= (CLEARLY if self._new else 0.0):
+                self._new = self.refused = False
+                return self._told
+            self._new, self.refused = False, True
+            return None
+        if unmodelled.against(columns @ (self._before - believed)) < -CLEARLY:
+            self.refused = True
+            return self._before
+        return None

@@ -1,0 +1,202 @@
+"""The controller without ROS on a simulated arm: what it believes, and what it does where states or reason fail it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pybullet", reason="PyBullet is not installed: pip install '.[sim]'")
+
+from sysid_ros.control import ArmTorque, ControlSettings, Reference, make_law
+from sysid_ros.control.control_settings import SafetySettings
+from sysid_ros.control.live_control import LiveControl
+from sysid_ros.control.state_age import StateAge
+from sysid_ros.control.unmodelled_torque import UnmodelledTorque
+from sysid_ros.sample import FloatArray
+from sysid_ros.simulation import ArmScenario, ArmSimulation
+
+RATE = 500
+STILL = np.zeros(7)
+
+
+class Arm:
+    """An arm at 500 Hz that LiveControl moves; its states can be kept from it."""
+
+    def __init__(self, law: str = "certainty_equivalence", payload: float = 3.0, seed: int = 5, **safety: float) -> None:
+        scenario = ArmScenario(seed=seed, duration=60.0, rate=RATE, payload_mass=payload, pick_time=np.inf)
+        self.sim = ArmSimulation(scenario, self._command)
+        self.model = ArmTorque(self.sim.robot, (), self.sim.frame)
+        self.live = LiveControl(
+            make_law(law, self.model, ControlSettings(loop_delay=1.0 / RATE)), self.model, SafetySettings(**safety)
+        )
+        self.effort: FloatArray | None = None
+        self.centre = self.sim.trajectory.centre
+        self.silent = 0.0
+        self.sent: list[FloatArray] = []
+
+    def _command(self, q: FloatArray, v: FloatArray, wanted: Reference) -> FloatArray:
+        if self.effort is None:
+            return self.sim.own_command(q, v, Reference(self.centre, STILL, STILL))
+        return self.effort
+
+    def run(self, seconds: float, deaf: bool = False) -> tuple[FloatArray, FloatArray]:
+        """Positions and velocities on the way, shape (N, 7) each."""
+        q, v = [], []
+        for _ in range(round(seconds * RATE)):
+            told = self.sim.noisy(self.sim.step())
+            assert told.v is not None
+            if deaf:
+                self.silent += 1.0 / RATE
+                tau = self.live.without_states(self.silent)
+                if tau is None and self.silent > 0.1:
+                    tau = self.live.torque_at_rest()
+                self.effort = self.effort if tau is None else tau
+            else:
+                self.silent = 0.0
+                self.effort = self.live.command(told.t, told.q, told.v)
+            assert self.effort is not None
+            self.sent.append(self.effort)
+            q.append(told.q)
+            v.append(self.sim.world.v)
+        return np.array(q), np.array(v)
+
+    def follow(self, t: float, by: FloatArray) -> None:
+        self.live.follow(self.sim.robot.joint_names, np.array([t]), (self.centre + by)[None], None, None)
+
+
+@pytest.fixture
+def arm() -> Iterator[Callable[..., Arm]]:
+    made: list[Arm] = []
+
+    def make(*args: object, **options: object) -> Arm:
+        made.append(Arm(*args, **options))  # type: ignore[arg-type]
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.sim.close()
+
+
+def test_what_is_told_and_not_carried_is_not_believed(arm: Callable[..., Arm]) -> None:
+    one = arm()
+    one.run(0.5)
+    body = one.sim.payload
+    assert body is not None
+    one.live.tell(body.theta)
+    q, _ = one.run(1.0)
+    assert one.live.told.refused
+    assert one.live.told.mass == pytest.approx(3.0)
+    assert one.live.law.payload == pytest.approx(np.zeros(10))
+    assert np.abs(q - one.centre).max() < 5e-3
+    one.sim.pick()
+    q, _ = one.run(2.0)
+    assert not one.live.told.refused
+    assert one.live.law.payload == pytest.approx(body.theta)
+    assert np.abs(q[-1] - one.centre).max() < 5e-3
+
+
+def test_what_falls_is_let_go_of_before_anybody_says_so(arm: Callable[..., Arm]) -> None:
+    one = arm()
+    one.sim.pick()
+    one.run(0.5)
+    assert one.sim.payload is not None
+    one.live.tell(one.sim.payload.theta)
+    one.run(1.0)
+    assert one.live.law.payload[0] == pytest.approx(3.0)
+    one.sim.drop()
+    q, _ = one.run(2.0)
+    assert one.live.law.payload[0] == pytest.approx(0.0)
+    assert np.abs(q[-1] - one.centre).max() < 5e-3
+    assert np.abs(q - one.centre).max() < 0.15
+
+
+def test_a_better_value_of_what_is_carried_is_taken_over(arm: Callable[..., Arm]) -> None:
+    one = arm()
+    one.sim.pick()
+    one.run(0.3)
+    assert one.sim.payload is not None
+    theta = one.sim.payload.theta
+    for told in (0.97 * theta, theta):
+        one.live.tell(told)
+        one.run(1.0)
+        assert one.live.law.payload == pytest.approx(told)
+
+
+@pytest.mark.parametrize("carries", [False, True])
+@pytest.mark.parametrize("when", [0.3, 0.5, 0.8])
+def test_without_states_a_moving_arm_comes_to_rest_near_by(arm: Callable[..., Arm], carries: bool, when: float) -> None:
+    one = arm(payload=1.5)
+    if carries:
+        one.sim.pick()
+    one.run(0.5)
+    if carries:
+        assert one.sim.payload is not None
+        one.live.tell(one.sim.payload.theta)
+        one.run(0.7)
+    one.follow(1.0, np.array([0.5, -0.3, 0.4, 0.4, -0.5, 0.3, 0.6]))
+    q0, v0 = one.run(when)
+    q, v = one.run(0.6, deaf=True)
+    assert np.abs(v0[-1]).max() > 0.3
+    assert np.abs(q - q0[-1]).max() < 0.15
+    assert np.abs(v[-1]).max() < 0.1
+    q1, _ = one.run(0.8)
+    assert "no joint state" in one.live.trouble
+    assert np.abs(q1[-1] - q[-1]).max() < 0.05
+    assert one.live.rests
+
+
+def test_a_short_silence_does_not_end_a_motion(arm: Callable[..., Arm]) -> None:
+    one = arm()
+    one.run(0.5)
+    by = np.array([0.3, -0.2, 0.2, 0.2, -0.3, 0.2, 0.3])
+    one.follow(1.0, by)
+    one.run(0.5)
+    one.run(0.03, deaf=True)
+    q, _ = one.run(0.8)
+    assert not one.live.trouble
+    assert np.abs(q[-1] - one.centre - by).max() < 2e-3
+
+
+def test_an_arm_that_yields_stays_where_it_is_pushed_to(arm: Callable[..., Arm]) -> None:
+    one = arm(error_limit=0.1)
+    one.run(0.5)
+    there = one.centre + np.array([0.2, -0.15, 0.2, 0.15, 0.2, 0.2, 0.2])
+    one.sim.world.reset(there, np.zeros(7))
+    q, _ = one.run(1.0)
+    assert one.live.yields
+    assert np.abs(q[-1] - there).max() < 0.02
+    one.sim.pick()  # a weight that it does not know hangs on the arm now
+    q, v = one.run(2.0)
+    assert np.abs(v[-1]).max() < 0.3
+
+
+def test_efforts_do_not_jump(arm: Callable[..., Arm]) -> None:
+    one = arm(effort_rise_time=0.5)
+    one.run(0.3)
+    one.sim.world.reset(one.centre + 0.05, np.zeros(7))
+    one.run(0.3)
+    most = np.abs(np.diff(one.sent, axis=0)) / (one.sim.robot.effort_limit / RATE / 0.5)
+    assert 0.9 < most.max() <= 1.0 + 1e-3
+
+
+def test_a_state_is_as_old_as_it_is_later_than_the_fastest() -> None:
+    age = StateAge()
+    offset = 1.7e9
+    assert [age.of(0.01 * k, offset + 0.01 * k + 0.002) for k in range(100)] == pytest.approx([0.0] * 100, abs=1e-6)
+    assert age.of(1.0, offset + 1.3) == pytest.approx(0.298, abs=1e-3)
+    assert age.of(1.31, offset + 1.312) == pytest.approx(0.0, abs=1e-3)
+    age.forget()
+    assert age.of(5.0, offset) == 0.0
+
+
+def test_what_the_feedback_adds_speaks_for_what_is_carried_and_against_what_is_not() -> None:
+    torque = UnmodelledTorque(np.array([100.0, 100.0]))
+    rng = np.random.default_rng(0)
+    for _ in range(500):
+        torque.add(np.array([10.0, 0.0]) + rng.normal(0.0, 0.5, 2), 0.002)
+    assert torque.mean == pytest.approx([10.0, 0.0], abs=0.3)
+    assert torque.against(np.array([10.0, 0.0])) < -3.0
+    assert torque.against(np.array([-10.0, 0.0])) > 3.0
+    assert abs(torque.against(np.array([0.0, 0.3]))) < 3.0
