@@ -62,6 +62,9 @@ class Arm:
             v.append(self.sim.world.v)
         return np.array(q), np.array(v)
 
+    def refuses(self) -> bool:
+        return self.live.told.refused
+
     def follow(self, t: float, by: FloatArray) -> None:
         self.live.follow(self.sim.robot.joint_names, np.array([t]), (self.centre + by)[None], None, None)
 
@@ -86,13 +89,13 @@ def test_what_is_told_and_not_carried_is_not_believed(arm: Callable[..., Arm]) -
     assert body is not None
     one.live.tell(body.theta)
     q, _ = one.run(1.0)
-    assert one.live.told.refused
+    assert one.refuses()
     assert one.live.told.mass == pytest.approx(3.0)
     assert one.live.law.payload == pytest.approx(np.zeros(10))
     assert np.abs(q - one.centre).max() < 5e-3
     one.sim.pick()
     q, _ = one.run(2.0)
-    assert not one.live.told.refused
+    assert not one.refuses()
     assert one.live.law.payload == pytest.approx(body.theta)
     assert np.abs(q[-1] - one.centre).max() < 5e-3
 
@@ -200,3 +203,15 @@ def test_what_the_feedback_adds_speaks_for_what_is_carried_and_against_what_is_n
     assert torque.against(np.array([10.0, 0.0])) < -3.0
     assert torque.against(np.array([-10.0, 0.0])) > 3.0
     assert abs(torque.against(np.array([0.0, 0.3]))) < 3.0
+
+
+def test_an_arm_that_gets_faster_while_it_should_yield_is_left_to_its_drives(arm: Callable[..., Arm]) -> None:
+    one = arm()
+    one.run(0.2)
+    fast = 2.0 * one.sim.robot.velocity_limit
+    for k in range(100):
+        one.live.command(1.0 + 0.002 * k, one.centre, fast)
+    assert (one.live.yields, one.live.given_up) == (True, True)
+    assert "Nothing is sent" in one.live.trouble
+    one.live.hold()
+    assert (one.live.yields, one.live.given_up) == (False, False)

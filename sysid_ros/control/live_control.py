@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sysid_ros.control.allowed_motion import require_allowed
 from sysid_ros.control.arm_torque import ArmTorque
 from sysid_ros.control.control_settings import SafetySettings
 from sysid_ros.control.controller import Reference, TrackingController
@@ -14,7 +15,6 @@ from sysid_ros.control.unmodelled_torque import ToldPayload, UnmodelledTorque
 from sysid_ros.exceptions import DataError
 from sysid_ros.sample import FloatArray
 
-_GRID = 0.01
 _TOO_FAST = 1.5
 """Speed in parts of the URDF's limit from which something is wrong."""
 _JITTER = 1.05
@@ -24,16 +24,20 @@ _YIELDING = 0.5
 """Bandwidth of an arm that yields, in those of its law, where its states come fast enough for that."""
 _GIVES_WAY = 0.05
 """From its posture an arm that yields is pulled back by no more than a distance of so much would do [rad or m]."""
-_COAST = 0.04
+_STAYS_FAST = 0.1
+"""For so long may an arm that yields be too fast [s]."""
+_COAST = 0.03
 """So far may a joint go without states along the motion that it has, before it is brought to rest [rad or m]."""
-_BRAKING_WAY = 0.08
+_BRAKING_WAY = 0.07
 """On which an arm without states comes to rest, unless ``braking_time`` is shorter [rad or m]."""
+_BRAKING = 7.0
+"""Slow joints are not braked harder than this [rad/s^2 or m/s^2]; what goes on for long without states goes astray."""
+_GRID = 0.01
+"""Shortest time of a motion that brakes [s]."""
 _GRACE = 3.0
 """Periods of the joint states after which one is missing."""
 _RESTS = 0.02
 """Speed below which a joint stands [rad/s or m/s]."""
-_NEARLY = 1e-3
-"""By which a limit may be exceeded between points, in radians or parts."""
 
 
 class LiveControl:
@@ -47,7 +51,8 @@ class LiveControl:
         law: the control law. arm: its model, whose limits hold. safety: see :class:`SafetySettings`.
 
     Attributes:
-        yields: True from such a fault on until :meth:`hold`. following: True while a motion is under way.
+        yields: True from such a fault on until :meth:`hold`. given_up: True where that makes it worse: nothing should be sent.
+        following: True while a motion is under way.
         reference: what is wanted now, None before the first state. error: the last one, wanted minus measured, shape (n,).
         clipped: steps in which a torque was at its limit, by joint, shape (n,).
         trouble: why the last motion ended early or the arm yields, "" where neither is so.
@@ -57,12 +62,12 @@ class LiveControl:
     def __init__(self, law: TrackingController, arm: ArmTorque, safety: SafetySettings) -> None:
         robot = arm.robot
         self.law, self.robot, self.safety, self._arm = law, robot, safety, arm
-        self.following = self.yields = False
+        self.following = self.yields = self.given_up = False
         self.reference: Reference | None = None
         self.error: FloatArray = np.zeros(robot.n)
         self.clipped = np.zeros(robot.n, dtype=int)
         self.trouble = ""
-        self._period, self._states = 0.0, 0
+        self._period, self._states, self._fast_since = 0.0, 0, 0.0
         self._limit = safety.effort_limit_scale * robot.effort_limit
         self.unmodelled, self.told = UnmodelledTorque(robot.effort_limit), ToldPayload()
         self._sent: FloatArray | None = None
@@ -74,7 +79,7 @@ class LiveControl:
 
     def forget(self) -> None:
         """Hold the arm where the next state finds it."""
-        self.following = self.yields = False
+        self.following = self.yields = self.given_up = False
         self.reference, self._motion, self._last_t, self._state = None, None, None, None
         self._sent = self._braking = None
         self.unmodelled.forget()
@@ -89,7 +94,7 @@ class LiveControl:
         if self._last_t is None or self._braking is not None or not 0.0 < period <= self.safety.state_timeout:
             if self.following:
                 self.trouble = f"there was no joint state for {period:.2f} s; the motion was given up"
-            self._come_to_rest(t, q, v)
+            self._come_to_rest(t, q, v, self._shortly(v))
             period, self._braking = 0.0, None
         if period > 0.0:
             self._states += 1
@@ -102,10 +107,12 @@ class LiveControl:
         if self.following and t - self._begin >= self._motion.end:
             self.following = False
         if not self.yields and (fault := self._fault(v)):
-            self.trouble, self.yields, self.following = fault, True, False
-            self._come_to_rest(t, q, np.zeros_like(q))
+            self.trouble, self.yields, self.following, self._fast_since = fault, True, False, t
+            self._come_to_rest(t, q, np.zeros_like(q), self.safety.braking_time)
+            self.unmodelled.forget()  # what the feedback has been adding may be somebody's force
         if self.yields:
-            return self._limited(self._yielding(t, q, v), period)
+            self._give_up_if_fast(t, v)
+            return self._limited(self._yielding(t, q, v, period), period)
         tau = self._limited(self.law.torque(q, v, self.reference, period), period)
         columns, rest = self._arm.split(q, v, v, self.reference.a, self.reference.v)
         self.unmodelled.add(tau - rest - columns @ self.law.payload, period)
@@ -127,6 +134,18 @@ class LiveControl:
         """Hear of the payload that an estimator believes in, shape (10,); taken over where the torques do not say otherwise."""
         self.told.tell(payload, self.law.payload)
 
+    def _give_up_if_fast(self, t: float, v: FloatArray) -> None:
+        """Where an arm that yields stays too fast, the states are not those of now, or the model is another arm's: then no torque
+        of this controller is better than none."""
+        if not np.any(np.abs(v) > _TOO_FAST * self.robot.velocity_limit):
+            self._fast_since = t
+        elif t - self._fast_since > _STAYS_FAST and not self.given_up:
+            self.given_up = True
+            self.trouble = (
+                "the arm became faster while it should yield: the states are too old, or the model is another arm's. Nothing is "
+                "sent any more, until ~/hold; the robot's own watch over its commands must stop it"
+            )
+
     def _fault(self, v: FloatArray) -> str:
         far, fast = np.abs(self.error), np.abs(v) / self.robot.velocity_limit
         j, k = int(np.argmax(far)), int(np.argmax(fast))
@@ -145,7 +164,7 @@ class LiveControl:
             )
         return ""
 
-    def _yielding(self, t: float, q: FloatArray, v: FloatArray) -> FloatArray:
+    def _yielding(self, t: float, q: FloatArray, v: FloatArray, period: float) -> FloatArray:
         """What holds the weight, damps, and pulls back to a posture that gives way, shape (n,)."""
         assert self.reference is not None
         away = np.clip(self.reference.q - q, -_GIVES_WAY, _GIVES_WAY)
@@ -156,14 +175,17 @@ class LiveControl:
         # as calm with the delay that there is as the law's own feedback with the one that it is made for
         w = min(_YIELDING * self.law.feedback.bandwidth, _YIELDING * 0.5 / max(self._period, self.law.feedback.delay))
         pull = self.law.feedback.weighted(q, w**2 * away - 2.0 * w * v)
+        self.unmodelled.add(pull, period)
         columns, rest = self._arm.split(q, still, still, still, still)
         return np.asarray(rest + columns @ self.law.payload + pull)
 
-    def hold(self) -> None:
-        """Bring the arm to rest now, along the motion that it has; where it yields, hold it where it is."""
+    def hold(self, at_once: bool = False) -> None:
+        """Bring the arm to rest now, along the motion that it has, within ``braking_time`` or as shortly as after a fault; where
+        it yields, hold it where it is."""
         if self.reference is not None and self._last_t is not None:
-            self._come_to_rest(self._last_t, self.reference.q, self.reference.v)
-            self.yields, self.trouble = False, ""
+            time = self._shortly(self.reference.v) if at_once else self.safety.braking_time
+            self._come_to_rest(self._last_t, self.reference.q, self.reference.v, time)
+            self.yields, self.given_up, self.trouble = False, False, ""
 
     def without_states(self, silent: float) -> FloatArray | None:
         """Torque on the model alone while states stay away, shape (n,) [N m]; None while none is missing yet, and once the arm
@@ -179,8 +201,7 @@ class LiveControl:
         speed = float(np.abs(self.reference.v).max()) if self.reference is not None else 0.0
         if self._braking is None and silent > min(_COAST / max(speed, 1e-9), self.safety.state_timeout):
             now = self._motion.at(self._last_t - self._begin + silent)
-            way = 2.0 * _BRAKING_WAY / max(float(np.abs(now.v).max()), 1e-9)
-            self._braking = TimedMotion.braking(now.q, now.v, min(self.safety.braking_time, way)), silent
+            self._braking = TimedMotion.braking(now.q, now.v, self._shortly(now.v)), silent
         if self._braking is None:
             wanted = self._motion.at(self._last_t - self._begin + silent)
         else:
@@ -189,11 +210,7 @@ class LiveControl:
                 return None
             wanted = motion.at(silent - begin)
         columns, rest = self._arm.split(wanted.q, wanted.v, wanted.v, wanted.a, wanted.v)
-        return self._limited(rest + columns @ self.law.payload + self._kept(), self._period)
-
-    def _kept(self) -> FloatArray:
-        """What the feedback has been adding, shape (n,); nothing where the arm yields, as that may be somebody's force."""
-        return np.zeros(self.robot.n) if self.yields else self.unmodelled.mean
+        return self._limited(rest + columns @ self.law.payload + self.unmodelled.mean, self._period)
 
     def torque_at_rest(self) -> FloatArray | None:
         """Torque that holds the posture where the arm is, or must be by now, shape (n,) [N m]; None before the first state."""
@@ -202,7 +219,7 @@ class LiveControl:
         q = self._state[0] if self._braking is None else self._braking[0].at(np.inf).q
         still = np.zeros(self.robot.n)
         columns, rest = self._arm.split(q, still, still, still, still)
-        return np.asarray(np.clip(rest + columns @ self.law.payload + self._kept(), -self._limit, self._limit))
+        return np.asarray(np.clip(rest + columns @ self.law.payload + self.unmodelled.mean, -self._limit, self._limit))
 
     @property
     def rests(self) -> bool:
@@ -245,37 +262,14 @@ class LiveControl:
             v = None if v is None else np.vstack([now.v, v])
             a = None if a is None else np.vstack([now.a, a])
         motion = TimedMotion(t, q, v, a)
-        self._require_allowed(motion, q[0] - now.q)
+        require_allowed(motion, q[0] - now.q, self.robot, self.safety.start_tolerance)
         self._motion, self._begin, self.following, self.trouble = motion, self._last_t, True, ""
 
-    def _require_allowed(self, motion: TimedMotion, jump: FloatArray) -> None:
-        names, robot = self.robot.joint_names, self.robot
-        far = int(np.argmax(np.abs(jump)))
-        if abs(jump[far]) > self.safety.start_tolerance:
-            raise DataError(
-                f"the motion begins {abs(jump[far]):.3f} from where {names[far]} is wanted; {self.safety.start_tolerance:g} is "
-                "allowed (start_tolerance). Give its first point a later time, in which the arm comes there."
-            )
-        t, q, v = motion.along(_GRID)
-        if np.abs(v[-1]).max() > _NEARLY:
-            worst = int(np.argmax(np.abs(v[-1])))
-            raise DataError(f"the motion ends with {names[worst]} at {v[-1, worst]:.3f} a second; it must end at rest.")
-        beyond = np.maximum(q - robot.position_upper, robot.position_lower - q).max(axis=0)
-        if beyond.max() > _NEARLY:
-            worst = int(np.argmax(beyond))
-            raise DataError(
-                f"the motion takes {names[worst]} from {q[:, worst].min():.3f} to {q[:, worst].max():.3f}; the URDF allows "
-                f"{robot.position_lower[worst]:.3f} to {robot.position_upper[worst]:.3f}."
-            )
-        ratio = np.abs(v).max(axis=0) / robot.velocity_limit
-        if ratio.max() > 1.0 + _NEARLY:
-            worst = int(np.argmax(ratio))
-            when = t[np.argmax(np.abs(v[:, worst]))]
-            raise DataError(
-                f"the motion moves {names[worst]} at {np.abs(v[:, worst]).max():.2f} a second after {when:.2f} s; the URDF "
-                f"allows {robot.velocity_limit[worst]:.2f}. Give it more time."
-            )
+    def _shortly(self, v: FloatArray) -> float:
+        """Time in which to brake from this speed on a short way, no harder than that asks for, at most the usual one [s]."""
+        speed = max(float(np.abs(v).max()), 1e-9)
+        return max(min(self.safety.braking_time, 2.0 * _BRAKING_WAY / speed, speed / _BRAKING), _GRID)
 
-    def _come_to_rest(self, t: float, q: FloatArray, v: FloatArray) -> None:
-        self._motion, self._begin, self.following = TimedMotion.braking(q, v, self.safety.braking_time), t, False
+    def _come_to_rest(self, t: float, q: FloatArray, v: FloatArray, time: float) -> None:
+        self._motion, self._begin, self.following = TimedMotion.braking(q, v, time), t, False
         self.reference = self._motion.at(0.0)

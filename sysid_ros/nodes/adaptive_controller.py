@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import array
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,14 +17,14 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from sysid_ros.control import ArmTorque, ControlSettings, Reference, make_law
+from sysid_ros.control import ControlSettings
 from sysid_ros.control.control_settings import SafetySettings
 from sysid_ros.control.live_control import LiveControl
 from sysid_ros.control.state_age import StateAge
 from sysid_ros.exceptions import SysidError
-from sysid_ros.input_gate import InputGate
 from sysid_ros.input_gate.rejections import Rejection
 from sysid_ros.nodes.controller_messages import MASSLESS, in_order, payload_of, points_of, poll, without_efforts
+from sysid_ros.nodes.controller_parts import make_control, unforeseen
 from sysid_ros.nodes.controller_settings import ControllerSettings
 from sysid_ros.nodes.controller_status import Heard, control_status, idle, input_status
 from sysid_ros.nodes.diagnostics import diagnostic_array
@@ -33,18 +32,13 @@ from sysid_ros.nodes.messages import LATCHED, inertia_of, record_of, stamp_of
 from sysid_ros.nodes.parameters import NodeParameters
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock
-from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.inertial_parameters import to_com
-from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.sources.source import urdf_text
-from sysid_ros.torque.model_file import ModelFile
 
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)
-_WATCH, _REPORT, _TELL = 0.005, 1.0, 0.1
-_LAST_WORDS = 0.1
-"""For so long the torque of an arm that has come to rest is repeated where no states come [s]."""
-_SETTLES, _POLL = 0.3, 0.0005
+_WATCH, _REPORT, _TELL, _SETTLES, _POLL = 0.005, 1.0, 0.1, 0.3, 0.0005
+_LAST_WORDS = 0.02  # for so long the torque of an arm at rest is repeated where no states come
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -105,8 +99,8 @@ class AdaptiveController(LifecycleNode):
                 else:
                     self._problem = f"Waiting for the URDF on {self.resolve_topic_name('robot_description')}; or set urdf_path."
                     self.get_logger().info(self._problem)
-            except SysidError as error:
-                problems.append(str(error))
+            except Exception as error:  # noqa: BLE001 - whatever it is, a node that stays unconfigured says why
+                problems.append(str(error) if isinstance(error, SysidError) else unforeseen(error))
         for problem in problems:
             self.get_logger().error(f"Not configured: {problem}")
         if problems:
@@ -149,7 +143,7 @@ class AdaptiveController(LifecycleNode):
         if live is None or self._state != "active" or live.reference is None:
             return
         if not live.yields:
-            live.hold()
+            live.hold(at_once=True)
         end = time.monotonic() + live.safety.braking_time + _SETTLES
         while not live.rests and time.monotonic() < end and self.context.ok():
             if (message := poll(self._states)) is not None:
@@ -160,18 +154,9 @@ class AdaptiveController(LifecycleNode):
         self._send_rest()
 
     def _load(self, urdf: str, settings: ControllerSettings) -> None:
-        known = ModelFile.read(Path(settings.model_path)) if settings.model_path else None
-        robot = RobotModel.from_urdf(urdf, settings.joint_names or (known.joints if known else ()), settings.gravity)
-        arm = ArmTorque(robot, known.known_effects(robot) if known else (), settings.frame_id or robot.flange)
-        still = np.zeros(robot.n)
-        # compiles now and not at the first message; the law that is used has seen nothing
-        gains = self._parameter_source.read(ControlSettings)
-        make_law(settings.law, arm, gains).torque(still, still, Reference(still, still + 1.0, still), 0.001)
-        live = LiveControl(make_law(settings.law, arm, gains), arm, self._parameter_source.read(SafetySettings))
-        gate = OnlineSettings(
-            gravity=settings.gravity, effort_type="external", velocity_source="message", sensor_timeout=live.safety.state_timeout
-        )
-        self._gate = InputGate(robot, gate)
+        gains, safety = self._parameter_source.read(ControlSettings), self._parameter_source.read(SafetySettings)
+        live, arm, self._gate = make_control(urdf, settings, gains, safety)
+        robot = arm.robot
         self._arm, self._order = arm, in_order(robot.joint_names, settings.joint_names)
         self._names = [robot.joint_names[j] for j in self._order]
         self.live, self._problem, self._last, self._spoken = live, "", -np.inf, -np.inf
@@ -208,20 +193,20 @@ class AdaptiveController(LifecycleNode):
             return
         trouble = live.trouble
         try:
-            self._send(live.command(found.t, found.q, found.v), message.header.stamp)
+            tau = live.command(found.t, found.q, found.v)
+            if not live.given_up:
+                self._send(tau, message.header.stamp)
+            elif not trouble.startswith(live.trouble):
+                self._send_rest()
             self._last = self._spoken = self.now()
         except Exception as error:  # noqa: BLE001 - one state must not end the node; without news the watch holds the arm
-            if not self.context.ok():
-                return
             self.get_logger().error(f"A state was not handled: {type(error).__name__}: {error}", throttle_duration_sec=5.0)
         if live.trouble and live.trouble != trouble:
             self.get_logger().error(f"{live.trouble}.")
 
     def _send(self, tau: FloatArray, stamp: Any) -> None:
-        live = self.live
-        assert live is not None
-        assert live.reference is not None
-        efforts = self._command(tau)
+        live, efforts = self.live, self._command(tau)
+        assert live is not None and live.reference is not None  # noqa: PT018
         wanted = JointState(name=self._names, effort=efforts)
         wanted.header.stamp = stamp
         wanted.position = array.array("d", live.reference.q[self._order].tobytes())
@@ -239,9 +224,9 @@ class AdaptiveController(LifecycleNode):
 
     def _watch(self) -> None:
         live = self.live
-        if live is None or self._state != "active":
+        if live is None or self._state != "active" or live.given_up:
             return
-        silent = self._age()
+        silent = self.now() - self._last
         try:
             tau = live.without_states(silent)
         except Exception as error:  # noqa: BLE001 - what holds the arm is left to say
@@ -252,9 +237,6 @@ class AdaptiveController(LifecycleNode):
             self._spoken = self.now()
         elif silent > live.safety.state_timeout and self.now() - self._spoken < _LAST_WORDS:
             self._send_rest()
-
-    def _age(self) -> float:
-        return self.now() - self._last
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         live = self.live
@@ -302,7 +284,7 @@ class AdaptiveController(LifecycleNode):
         if self.live is None or self._state != "active":
             statuses = idle(self._state, self._problem)
         else:
-            heard = Heard(self._age(), self._old, self._refusal)
+            heard = Heard(self.now() - self._last, self._old, self._refusal)
             statuses = [input_status(self._gate.health(self._receive_clock.now())), control_status(self.live, heard)]
             self.live.clipped[:], self._old = 0, 0
         self._diagnostics.publish(diagnostic_array(self, now, robot, statuses))

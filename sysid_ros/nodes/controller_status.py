@@ -43,7 +43,9 @@ def input_status(health: GateHealth) -> DiagnosticStatus:
 
 def control_status(live: LiveControl, heard: Heard) -> DiagnosticStatus:
     """What the arm does, and what is wrong, in an order of its own: the worst decides the level."""
-    level, texts = Level.OK, ["Yielding." if live.yields else "Following a motion." if live.following else "Holding the arm."]
+    level, texts = Level.OK, ["Following a motion." if live.following else "Holding the arm."]
+    if live.yields:
+        texts[0] = "Nothing is sent." if live.given_up else "Yielding."
     if live.clipped.any():
         where = ", ".join(name for name, k in zip(live.robot.joint_names, live.clipped, strict=True) if k)
         level, texts = Level.WARN, [*texts, f"Efforts reached their limit since the last report on {where}."]
