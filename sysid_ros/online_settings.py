@@ -81,6 +81,9 @@ class CommitSettings(Settings):
     com_dead_band: float = setting(
         0.01, "a centre of mass that differs by less from the committed one is not committed anew", "m", 0.0, 10.0
     )
+    refinement: float = setting(
+        3.0, "a committed value is committed anew once its std has fallen by this factor; 0: never", "", 0.0, 1000.0
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -43,6 +43,19 @@ def test_small_change_stays_and_large_change_is_committed_after_a_new_dwell() ->
     assert offered(gate, 3.0, start=8.0, mass=2.0, com_x=0.07) == [9.0]
 
 
+def test_what_is_known_much_better_is_committed_anew_and_seldom() -> None:
+    gate = CommitGate(SETTINGS)
+    assert offered(gate, 2.0, std=0.03) == [1.0]
+    assert offered(gate, 2.0, start=2.0, mass=1.51, std=0.015) == []
+    assert offered(gate, 2.0, start=4.0, mass=1.509, std=0.009) == [4.0]
+    assert gate.committed is not None
+    assert gate.committed.mass == pytest.approx(1.509)
+    assert offered(gate, 2.0, start=6.0, mass=1.511, std=0.006) == []
+    kept = CommitGate(replace(SETTINGS, refinement=0.0))
+    assert offered(kept, 2.0, std=0.03) == [1.0]
+    assert offered(kept, 2.0, start=2.0, std=0.003) == []
+
+
 def test_drop_commits_that_nothing_is_carried() -> None:
     gate = CommitGate(SETTINGS)
     offered(gate, 2.0)

@@ -29,7 +29,8 @@ def explained(estimate: PayloadEstimate, gate: Gate | None) -> str:
 
 
 class CommitGate:
-    """Passes an estimate on when it is known well, has held still for a while, and differs from the last one that passed.
+    """Passes an estimate on when it is known well, has held still for a while, and differs from the last one that passed or is
+    known much better.
 
     Args:
         settings: the thresholds; may be replaced at any time.
@@ -62,6 +63,8 @@ class CommitGate:
             self.interrupt(refusal)
             return None
         if self.committed is not None and not self._differ(estimate, self.committed):
+            if self._refines(estimate, self.committed):
+                return self._pass(estimate)
             self._anchor = self.committed
             self.reason = "Committed; changes since are within the dead band."
             return None
@@ -105,6 +108,13 @@ class CommitGate:
         if not com_std <= s.com_std:
             return f"The std of the centre of mass is {com_std:.3g} m; at most {s.com_std:g} m is committed (commit.com_std)."
         return ""
+
+    def _refines(self, a: PayloadEstimate, b: PayloadEstimate) -> bool:
+        """Whether a knows mass or centre of mass so much better than b that b's errors are worth mending: none passes often."""
+        if a.is_empty or b.is_empty or self.settings.refinement == 0.0:
+            return False
+        better = b.covariance[0, 0] / a.covariance[0, 0], np.trace(b.body.com_covariance) / np.trace(a.body.com_covariance)
+        return bool(max(better) >= self.settings.refinement**2)
 
     def _differ(self, a: PayloadEstimate, b: PayloadEstimate) -> bool:
         if a.is_empty or b.is_empty:
