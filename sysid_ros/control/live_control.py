@@ -132,7 +132,7 @@ class LiveControl:
 
     def tell(self, payload: FloatArray) -> None:
         """Hear of the payload that an estimator believes in, shape (10,); taken over where the torques do not say otherwise."""
-        self.told.tell(payload, self.law.payload)
+        self.told.tell(payload)
 
     def _give_up_if_fast(self, t: float, v: FloatArray) -> None:
         """Where an arm that yields stays too fast, the states are not those of now, or the model is another arm's: then no torque

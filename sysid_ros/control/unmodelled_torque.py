@@ -12,6 +12,8 @@ _MEAN, _SCATTER = 0.1, 5.0
 """Time constants of the mean and of the squared scatter about it [s]."""
 _FIRST: Final = 0.01
 """Standard deviation before anything is known of it, in parts of the effort limit: the friction of a good gear."""
+_SAME: Final = 1.0
+"""Squared distance, in standard deviations of the torque, up to which two values told one after the other are of one payload."""
 CLEARLY: Final = 3.0
 """Logarithm of a likelihood ratio from which one of two payloads is believed against what was told: 20 to 1."""
 
@@ -48,6 +50,10 @@ class UnmodelledTorque:
         part = min(period / min(_MEAN, self._time), 1.0)
         self.mean = self.mean + part * (torque - self.mean)
 
+    def distance(self, change: FloatArray) -> float:
+        """Squared, of a change of the torque, shape (n,), in standard deviations."""
+        return float(np.sum(change**2 / np.maximum(self.variance, self._first)))
+
     def against(self, change: FloatArray) -> float:
         """Logarithm of the likelihood ratio against a model whose torque is larger by ``change``, shape (n,) [N m]: above 0 where
         the feedback would have to take it back, below where it has been adding it already."""
@@ -67,6 +73,7 @@ class ToldPayload:
     """
 
     def __init__(self) -> None:
+        self._heard: FloatArray | None = None
         self._told: FloatArray | None = None
         self._before: FloatArray = np.zeros(10)
         self._new = False
@@ -77,11 +84,9 @@ class ToldPayload:
         """That was told last [kg]."""
         return 0.0 if self._told is None else float(self._told[0])
 
-    def tell(self, payload: FloatArray, believed: FloatArray) -> None:
-        """Hear of a payload, shape (10,), in place of the one that is believed in now."""
-        if self._told is None or not np.array_equal(payload, self._told):
-            self._before = np.array(believed)
-            self._told, self._new, self.refused = np.array(payload), True, False
+    def tell(self, payload: FloatArray) -> None:
+        """Hear of a payload, shape (10,)."""
+        self._heard = np.array(payload)
 
     def choose(self, columns: FloatArray, believed: FloatArray, unmodelled: UnmodelledTorque) -> FloatArray | None:
         """What the law is to be told now, shape (10,); None where nothing is new.
@@ -89,6 +94,14 @@ class ToldPayload:
         Args:
             columns: torque a parameter, shape (n, 10). believed: by the law now, shape (10,).
         """
+        if self._heard is not None:
+            heard, self._heard = self._heard, None
+            if self._told is None or unmodelled.distance(columns @ (heard - self._told)) > _SAME:
+                self._before, self._new, self.refused = np.array(believed), True, False
+            elif not (self._new or self.refused):
+                self._told = heard
+                return heard
+            self._told = heard
         if self._told is None:
             return None
         if self._new or self.refused:
