@@ -10,13 +10,14 @@ from robots import ROBOTS, random_body, random_sample, robot
 from test_diagnosis import ARM, payload, record
 from unsimulated import unsimulated as unsimulated
 
-from sysid_ros.diagnosis import Recording, diagnose
+from sysid_ros.diagnosis import diagnose
 from sysid_ros.effects import BaseTilt, JointOffset
 from sysid_ros.effects.base_tilt import tilted_gravity
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 
 ROLL, PITCH, DELTA = 0.12, -0.07, 0.09
 

@@ -10,14 +10,15 @@ from motions import Motion as Path_
 from robots import robot
 from unsimulated import unsimulated as unsimulated
 
-from sysid_ros.diagnosis import Diagnosis, Recording, diagnose
-from sysid_ros.diagnosis.compliant import fit_deflection
+from sysid_ros.diagnosis import Diagnosis, diagnose
+from sysid_ros.diagnosis.knobs import fit_deflection
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.effects import EFFECTS, Backlash, JointElasticity, Motion
 from sysid_ros.effects.compliance import deflection, torque_of
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.conditioning import clear_band
+from sysid_ros.signals.recording import Recording
 
 ARM, JOINT = "small_arm", 1
 RATE = 250.0

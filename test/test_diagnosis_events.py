@@ -11,7 +11,7 @@ from robots import robot
 from test_diagnosis import ARM, record
 from unsimulated import unsimulated as unsimulated
 
-from sysid_ros.diagnosis import Recording, diagnose
+from sysid_ros.diagnosis import diagnose
 from sysid_ros.diagnosis.contacts import find_contacts
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
@@ -19,6 +19,7 @@ from sysid_ros.diagnosis.result import Diagnosis
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 
 BODY = np.array([1.0, 0.02, 0.01, 0.05, 0.004, 0.0, 0.004, 0.0, 0.0, 0.003])
 """Mass, first moment and inertia about the tool for each kilogram."""

@@ -13,11 +13,10 @@ from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import diagnose
 from sysid_ros.diagnosis.band import Band
-from sysid_ros.diagnosis.block_scatter import BlockScatter
+from sysid_ros.diagnosis.fit import BlockScatter
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.posterior import Posterior
+from sysid_ros.diagnosis.posterior import Posterior, rivals
 from sysid_ros.diagnosis.prepare import prepare
-from sysid_ros.diagnosis.rivals import rivals
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.effects import Motion, TorqueSaturation
 from sysid_ros.exceptions import ModelFileError
@@ -155,7 +154,7 @@ def test_a_wrong_zero_by_half_a_gap_is_not_told_from_a_play_under_a_load_of_one_
         selection.library.update(torque, torque)
         fit = train.problem.fit([term])
         selection.fit = replace(fit, theta=np.array([sign * 0.02]))
-        assert ("backlash" in rivals(selection, Posterior(), [term])) == same
+        assert ("backlash" in rivals(selection.problem, selection.library, selection.fit, Posterior(), [term])) == same
     selection.library.update([sign * x for x in load], load)
     selection.fit = replace(selection.fit, theta=np.array([sign * 0.2]))
-    assert "backlash" not in rivals(selection, Posterior(), [term])
+    assert "backlash" not in rivals(selection.problem, selection.library, selection.fit, Posterior(), [term])

@@ -14,7 +14,7 @@ from robots import robot, urdf
 from test_diagnosis import ARM, NOISE, RATE, record
 from unsimulated import unsimulated as unsimulated
 
-from sysid_ros.diagnosis import Recording, diagnose
+from sysid_ros.diagnosis import diagnose
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.leftover import leftovers
 from sysid_ros.diagnosis.library import Library
@@ -23,6 +23,7 @@ from sysid_ros.diagnosis.robot_hypotheses import judge
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.signal_faults import velocity_lag
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.signals.recording import Recording
 
 
 def with_velocities(rate: float, smooth: float = 0.0) -> Recording:

@@ -13,10 +13,11 @@ import pytest
 
 from sysid_ros.cli.inputs import open_bag
 from sysid_ros.cli.main import run
-from sysid_ros.diagnosis import Recording, read_messages
 from sysid_ros.diagnosis.robot_hypotheses import judge
+from sysid_ros.input_gate.raw_messages import read_messages
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.signals.recording import Recording
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 UR10E, STAUBLI = DATA / "ur10e", DATA / "staubli_tx40"

@@ -13,13 +13,16 @@ from motions import Motion as Path_
 from robots import DATA, robot
 
 from sysid_ros.cli.main import run
-from sysid_ros.diagnosis import Diagnosis, Recording, diagnose, missing_joints, read_messages
-from sysid_ros.diagnosis.message_faults import find_message_faults
+from sysid_ros.diagnosis import Diagnosis, diagnose
 from sysid_ros.exceptions import ModelFileError
+from sysid_ros.input_gate.message_faults import find_message_faults
+from sysid_ros.input_gate.missing_joints import missing_joints
+from sysid_ros.input_gate.raw_messages import read_messages
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 from sysid_ros.torque.model_file import ModelFile
 
 FILES = {"report.html", "diagnosis.json", "model.yaml", "extended.urdf", "extended.xml", "predictions.npz"}
@@ -99,8 +102,8 @@ def test_a_joint_that_carries_the_others_must_not_be_missing() -> None:
 
 
 def test_links_that_are_no_bodies_become_the_nearest_ones_in_the_urdf(tmp_path: Path) -> None:
+    from sysid_ros.diagnosis.extended_model import urdf_part
     from sysid_ros.diagnosis.prepare import prepare
-    from sysid_ros.diagnosis.urdf_part import urdf_part
     from sysid_ros.effects import LinkInertia, Payload
     from sysid_ros.torque.model_file import EffectBlock, urdf_digest
     from sysid_ros.torque.urdf_export import export_urdf

@@ -15,21 +15,23 @@ from robots import robot, urdf, with_body
 from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.cli.diagnose_output import show
-from sysid_ros.diagnosis import Diagnosis, Finding, Parameter, Recording, diagnose, read_messages
+from sysid_ros.diagnosis import Diagnosis, Finding, Parameter, diagnose
+from sysid_ros.diagnosis.evidence import Part, Removes, fewest, removed_power, shapley
 from sysid_ros.diagnosis.fault_findings import with_findings
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.result import Rest
-from sysid_ros.diagnosis.shares import Part, Removes, fewest, removed_power, shapley
 from sysid_ros.effects import EFFECTS, LinkInertia
 from sysid_ros.effects.wording import of_joints, one, phrase
+from sysid_ros.input_gate.raw_messages import read_messages
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.pages.diagnosis_page import diagnosis_page
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.urdf_bodies import fixed_bodies, matching, within_reach
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 
 INERTIA = np.diag([1e-3, 1e-3, 1e-3])
 HAND, PLACE = 0.7, np.array([0.01, 0.02, 0.06])

@@ -16,12 +16,13 @@ from robots import DATA, robot
 from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.cli.main import run
-from sysid_ros.diagnosis import Diagnosis, Recording, diagnose
-from sysid_ros.diagnosis.temperature import known_everywhere
+from sysid_ros.diagnosis import Diagnosis, diagnose
 from sysid_ros.effects import FrictionDrift
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.conditioning import motions
+from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.temperature import known_everywhere
 from sysid_ros.sources import BagRecorder
 from sysid_ros.torque.model_file import ModelFile
 

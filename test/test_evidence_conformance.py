@@ -19,19 +19,19 @@ from robots import robot
 from scipy import stats
 from unsimulated import unsimulated as unsimulated
 
-from sysid_ros.diagnosis import Finding, Parameter, Recording, diagnose, fault_findings
-from sysid_ros.diagnosis.channel_evidence import deviation_of, fault_evidence
+from sysid_ros.diagnosis import Finding, Parameter, diagnose, fault_findings
+from sysid_ros.diagnosis.channel_faults import deviation_of, fault_evidence
 from sysid_ros.diagnosis.contacts import find_contacts
-from sysid_ros.diagnosis.effort_lattice import lattice_of, lattices
 from sysid_ros.diagnosis.evidence import Evidence, bic_difference, count_interval, interval, log_p_value
 from sysid_ros.diagnosis.fault_findings import message_finding, signal_findings
-from sysid_ros.diagnosis.message_faults import find_message_faults
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.robot_hypotheses import judge
-from sysid_ros.diagnosis.signal_faults import velocity_lag
+from sysid_ros.diagnosis.signal_faults import lattice_of, lattices, velocity_lag
 from sysid_ros.effects import CHANNEL_EFFECTS, EFFECTS
 from sysid_ros.effects.parameter import CHAIN
+from sysid_ros.input_gate.message_faults import find_message_faults
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 from sysid_ros.simulation.hidden_effects import (
     CAUSES,
     Circumstances,

@@ -10,21 +10,17 @@ import pytest
 from robots import robot
 from test_diagnosis import ARM, coulomb, record
 
-from sysid_ros.diagnosis import never_known
+from sysid_ros.diagnosis.covariance import unknown_columns, unknown_prior
 from sysid_ros.diagnosis.fit import Fit
-from sysid_ros.diagnosis.heldout import HeldOut
-from sysid_ros.diagnosis.inexactness import BESIDE, INEXACT
+from sysid_ros.diagnosis.heldout import HeldOut, no_worse, plain_terms
 from sysid_ros.diagnosis.left_out import LeftOut
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.plain_baseline import no_worse, plain_terms
 from sysid_ros.diagnosis.posterior import _Rival, _shares, posterior_of
-from sysid_ros.diagnosis.prepare import Prepared, prepare
+from sysid_ros.diagnosis.prepare import Prepared, before_gains, prepare
 from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.diagnosis.set_prior import _WORLDS, SetPrior
+from sysid_ros.diagnosis.set_prior import _WORLDS, BESIDE, INEXACT, SetPrior, allowed, visible
 from sysid_ros.diagnosis.set_search import SetSearch
 from sysid_ros.diagnosis.term import Term, conflict
-from sysid_ros.diagnosis.torques import before_gains
-from sysid_ros.diagnosis.visibility import allowed, visible
 from sysid_ros.effects import EFFECTS, Scope
 from sysid_ros.effects.traits import Knob
 from sysid_ros.robot.robot_model import RobotModel
@@ -181,8 +177,8 @@ def test_friction_that_turns_late_is_no_inertia() -> None:
     train, _ = rows()
     (motion,) = train.motions
     dry = np.full(robot(ARM).n, 20.0)
-    known = never_known.columns(train.problem, dry)
-    assert known.shape[0] == len(never_known.prior(1.0))
+    known = unknown_columns(train.problem, dry)
+    assert known.shape[0] == len(unknown_prior(1.0))
     for width in (0.005, 0.05):
         late = 20.0 * (np.tanh((motion.v + 0.0005 * motion.a) / width) - np.tanh(motion.v / width))
         column = train.problem.band.curves([late[None]])[0]

@@ -14,10 +14,10 @@ from robots import urdf
 
 from sysid_ros.cli.inputs import open_bag
 from sysid_ros.cli.main import run
-from sysid_ros.diagnosis import read_messages
 from sysid_ros.exceptions import RobotModelError
 from sysid_ros.input_gate import InputGate
 from sysid_ros.input_gate.joined import JoinedRecords
+from sysid_ros.input_gate.raw_messages import read_messages
 from sysid_ros.online.live_estimation import CommitGate, LiveEstimation
 from sysid_ros.online_settings import CommitSettings, OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel

@@ -13,9 +13,9 @@ from robots import robot
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from sysid_ros.diagnosis import Recording, with_temperatures
-from sysid_ros.diagnosis.temperature import joint_of
 from sysid_ros.sample import FloatArray, JointStateRecord, TemperatureSeries
+from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.temperature import joint_of, with_temperatures
 from sysid_ros.sources import BagRecorder, BagSource, temperatures
 from sysid_ros.sources.joint_state_cdr import JOINT_STATE, encode, encode_names
 from sysid_ros.sources.temperatures import DYNAMIC

@@ -13,12 +13,16 @@ from sysid_ros.cli.diagnose_output import check_results, show, write_files
 from sysid_ros.cli.inputs import open_bag, provenance, read_config, require_same_robot, settings_from
 from sysid_ros.cli.output import ManyValues, note, warn
 from sysid_ros.cli.progress import progress_bar, stages
-from sysid_ros.diagnosis import Diagnosis, Recording, diagnose, missing_joints, read_messages, with_temperatures
+from sysid_ros.diagnosis import Diagnosis, diagnose
 from sysid_ros.diagnosis.result import RankedUrdf
 from sysid_ros.diagnosis.several_urdfs import rank_urdfs, with_ranking
 from sysid_ros.exceptions import DataError, RobotModelError
+from sysid_ros.input_gate.missing_joints import missing_joints
+from sysid_ros.input_gate.raw_messages import read_messages
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.temperature import with_temperatures
 from sysid_ros.simulation.simulators import SIMULATORS, installed
 from sysid_ros.sources import temperatures, urdf_text
 from sysid_ros.torque.model_file import ModelFile

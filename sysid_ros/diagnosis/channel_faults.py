@@ -1,15 +1,25 @@
-"""Faults of units, signs and order: looked for first, since every other effect would soak them up."""
+"""Faults of units, signs and order: looked for first, since every other effect would soak them up; with their evidence."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sysid_ros.diagnosis.effort_factors import EffortFactors
+from sysid_ros.diagnosis.band import Band, Noise
+from sysid_ros.diagnosis.evidence import Evidence
+from sysid_ros.diagnosis.fit import BlockScatter, Fit
+from sysid_ros.diagnosis.prepare import Prepared
+from sysid_ros.diagnosis.robot_kernels import RobotKernels
+from sysid_ros.diagnosis.robot_likelihood import USUAL, JointTorques, inverse
 from sysid_ros.effects import ChannelEffect, Channels, JointOrder, JointSign, TorqueSign, TorqueUnit
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign
+from sysid_ros.sample import FloatArray
+from sysid_ros.signals.conditioning import motions
 from sysid_ros.signals.recording import Recording
 
 UNITS = {
@@ -22,6 +32,17 @@ UNITS = {
     0.101972: "kgf m",
 }
 """Factors of units that efforts are published in by mistake."""
+_TURNS = 4
+_BROAD = 10.0
+"""Standard deviation of a factor over its last value: it is the data that tell it."""
+_SPREAD, _APART = np.log(10.0), np.log(3.0)
+"""Standard deviations of the logarithm of all factors together (per cent, amperes, counts), and of one joint's against them,
+before any data."""
+_ROUNDS = 3
+_SEEN = 1e-6
+"""Part of a column that all others leave of it, from which its parameter is determined."""
+Deviation = Callable[[Sequence[int]], tuple[float, float] | None]
+"""Of some joints: by what part the efforts are larger than the model's, with its standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -74,3 +95,165 @@ def fault_of_factors(found: EffortFactors) -> Fault:
     n = len(found.values)
     values = tuple(("factor", j, float(found.values[j]), "1", None) for j in range(n))
     return Fault(TorqueUnit(found.values.tolist()), tuple(range(n)), values, n)
+
+
+@dataclass(frozen=True, eq=False)
+class EffortFactors:
+    """What efforts say of a factor of their own on each joint.
+
+    Attributes:
+        values: published effort over torque, shape (n,); where none can be told the middle of the others. std: standard
+            deviations. seen: joints whose efforts are likelier with the URDF's bodies in them than without any; of the others no
+            factor can be told.
+        log_prior: log-probability of such factors before any data: how narrowly each is told of what it could have been.
+    """
+
+    values: FloatArray
+    std: FloatArray
+    seen: NDArray[np.bool_]
+    log_prior: float
+
+
+def effort_factors(kernels: RobotKernels, tau: FloatArray) -> EffortFactors:
+    """The factors with which the URDF's links, anything that the whole arm carries and what each joint has of its own make
+    published efforts likeliest, shape (N, n)."""
+    n, m = kernels.robot.n, kernels.mean
+    size = np.maximum(np.sqrt(np.mean(tau**2, axis=0)), 1e-12)
+    factors = size / np.maximum(np.sqrt(np.mean(m**2, axis=0)), 1e-12)
+    sizes = [USUAL] * n
+    for _ in range(_TURNS):
+        joints = _joints(kernels, tau, factors, size / factors)
+        covariance, theta = _posterior(joints, sizes)
+        for j, x in enumerate(joints):
+            sizes[j] = x.sizes(x.residual[:, 0] - x.prior[0] @ theta, x.fixed(), sizes[j])[0]
+        gain = 1.0 + _BROAD * theta[:n]
+        factors = factors * np.where(gain > 0.0, gain, 1.0)
+    part = _BROAD * np.sqrt(np.diag(covariance)[:n]) / np.abs(gain)
+    log_prior = _narrowly(np.log(factors), part)
+    seen = np.zeros(n, dtype=bool)
+    for j, x in enumerate(_joints(kernels, tau, factors, size / factors)):
+        theta[:n] = 0.0
+        without = x.sizes(tau[:, j] / factors[j], x.fixed() - x.prior[1])[1]
+        with_bodies = x.sizes(x.residual[:, 0] - x.prior[0] @ theta, x.fixed(), sizes[j])[1]
+        seen[j] = gain[j] > 0.0 and with_bodies + log_prior[j] > without
+    if seen.any():
+        factors = np.where(seen, factors, np.exp(np.median(np.log(factors[seen]))))
+    return EffortFactors(factors, factors * part, seen, float(log_prior[seen].sum() + _together(np.log(factors[seen]))))
+
+
+def _narrowly(logs: FloatArray, part: FloatArray) -> FloatArray:
+    """Log-prior of each factor in the width to which it is told, shape (n,), against the middle of all."""
+    z = (logs - np.median(logs)) / _APART
+    return np.asarray(-0.5 * z**2 + np.minimum(np.log(part / _APART), 0.0))
+
+
+def _together(logs: FloatArray) -> float:
+    """Log-prior of what the factors that are told have in common, in the width to which it is."""
+    if not logs.size:
+        return 0.0
+    return float(-0.5 * (np.mean(logs) / _SPREAD) ** 2 + np.log(_APART / np.sqrt(logs.size) / _SPREAD))
+
+
+def _joints(kernels: RobotKernels, tau: FloatArray, factors: FloatArray, usual: FloatArray) -> list[JointTorques]:
+    """Each joint's rows with a gain of its own among the parameters that all share."""
+    out = []
+    for j in range(kernels.robot.n):
+        gains = np.zeros_like(tau)
+        gains[:, j] = _BROAD * kernels.mean[:, j]
+        whole, by_load = kernels.whole_arm(j, 0.0), kernels.by_load(j, 0.0)
+        residual = tau[:, [j]] / factors[j] - kernels.mean[:, [j]]
+        prior = np.concatenate([gains, whole], axis=1), by_load
+        out.append(JointTorques(residual, prior, kernels.own(j), kernels.pattern, float(usual[j])))
+    return out
+
+
+def _posterior(joints: Sequence[JointTorques], sizes: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Covariance and mean of the parameters that all joints share, shapes (p, p) and (p,)."""
+    p = joints[0].prior[0].shape[1]
+    H, h = np.eye(p), np.zeros(p)
+    for x, s in zip(joints, sizes, strict=True):
+        own, side = x.information(inverse(x.covariance(s)))
+        H, h = H + own, h + side
+    scale = 1.0 / np.sqrt(np.diag(H))
+    covariance = inverse(H * scale[:, None] * scale) * scale[:, None] * scale
+    return covariance, covariance @ h
+
+
+def fault_evidence(robot: RobotModel, published: Sequence[Recording], faults: Sequence[Fault]) -> list[Evidence]:
+    """Of each fault: how much likelier the published efforts are with it than without it, the others undone, where the URDF and
+    each joint's own friction and offset predict them."""
+    n = robot.n
+    factor = np.ones((1, n))
+    for fault in reversed(faults):
+        factor = fault.effect.publish(factor)
+    out = []
+    whole, rows = _likelihood(robot, published, faults, factor)
+    for fault in faults:
+        others = [f for f in faults if f is not fault]
+        factor = np.ones((1, n))
+        for other in reversed(others):
+            factor = other.effect.publish(factor)
+        rise = 2.0 * (whole - _likelihood(robot, published, others, factor)[0])
+        out.append(Evidence(rise, fault.parameters, rows, fault.candidates))
+    return out
+
+
+def _likelihood(
+    robot: RobotModel,
+    published: Sequence[Recording],
+    faults: Sequence[Fault],
+    factor: FloatArray,
+) -> tuple[float, float]:
+    """Log-likelihood of the published efforts and how many rows it is of.
+
+    Args:
+        factor: what the faults publish of 1 N m, shape (1, n).
+    """
+    for fault in faults:
+        published = [undo(r, fault.effect) for r in published]
+    parts = [m for r in published for m in motions(robot, r)]
+    band = Band(parts)
+    y = band.rows([m.tau - m.link_torque for m in parts])
+    out = 0.0
+    for j in np.flatnonzero(band.active):
+        X = band.joint_curves(int(j), [np.stack([smoothed_sign(m.v[:, j]), m.v[:, j], np.ones(len(m.t))]) for m in parts])
+        residual = y[:, j]
+        for _ in range(_ROUNDS):
+            variance = Noise.of(band.f, residual[:, None] ** 2).variance(band.f)[:, 0]
+            weighted = X / variance[:, None]
+            residual = y[:, j] - X @ np.linalg.lstsq(weighted.T @ X, weighted.T @ y[:, j], rcond=None)[0]
+        variance = Noise.of(band.f, residual[:, None] ** 2).variance(band.f)[:, 0]
+        out -= 0.5 * float(np.sum(np.log(variance) + residual**2 / variance))
+        out -= len(y) * float(np.log(np.abs(factor[0, j])))
+    return out, float(len(y) * band.active.sum())
+
+
+def deviation_of(train: Prepared, fit: Fit) -> Deviation:
+    """How far one factor on the efforts of some joints is from 1, all parameters of a fit adjusted to it: one step of Newton's.
+
+    The standard deviation holds the scatter from one stretch of time to the next. None where the fit has that factor already."""
+    root = 1.0 / np.sqrt(fit.variance)
+    modelled = (train.band.rows([m.tau for m in train.motions]) - fit.residual) * root
+    residual = fit.residual * root
+
+    def deviation(joints: Sequence[int]) -> tuple[float, float] | None:
+        active = [j for j in joints if j in fit.blocks]
+        whitened = {j: fit.blocks[j][1] * root[:, j, None] for j in active}
+        shared = np.zeros(len(fit.theta))
+        for j in active:
+            np.add.at(shared, fit.blocks[j][0], whitened[j].T @ modelled[:, j])
+        adjusted = fit.inverse @ shared
+        own = float(np.sum(modelled[:, active] ** 2))
+        information = own - float(shared @ adjusted)
+        if information <= _SEEN * own:
+            return None
+        scatter, score = BlockScatter(train.band, 1), 0.0
+        for j in fit.blocks:
+            X = fit.blocks[j][1] * root[:, j, None]
+            column = (modelled[:, j] if j in active else 0.0) - X @ adjusted[fit.blocks[j][0]]
+            score += float(column @ residual[:, j])
+            scatter.add(column[:, None], residual[:, j], np.array([0]))
+        variance = scatter.ratios(np.array([[1.0 / information]]))[0] / information
+        return score / information, float(np.sqrt(variance))
+
+    return deviation

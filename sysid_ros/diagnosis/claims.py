@@ -8,18 +8,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sysid_ros.diagnosis.covariance import Estimates
-from sysid_ros.diagnosis.evidence import Evidence
+from sysid_ros.diagnosis.evidence import Evidence, Part, fewest, removed_power, shapley
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
-from sysid_ros.diagnosis.posterior import Posterior
+from sysid_ros.diagnosis.posterior import Posterior, rivals
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Finding
-from sysid_ros.diagnosis.rivals import rivals
 from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.diagnosis.shares import Part, fewest, removed_power, shapley
+from sysid_ros.diagnosis.set_prior import visible
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.diagnosis.time_or_temperature import SIGNATURE, drift_cause
-from sysid_ros.diagnosis.visibility import visible
 from sysid_ros.effects import EFFECTS, Parameter
 from sysid_ros.effects.parameter import by_delta_method
 from sysid_ros.effects.wording import of_joints
@@ -160,7 +158,7 @@ def _finding(judged: Judged, terms: Sequence[Term], richer: Sequence[Term], evid
         heldout_gain=evidence.gain,
         delta_bic=evidence.delta_bic,
         p_value=evidence.p_value,
-        cannot_be_told_from=rivals(judged.selection, judged.posterior, list(terms)),
+        cannot_be_told_from=rivals(judged.train.problem, judged.selection.library, fit, judged.posterior, list(terms)),
         words=effect.in_words(parameters, of_joints(joints, robot.n)),
         signature=SIGNATURE if drift is not None and drift.over == "temperature" else effect.signature,
         separated_by=effect.separated_by,

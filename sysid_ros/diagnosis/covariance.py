@@ -1,4 +1,9 @@
-"""Covariance of all parameters of a fit, the nonlinear ones included."""
+"""Covariance of all parameters of a fit, the nonlinear ones included, beside what is never exactly known of a joint.
+
+The latter, how its friction turns at a reversal or differs with direction, and its torque gain, are columns with a prior beside
+the causes of every set. No cause wins over another by what they can take, and what they could have taken is in the intervals of
+the others; the model itself has none of them.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +11,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sysid_ros.diagnosis import never_known
-from sysid_ros.diagnosis.block_scatter import BlockScatter
-from sysid_ros.diagnosis.fit import Fit, Problem
+from sysid_ros.diagnosis.fit import BlockScatter, Fit, Problem
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.refine import remake
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import SLIDE, smoothed_sign, smoothed_sign_slope
 from sysid_ros.sample import FloatArray
 
 _PROBE = 0.003
 """Relative step of a difference."""
+_BUMPS = {0.015: 0.5, 0.05: 0.05}
+"""Part by which dry friction may be more or less below a speed [rad/s], whatever its form."""
+_EARLY = 0.002
+"""Time by which the sign of a measured velocity turns early or late [s]."""
+_WIDTHS = (0.005, 0.05)
+"""Speeds at which that sign has turned [rad/s], of a hard and of a soft one."""
+_ONE_WAY = 0.02
+"""Part by which dry friction differs from one direction to the other."""
+_GAIN = 0.02
+"""Part by which the torque constant of a joint is off, where the links are not exact either."""
 
 
 class Estimates(NamedTuple):
@@ -49,7 +62,7 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estim
                 continue
             value = float(term.effect.settings[knob.name])
             step = knob.step * value if knob.logarithmic else knob.step
-            sides = [remake(library, term, {**term.effect.settings, knob.name: value + s}) for s in (step, -step)]
+            sides = [library.remake(term, **{knob.name: value + s}) for s in (step, -step)]
             theta = fit.theta_of(term) if term not in slopes else np.array([float(term.effect.settings["around"])])
             slope = (sides[0].columns - sides[1].columns) @ theta / (2.0 * step)
             column = np.zeros(problem.y.shape)
@@ -60,7 +73,7 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estim
             extra.append(column / np.sqrt(fit.variance))
             owners.append((term, knob.name, value))
     count = len(fit.theta)
-    never = never_known.columns(problem, dry_friction(library.robot, fit), whole=True)
+    never = unknown_columns(problem, dry_friction(library.robot, fit), whole=True)
     scaled_joints = {t.row for t in fit.terms if t.effect.of_own_torque}  # whose gain is a cause of its own
     first, each = count + len(extra), len(never)
     information = np.zeros((first + each * len(fit.blocks),) * 2)
@@ -72,7 +85,7 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estim
         for term, column in slopes.items():
             X[:, index == fit.slices[fit.terms.index(term)].start] = column[:, j, None]
         unknown = first + each * i + np.arange(each)
-        information[unknown, unknown] += never_known.prior(max(problem.scale) if fit.inexact and j not in scaled_joints else 0.0)
+        information[unknown, unknown] += unknown_prior(max(problem.scale) if fit.inexact and j not in scaled_joints else 0.0)
         every = np.concatenate([index, own, unknown])
         root = np.sqrt(fit.variance[:, j, None])
         columns = np.concatenate([X / root, *(c[:, j, None] for c in extra), never[:, :, j].T / root], axis=1)
@@ -120,5 +133,35 @@ def _slope(library: Library, term: Term) -> FloatArray:
     """Derivative of a compliant joint's torque by its compliance or gap, shape (K, n): far from the torque over either."""
     value = float(term.effect.settings["around"])
     sides = [value * (1.0 + s) for s in (_PROBE, -_PROBE)]
-    torque = [remake(library, term, {**term.effect.settings, "around": x}).columns[..., 0] * x for x in sides]
+    torque = [library.remake(term, around=x).columns[..., 0] * x for x in sides]
     return np.asarray((torque[0] - torque[1]) / (2.0 * _PROBE * value))
+
+
+def unknown_columns(problem: Problem, dry: FloatArray, whole: bool = False) -> FloatArray:
+    """Of each joint, shape (c, K, n).
+
+    Args:
+        dry: level of the dry friction on each joint, shape (n,) [N m].
+        whole: the torque constant is one of all that the drives give, as far as that is known, else of what the links need: while
+            sets are compared what rubs may leave one.
+    """
+    curves = []
+    for motion in problem.band.motions:
+        unit = np.where(motion.robot.is_prismatic, SLIDE, 1.0)
+        v, a = motion.v / unit, motion.a / unit
+        bumps = [smoothed_sign(v, _WIDTHS[0]) * np.exp(-((v / speed) ** 2)) for speed in _BUMPS]
+        turning = [smoothed_sign_slope(v, width) * a for width in _WIDTHS]
+        rubs = (*bumps, *turning, np.ones_like(v))
+        curves.append(np.stack([*(x * dry for x in rubs), motion.drive_torque if whole else motion.link_torque]))
+    rows: FloatArray = problem.band.curves(curves)
+    return rows
+
+
+def unknown_prior(scale: float) -> FloatArray:
+    """Inverse variances of their parameters before any data, shape (c,).
+
+    Args:
+        scale: how inexact the links are, in units of the usual inexactness; 0 for a simulation, in which all is exact.
+    """
+    gain = _GAIN if scale > 0.0 else 1e-6
+    return np.array([*_BUMPS.values(), *(_EARLY for _ in _WIDTHS), _ONE_WAY, gain]) ** -2.0

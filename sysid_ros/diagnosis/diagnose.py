@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.diagnosis.channel_evidence import deviation_of, fault_evidence
-from sysid_ros.diagnosis.channel_faults import undo
-from sysid_ros.diagnosis.contact_findings import contact_findings, contacts_held_out, contacts_in, in_words
+from sysid_ros.diagnosis.channel_faults import deviation_of, fault_evidence, undo
+from sysid_ros.diagnosis.contact_search import contact_findings, contacts_held_out, contacts_in, in_words, strong_contacts
 from sysid_ros.diagnosis.contacts import without
 from sysid_ros.diagnosis.covariance import with_knobs
-from sysid_ros.diagnosis.extended_model import extended_model
+from sysid_ros.diagnosis.extended_model import extended_model, urdf_part
 from sysid_ros.diagnosis.fault_findings import (
     as_unit,
     finding_of,
@@ -23,23 +22,21 @@ from sysid_ros.diagnosis.fault_findings import (
     with_findings,
     with_scales,
 )
-from sysid_ros.diagnosis.faults import refusal_of
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.gain import with_gain
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.message_faults import in_order
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.reporting import report
 from sysid_ros.diagnosis.result import Diagnosis
 from sysid_ros.diagnosis.robot_hypotheses import judge
 from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.diagnosis.strong_contacts import strong_contacts
-from sysid_ros.diagnosis.temperature import known_everywhere
-from sysid_ros.diagnosis.urdf_part import urdf_part
 from sysid_ros.exceptions import DataError
+from sysid_ros.input_gate.message_faults import in_order
+from sysid_ros.input_gate.recording_check import refusal_of
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.temperature import known_everywhere
 from sysid_ros.simulation.simulators import installed
 from sysid_ros.torque.model_file import ModelFile
 

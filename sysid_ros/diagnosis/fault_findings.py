@@ -7,19 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid_ros.diagnosis.channel_evidence import Deviation
-from sysid_ros.diagnosis.channel_faults import Fault
+from sysid_ros.diagnosis.channel_faults import Deviation, Fault
 from sysid_ros.diagnosis.claims import with_headline
-from sysid_ros.diagnosis.effort_lattice import lattices
 from sysid_ros.diagnosis.evidence import Evidence, count_interval, interval, together
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
-from sysid_ros.diagnosis.message_faults import MessageFaults
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter, TorqueRmse
-from sysid_ros.diagnosis.signal_faults import velocity_lag
+from sysid_ros.diagnosis.signal_faults import lattices, velocity_lag
 from sysid_ros.effects import ChannelEffect, TorqueQuantisation, TorqueUnit, VelocityLag
 from sysid_ros.effects.wording import of_joints, phrase
+from sysid_ros.input_gate.message_faults import MessageFaults
 from sysid_ros.signals.recording import Recording
 
 MESSAGE_FAULTS = "message_faults"

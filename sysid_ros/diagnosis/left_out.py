@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from sysid_ros.diagnosis import never_known
-from sysid_ros.diagnosis.block_scatter import scatter_ratios
-from sysid_ros.diagnosis.fit import Problem
+from sysid_ros.diagnosis.band import Noise
+from sysid_ros.diagnosis.covariance import unknown_columns
+from sysid_ros.diagnosis.fit import Problem, scatter_ratios
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.diagnosis.torque_noise import Noise
 from sysid_ros.sample import FloatArray
 
 _STRETCH = 1.5
@@ -77,7 +76,7 @@ class LeftOut:
         starts = np.cumsum([0, *(t.p for t in terms)])
         self.slices = [slice(int(a), int(a) + t.p) for a, t in zip(starts, terms, strict=False)]
         self.inexact = np.arange(starts[-1], starts[-1] + self._problems[0].nuisance.shape[2])
-        unknown = [never_known.columns(p, dry) for p in self._problems]
+        unknown = [unknown_columns(p, dry) for p in self._problems]
         moves, each = [int(j) for j in self._problems[0].active], len(unknown[0])
         self.joints = len(moves)
         self.unknown = int(starts[-1]) + len(self.inexact) + np.arange(each * self.joints)

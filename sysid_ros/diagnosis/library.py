@@ -124,6 +124,14 @@ class Library:
     def _make(self, effect_id: str, joints: Sequence[int], settings: dict[str, Any]) -> Effect:
         return EFFECTS[effect_id].from_settings(self.robot, [self.robot.joint_names[j] for j in joints], settings)
 
+    def remake(self, term: Term, **changes: Any) -> Term:
+        """The same term on the library's motions, with some settings changed."""
+        settings = {**term.effect.settings, **changes}
+        if term.row is not None:
+            return self.local(term.id, term.row, **settings)
+        joints = term.joints if len(term.joints) < self.robot.n else ()
+        return self.whole(term.id, joints, term.basis, term.form, **settings)
+
     @property
     def of_joints(self) -> tuple[str, ...]:
         """Effects that load one joint at a time."""

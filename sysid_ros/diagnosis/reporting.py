@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid_ros.diagnosis.claims import Judged, Values, claims
-from sysid_ros.diagnosis.events import in_words
 from sysid_ros.diagnosis.fit import Fit
-from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.heldout import HeldOut, dates_in_words
 from sysid_ros.diagnosis.leftover import Leftover, leftovers
 from sysid_ros.diagnosis.posterior import Posterior
 from sysid_ros.diagnosis.prepare import Prepared
@@ -81,7 +80,7 @@ def report(
         predictions=predictions,
         temperature=correlations(predictions),
         notes=(
-            *in_words(held.library, {t: held.terms[t] for t in fit.terms}),
+            *dates_in_words(held.library, {t: held.terms[t] for t in fit.terms}),
             *worse,
             *_tolerated(robot, fit),
         ),

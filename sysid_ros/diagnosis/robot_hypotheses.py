@@ -14,10 +14,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.diagnosis.channel_faults import Fault, fault_of_factors, faults_of_signs_and_order, faults_of_units
-from sysid_ros.diagnosis.coarse_rows import CoarseRows
-from sysid_ros.diagnosis.effort_factors import EffortFactors, effort_factors
-from sysid_ros.diagnosis.robot_kernels import RobotKernels
+from sysid_ros.diagnosis.channel_faults import (
+    EffortFactors,
+    Fault,
+    effort_factors,
+    fault_of_factors,
+    faults_of_signs_and_order,
+    faults_of_units,
+)
+from sysid_ros.diagnosis.robot_kernels import CoarseRows, RobotKernels
 from sysid_ros.diagnosis.robot_likelihood import LEAVES, LEAVES_ALL, JointTorques, RowLikelihoods, halves, row_likelihoods
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray

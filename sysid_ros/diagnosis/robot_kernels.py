@@ -1,13 +1,32 @@
-"""RobotKernels: what a URDF, free bodies and no robot at all expect of torques, as Gaussian priors over the same coarse rows."""
+"""What a URDF, free bodies and no robot at all expect of torques, as Gaussian priors over the same few hundred instants."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
 import numpy as np
+from numpy.typing import NDArray
 
-from sysid_ros.diagnosis.coarse_rows import CoarseRows
+from sysid_ros.effects import ChannelEffect, Channels
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.conditioning import motions
+from sysid_ros.signals.motion import Motion
+from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.zero_phase import low_passed
 
+_CUTOFF = 8.0
+"""Band that is judged [Hz]: a controlled arm moves below; gears and noise are above."""
+_RATE = 12.0
+"""Most rows a second: what is faster than the band adds rows that say the same [Hz]."""
+_MOST_ROWS = 300
+"""Most rows: an exact likelihood costs their cube."""
+_SLOW_SIGN = 0.15
+"""Second width of the sign of a velocity [rad/s], for friction that falls with the speed."""
+_STANDS = 0.01
+"""Speed below which dry friction leaves a torque undetermined [rad/s]."""
 _MASS, _PLACE, _INERTIA = 0.15, 0.03, 0.3
 """Standard deviation of a URDF's masses (part), centres of mass [m] and inertias (part): what identified arms differ by."""
 _GYRATION, _LEAST = 0.08, 0.02
@@ -35,9 +54,73 @@ _DRIFTS, _SLOW = 0.2, 10.0
 _REST, _MEMORY = 0.5, 1.0
 """Times over which the friction of a joint at rest, and what any model leaves, stay alike [s]."""
 _GRAVITY = 9.81
-
 Prior = tuple[FloatArray, FloatArray]
 """Of one joint: columns times the standard deviations of their parameters, shape (N, p), and a covariance beside them, (N, N)."""
+
+
+@dataclass(frozen=True, eq=False)
+class CoarseRows:
+    """Instants of recordings below 8 Hz.
+
+    Attributes:
+        t: shape (N,) [s]. stretch: recording without a gap that each belongs to, shape (N,).
+        q, v, a, tau: shape (N, n). sign, slow_sign: smoothed signs of the velocity through the torque's filter, shape (N, n).
+        stands: 1 where a joint stands, shape (N, n).
+    """
+
+    t: FloatArray
+    stretch: NDArray[np.intp]
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
+    tau: FloatArray
+    sign: FloatArray
+    slow_sign: FloatArray
+    stands: FloatArray
+
+    @classmethod
+    def of(cls, robot: RobotModel, recordings: Sequence[Recording]) -> CoarseRows | None:
+        """The rows of recordings; None where none can be used."""
+        found = [m for r in recordings for m in motions(robot, r)]
+        if not found:
+            return None
+        seconds = sum(len(m.t) * m.period for m in found)
+        step = max(1.0 / _RATE, seconds / _MOST_ROWS)
+        parts = [_rows(m, step) for m in found]
+        stretch = np.concatenate([np.full(len(p[0]), i) for i, p in enumerate(parts)])
+        t, *channels = (np.concatenate(x) for x in zip(*parts, strict=True))
+        return cls(t, stretch, *channels)
+
+    def every(self, step: int) -> CoarseRows:
+        """Each of so many rows."""
+        return replace(self, **{name: getattr(self, name)[::step] for name in self.__dataclass_fields__})
+
+    def without(self, effect: ChannelEffect) -> CoarseRows:
+        """The rows of the recordings without a fault: it acts on accelerations as on positions, on signs as on velocities."""
+        first = effect.undo(Channels(self.q, self.v, self.tau))
+        second = effect.undo(Channels(self.a, self.sign, self.tau))
+        third = effect.undo(Channels(self.stands, self.slow_sign, self.tau))
+        assert first.v is not None
+        assert second.v is not None
+        assert third.v is not None
+        return replace(
+            self,
+            q=first.q,
+            v=first.v,
+            a=second.q,
+            tau=first.tau,
+            sign=second.v,
+            slow_sign=third.v,
+            stands=np.abs(third.q),
+        )
+
+
+def _rows(m: Motion, step: float) -> tuple[FloatArray, ...]:
+    signs = (smoothed_sign(m.v), smoothed_sign(m.v, _SLOW_SIGN))
+    n, every = m.q.shape[1], max(1, round(step / m.period))
+    channels = low_passed(np.hstack([m.q, m.v, m.a, m.tau, *signs]), min(_CUTOFF, 0.2 / m.period), m.period)[every // 2 :: every]
+    q, v, a, tau, sign, slow = (channels[:, n * i : n * (i + 1)] for i in range(6))
+    return m.t[every // 2 :: every], q, v, a, tau, sign, slow, (np.abs(v) < _STANDS).astype(float)
 
 
 class RobotKernels:

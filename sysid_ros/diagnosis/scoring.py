@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit, Problem
+from sysid_ros.diagnosis.knobs import refine
+from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.term import Term
+from sysid_ros.effects import EFFECTS, Effect, forms_of
 from sysid_ros.sample import FloatArray
+
+_LEAST = 12.0
+"""Likelihood that a compliance must gain on its joint's rows. Nothing but this sees the loads without the noise of the positions,
+which an elastic joint takes away from all rows as a filter does, so it is the one that decides."""
+_AS_MADE_FOR = 0.2, 3.0
+"""The fitted compliance over that of the columns."""
+_ALIKE = 0.02
+"""Part by which loads may differ (rms) for columns that are only screened."""
+Settings = tuple[type[Effect], Mapping[str, Any]]
+_STANDS_IN = 5.0
+"""Likelihood by which time must be better than a measured temperature, for which it only stands in."""
+_RICHER = 4.0
+"""Likelihood that a richer form must gain beside the present one before it is tried in its place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,3 +131,114 @@ def _solve(information: FloatArray, score: FloatArray, own: FloatArray) -> tuple
     inverse = (vectors[:, keep] / values[keep]) @ vectors[:, keep].T * scale[:, None] * scale
     theta = inverse @ score
     return theta, float(score @ theta), np.sqrt(np.maximum(np.diag(inverse), 0.0))
+
+
+class ComplianceScreen:
+    """Elastic joints and joints with play, as terms with settings that fit the residual.
+
+    Args:
+        library: its motions; columns are kept as long as the links' torques stay the same.
+    """
+
+    def __init__(self, library: Library) -> None:
+        self._library = library
+        self._rows: dict[int, tuple[list[FloatArray], list[Settings], FloatArray]] = {}
+
+    def terms(self, fit: Fit) -> list[Term]:
+        """At most one term of each effect and joint."""
+        out = []
+        causes = sum(t.p for t in fit.terms)
+        for joint, (index, columns_of_all) in fit.blocks.items():
+            X = columns_of_all[:, index < causes]  # inexact links are free within narrow bounds only
+            settings, columns = self._options(joint)
+            root = 1.0 / np.sqrt(fit.variance[:, joint, None])
+            kinds = list(dict.fromkeys(kind for kind, _ in settings))
+            present = {t.kind for t in fit.terms if t.row == joint}
+            missing = [x for x in dict.fromkeys(kind.companion for kind in kinds) if x and EFFECTS[x] not in present]
+            beside = np.concatenate([X, *(self._library.local(x, joint).columns for x in missing)], axis=1)
+            basis = _orthonormal(beside * root)
+            z = fit.residual[:, joint] * root[:, 0]
+            power = float(z @ z)
+            z = z - basis @ (basis.T @ z)
+            C = columns * root
+            C -= basis @ (basis.T @ C)
+            size = np.maximum(np.sum(C**2, axis=0), 1e-30)
+            theta = (C.T @ z) / size
+            drop = theta**2 * size + (power - float(z @ z) if missing else 0.0)
+            gain = 0.5 * len(z) * np.log(power / np.maximum(power - drop, 1e-9 * power))
+            made_for = np.array([s["around"] for _, s in settings])
+            gain[(theta < _AS_MADE_FOR[0] * made_for) | (theta > _AS_MADE_FOR[1] * made_for)] = 0.0
+            for kind in kinds:
+                own = [i for i, (k, _) in enumerate(settings) if k is kind]
+                best = own[int(np.argmax(gain[own]))]
+                if gain[best] > _LEAST:
+                    out.append(self._library.whole(kind.id, (joint,), **settings[best][1]))
+        return out
+
+    def _options(self, joint: int) -> tuple[list[Settings], FloatArray]:
+        loads = [m.link_torque[:, joint] for m in self._library.motions]
+        if joint in self._rows:
+            before, settings, columns = self._rows[joint]
+            if all(_alike(x, y) for x, y in zip(before, loads, strict=True)):
+                return settings, columns
+        motions, robot = self._library.motions, self._library.robot
+        searched = [kind for kind in EFFECTS.values() if kind.deflection]
+        settings = [(kind, c.settings) for kind in searched for c in kind.candidates(motions, joint)]
+        effects = [kind.from_settings(robot, [robot.joint_names[joint]], dict(s)) for kind, s in settings]
+        curves = [np.stack([effect.own_curve(motion) for effect in effects]) for motion in motions]
+        columns = self._library.band.joint_curves(joint, curves)
+        self._rows[joint] = loads, settings, columns
+        return settings, columns
+
+
+def _orthonormal(columns: FloatArray) -> FloatArray:
+    """A basis of what columns (K, m) span, shape (K, r)."""
+    scale = np.sqrt(np.maximum(np.sum(columns**2, axis=0), 1e-300))
+    U, s, _ = np.linalg.svd(columns / scale, full_matrices=False)
+    return np.asarray(U[:, s > 1e-6 * s.max(initial=0.0)])
+
+
+def _alike(x: FloatArray, y: FloatArray) -> bool:
+    return x.shape == y.shape and float(np.sum((x - y) ** 2)) <= _ALIKE**2 * float(np.sum(x**2))
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """A form of friction on a joint, and the fit with it."""
+
+    term: Term
+    fit: Fit
+
+
+def forms(problem: Problem, library: Library, fit: Fit, present: Term) -> list[Form]:
+    """Fits with each form of what ``present`` is a form of in its place, the simpler first; impossible ones are left out."""
+    joint = present.row
+    assert joint is not None
+    others = [t for t in fit.terms if t is not present]
+    scorer = Scorer(problem, problem.fit(others, fit.noise, 2, fit.inexact))
+    beside = Scorer(problem, fit)
+    found = []
+    kinds = forms_of(present.effect.family)
+    for kind in kinds:
+        candidates = library.local_options(kind.id, joint)
+        if kinds.index(kind) > kinds.index(present.kind):
+            gains = [s.gain for s in beside.local(candidates)] if candidates else []
+            if max(gains, default=0.0) < _RICHER:
+                continue
+        parts = {EFFECTS[x] for x in kind.includes}
+        kept = [t for t in others if not (t.row == joint and t.kind in parts)]
+        options = scorer.local(candidates) if candidates else []
+        if not options:
+            continue
+        best = max(options, key=lambda s: s.gain).term
+        trials = []
+        for term in [best, *(s.term for s in options if s.term.effect.follows_temperature and s.term is not best)]:
+            if kind is present.kind and present.effect.knobs and term.form == present.form:
+                term = present
+            trial = refine(problem, library, problem.fit([*kept, term], fit.noise, inexact=fit.inexact), [term])
+            term = trial.terms[-1]
+            if term.possible(trial.theta_of(term), trial.std_of(term)):
+                trials.append(Form(term, trial))
+        if trials:
+            found.append(max(trials, key=lambda f: f.fit.loglik + (_STANDS_IN if f.term.effect.follows_temperature else 0.0)))
+    return found

@@ -6,24 +6,19 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import combinations
 
-from sysid_ros.diagnosis.compliance_screen import ComplianceScreen
+from sysid_ros.diagnosis.band import Noise
 from sysid_ros.diagnosis.covariance import dry_friction
 from sysid_ros.diagnosis.fit import Fit, Problem
-from sysid_ros.diagnosis.friction_forms import forms
-from sysid_ros.diagnosis.heldout import HeldOut
-from sysid_ros.diagnosis.inexactness import INEXACT
+from sysid_ros.diagnosis.heldout import HeldOut, no_worse
+from sysid_ros.diagnosis.knobs import refine
 from sysid_ros.diagnosis.left_out import Rows
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.plain_baseline import no_worse
 from sysid_ros.diagnosis.posterior import Posterior, posterior_of
-from sysid_ros.diagnosis.refine import refine, remake
-from sysid_ros.diagnosis.scoring import Proposal, Score, Scorer
-from sysid_ros.diagnosis.set_prior import SetPrior
+from sysid_ros.diagnosis.prepare import before_gains, links_changed, torques
+from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, forms
+from sysid_ros.diagnosis.set_prior import INEXACT, SetPrior, allowed
 from sysid_ros.diagnosis.set_search import SetSearch, State
 from sysid_ros.diagnosis.term import Term, best_of_each, joined
-from sysid_ros.diagnosis.torque_noise import Noise
-from sysid_ros.diagnosis.torques import before_gains, links_changed, torques
-from sysid_ros.diagnosis.visibility import allowed
 from sysid_ros.effects import EFFECTS, Depends, Effect
 from sysid_ros.sample import FloatArray
 
@@ -210,15 +205,15 @@ class Selection:
     def refresh(self) -> None:
         """Make anew the columns that depend on torques or on what the links weigh, with those of the present fit."""
         self.library.update(*torques(self.library, self.fit, self._links, self._nominal))
-        self._whole = [remake(self.library, t, t.effect.settings) if t.on_torques else t for t in self._whole]
-        self.pool = [remake(self.library, t, t.effect.settings) if t.on_torques else t for t in self.pool]
+        self._whole = [self.library.remake(t) if t.on_torques else t for t in self._whole]
+        self.pool = [self.library.remake(t) if t.on_torques else t for t in self.pool]
         carried = links_changed(self.library.robot, self.fit)
         again = {t: dict(t.effect.settings) for t in self.fit.terms if t.on_torques}
         for t in self.fit.terms:
             if Depends.LINKS in t.effect.depends_on and (carried.any() or t.effect.settings.get("links")):
                 again[t] = {**t.effect.settings, "links": carried.tolist() if carried.any() else []}
         if again:
-            made = {t: remake(self.library, t, settings) for t, settings in again.items()}
+            made = {t: self.library.remake(t, **settings) for t, settings in again.items()}
             self.fit = self.problem.fit([made.get(t, t) for t in self.fit.terms], self.fit.noise, inexact=self.fit.inexact)
             self.fit = refine(self.problem, self.library, self.fit, list(made.values()))
 

@@ -1,13 +1,15 @@
-"""How usual a set of causes is before any data."""
+"""How usual a set of causes is before any data, how inexact links may be, and which terms are allowed and seen."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS, Scope
@@ -17,6 +19,17 @@ _WORLDS = (1.0, 0.1)
 """How much of what real arms have an arm has: a real one, or a simulation made for one purpose. Each as likely as the other."""
 _ALIKE = 1.0
 """Number of joints that a guess of how many have an effect is worth: joints of one arm are built alike."""
+_MASSES, _PLACES = (0.3, 1.0, 4.0), (0.05, 0.3, 1.0, 4.0)
+INEXACT = ((0.0, 0.0), *product(_MASSES, _PLACES))
+"""Of masses and of places, in units of the usual inexactness; first links that are exact."""
+_SEEN = 0.012
+"""Least part of the nominal residual (rms) that an effect must make on one of its joints."""
+_SEEN_OF_ALL = 0.003
+"""Least part of the nominal residual of all joints (rms, each over its noise), for effects that not every arm has."""
+_FLOORS, _FLOORS_OF_NOISE = 0.4, 1.0
+"""Least size (rms) of such an effect in noise floors, all joints together, and where its columns hold the noise themselves."""
+_EDGE = 0.1
+"""What changes within this part of the recordings from their start or end is no event: it may have been there always."""
 
 
 class SetPrior:
@@ -104,3 +117,46 @@ class SetPrior:
             return places * float(np.log1p(-usual / places))
         a, b = _ALIKE * usual, _ALIKE * (1.0 - usual)
         return float(special.betaln(a, b + places) - special.betaln(a, b))
+
+
+def _step(sizes: tuple[float, ...], a: float, b: float) -> bool:
+    order = (0.0, *sizes)
+    return abs(order.index(a) - order.index(b)) <= 1
+
+
+BESIDE = tuple(
+    tuple(k for k, b in enumerate(INEXACT) if b != a and _step(_MASSES, a[0], b[0]) and _step(_PLACES, a[1], b[1]))
+    for a in INEXACT
+)
+"""Those that are a step from each."""
+
+
+def allowed(problem: Problem, fit: Fit, term: Term) -> bool:
+    """True for a term that physics allows, and for an event that lies well inside of the recordings."""
+    return term.possible(fit.theta_of(term), fit.std_of(term)) and _inside(problem, term)
+
+
+def _inside(problem: Problem, term: Term) -> bool:
+    if term.instant is None:
+        return True
+    within = [m.t for m in problem.band.motions if not term.recording or m.recording == term.recording]
+    start, end = min(t[0] for t in within), max(t[-1] for t in within)
+    return bool(_EDGE < (term.instant - start) / (end - start) < 1.0 - _EDGE)
+
+
+def visible(problem: Problem, fit: Fit, term: Term) -> bool:
+    """True where a term is a part of the nominal residual that is worth telling, over the noise of each joint."""
+    active = [int(j) for j in problem.active]
+    torque = term.columns @ fit.theta_of(term)
+    share = torque if term.row is None else torque[:, None]
+    rows = active if term.row is None else [term.row]
+    power = np.sum(share[:, active if term.row is None else [0]] ** 2, axis=0)
+    nominal = np.sum(problem.y**2, axis=0)
+    noise = np.sum(fit.variance, axis=0)
+    if not np.any(power > _SEEN**2 * nominal[rows]):
+        return False
+    if term.expected:
+        return True
+    floors = float(np.sum(power / noise[rows]))
+    least = _FLOORS_OF_NOISE if term.effect.from_measured else _FLOORS
+    return floors > max(least**2, _SEEN_OF_ALL**2 * float(np.sum(nominal[active] / noise[active])))

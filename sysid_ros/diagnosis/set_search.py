@@ -8,13 +8,12 @@ from itertools import combinations, product
 
 import numpy as np
 
-from sysid_ros.diagnosis import never_known
+from sysid_ros.diagnosis.band import Noise
+from sysid_ros.diagnosis.covariance import unknown_prior
 from sysid_ros.diagnosis.fit import Fit, Problem
-from sysid_ros.diagnosis.inexactness import BESIDE, INEXACT
 from sysid_ros.diagnosis.left_out import Indices, LeftOut, Predicted, Rows
-from sysid_ros.diagnosis.set_prior import SetPrior
+from sysid_ros.diagnosis.set_prior import BESIDE, INEXACT, SetPrior
 from sysid_ros.diagnosis.term import Term, conflicts
-from sysid_ros.diagnosis.torque_noise import Noise
 from sysid_ros.effects import Effect, forms_of
 from sysid_ros.sample import FloatArray
 
@@ -85,7 +84,7 @@ class SetSearch:
             at.append(self.left_out.inexact)
             prior.append(self.problem.prior_of(INEXACT[scale]))
         at.append(self.left_out.unknown)
-        prior.append(np.tile(never_known.prior(max(INEXACT[scale])), self.left_out.joints))
+        prior.append(np.tile(unknown_prior(max(INEXACT[scale])), self.left_out.joints))
         where = np.concatenate(at)
         predicted = self.left_out.of(where, np.concatenate(prior))
         narrowed = self._narrowed(predicted) if scale else 0.0

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from sysid_ros.diagnosis.message_faults import in_order
 from sysid_ros.diagnosis.result import Diagnosis, RankedUrdf
 from sysid_ros.diagnosis.robot_hypotheses import judge, rank
 from sysid_ros.exceptions import DataError
+from sysid_ros.input_gate.message_faults import in_order
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
 

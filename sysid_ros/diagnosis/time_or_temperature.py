@@ -10,8 +10,8 @@ import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.knobs import refine
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.refine import refine
 from sysid_ros.diagnosis.result import Predictions
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import Depends

@@ -1,4 +1,4 @@
-"""What stands between a stream of joint states and the estimation: maps, checks, rejects, counts, and reports its health."""
+"""What stands between joint states and all that is computed of them: maps, checks, rejects, counts, and reports its health."""
 
 from sysid_ros.input_gate.floating_gate import FloatingGate, Gate, gate_for
 from sysid_ros.input_gate.gate import InputGate

@@ -118,7 +118,8 @@ def diagnose(
         simulator: of the gain in simulation: "pybullet" or "mujoco"; the first installed by default.
     """
     from sysid_ros.diagnosis import diagnose as run
-    from sysid_ros.diagnosis import read_messages, with_temperatures
+    from sysid_ros.input_gate.raw_messages import read_messages
+    from sysid_ros.signals.temperature import with_temperatures
 
     chosen = _settings(robot, settings or {})
     fitted, judged = _several(recordings), _several(validate, False)

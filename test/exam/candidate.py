@@ -18,6 +18,6 @@ def diagnosis_of(case: Case) -> dict[str, Any]:
 
 
 def recording_of(recording: HiddenRecording) -> Any:
-    from sysid_ros.diagnosis import Recording
+    from sysid_ros.signals.recording import Recording
 
     return Recording(name=recording.name, t=recording.t, q=recording.q, v=recording.v, tau=recording.tau)

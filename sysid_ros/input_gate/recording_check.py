@@ -1,4 +1,4 @@
-"""Input faults: recordings that can't answer the question, found before anything is fitted."""
+"""Recordings that can't answer any question about their robot: found before anything is fitted, with the cure."""
 
 from __future__ import annotations
 

@@ -1,0 +1,226 @@
+"""Nonlinear knobs, moved from the values that were tried first to where the rows are the most likely."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy import optimize
+
+from sysid_ros.diagnosis.band import Noise
+from sysid_ros.diagnosis.fit import Fit, Problem
+from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.term import Term
+from sysid_ros.effects import Knob
+
+_NARROWED_STEPS = 8
+_FIXED_POINTS = 3
+_SCAN = 13
+_NEAR, _APART = 8, 0.015
+"""Number and spacing of the times on each side of an event that are tried at last [s]."""
+_SIZES = 11
+_NARROWED = 7
+_FOLLOWED = 4
+_SLOPES = 3
+_PROBE = 0.005
+_LONGEST = 0.3
+
+
+def refine(problem: Problem, library: Library, fit: Fit, terms: Sequence[Term]) -> Fit:
+    """The fit with the knobs of ``terms`` moved to where the rows are the most likely, one knob after the other."""
+    changed: dict[Term, Term] = {}
+    for term in terms:
+        if "around" in term.effect.settings:
+            step = fit_deflection if term.effect.deflection else _exact
+            fit, changed[term] = step(problem, library, fit, term)
+            continue
+        if all(knob.name not in term.effect.settings for knob in term.effect.knobs):
+            continue
+        changed[term] = _local(problem, library, fit, term) if term.row is not None else _whole(problem, library, fit, term)
+    if not any(new is not old for old, new in changed.items()):
+        return fit
+    return problem.fit([changed.get(t, t) for t in fit.terms], fit.noise, inexact=fit.inexact)
+
+
+def _exact(problem: Problem, library: Library, fit: Fit, term: Term) -> tuple[Fit, Term]:
+    """Columns that are exact at the parameters found, by a few fixed-point steps."""
+    for _ in range(_FIXED_POINTS):
+        theta = fit.theta_of(term)
+        around = float(theta[0]) if len(theta) == 1 else [float(x) for x in theta]
+        new = library.remake(term, around=around)
+        fit = problem.fit([new if t is term else t for t in fit.terms], fit.noise, 2, fit.inexact)
+        term = new
+    return fit, term
+
+
+def _local(problem: Problem, library: Library, fit: Fit, term: Term) -> Term:
+    """One joint's knobs, with what the joint's other terms explain adjusted and the rest as it is."""
+    j = term.row
+    assert j is not None
+    root = 1.0 / np.sqrt(fit.variance[:, j])
+    mates = [t for t in fit.terms if t.row == j and t is not term]
+    fixed = np.concatenate([np.zeros((len(root), 0)), *(t.columns for t in mates)], axis=1)
+    target = fit.residual[:, j] + term.columns @ fit.theta_of(term) + sum((t.columns @ fit.theta_of(t) for t in mates), 0.0)
+
+    basis = np.linalg.qr(fixed * root[:, None])[0]
+    z = target * root
+    z -= basis @ (basis.T @ z)
+
+    def cost(settings: dict[str, Any]) -> float:
+        X = library.column(term.id, j, settings) * root[:, None]
+        X -= basis @ (basis.T @ X)
+        theta = np.linalg.lstsq(X, z, rcond=1e-9)[0]
+        return float(np.sum((z - X @ theta) ** 2))
+
+    settings = search(term, dict(term.effect.settings), cost)
+    return library.local(term.id, j, **settings) if settings != term.effect.settings else term
+
+
+def _whole(problem: Problem, library: Library, fit: Fit, term: Term) -> Term:
+    """The knobs of a term of the whole arm.
+
+    An event is found by least squares first: a likelihood whose noise is free is at its highest within a tenth of a second of it,
+    and elsewhere takes a change at a wrong time for noise.
+    """
+    others = [t for t in fit.terms if t is not term]
+
+    def tried(settings: dict[str, Any], noise: Noise, turns: int) -> float:
+        return -problem.fit([*others, library.remake(term, **settings)], noise, turns, fit.inexact).loglik
+
+    def cost(settings: dict[str, Any]) -> float:
+        return tried(settings, fit.noise, 2)
+
+    settings = dict(term.effect.settings)
+    if instant := term.effect.instant:
+        even = Noise.even(np.mean(fit.residual**2, axis=0))
+        settings = search(term, settings, lambda s: tried(s, even, 0))
+        near = settings[instant] + np.arange(-_NEAR, _NEAR + 1) * _APART
+        settings = min(({**settings, instant: float(t0)} for t0 in near), key=cost)
+        if cost(settings) > cost(dict(term.effect.settings)):
+            settings = dict(term.effect.settings)
+    else:
+        settings = search(term, settings, cost)
+    return library.remake(term, **settings) if settings != term.effect.settings else term
+
+
+def search(term: Term, settings: dict[str, Any], cost: Callable[[dict[str, Any]], float]) -> dict[str, Any]:
+    """Settings of the least cost, of each knob in turn, by Brent's method within bounds."""
+    best = cost(settings)
+    for knob in term.effect.knobs:
+        if knob.name not in settings:
+            continue
+        low, high = term.effect.search_range(knob, float(settings[knob.name]), term.load)
+        a, b = (np.log(low), np.log(high)) if knob.logarithmic else (low, high)
+
+        def moved(x: float, knob: Knob = knob, settings: dict[str, Any] = settings) -> dict[str, Any]:
+            return {**settings, knob.name: float(np.exp(x) if knob.logarithmic else x)}
+
+        if knob.bumpy:
+            grid = np.linspace(a, b, _SCAN)
+            x = grid[int(np.argmin([cost(moved(float(g))) for g in grid]))]
+            a, b = x - (grid[1] - grid[0]), x + (grid[1] - grid[0])
+        steps = {"maxiter": _NARROWED_STEPS}
+        found = optimize.minimize_scalar(lambda x: cost(moved(float(x))), bounds=(a, b), method="bounded", options=steps)
+        if found.fun < best:
+            best, settings = float(found.fun), moved(float(found.x))
+    return settings
+
+
+class _Deflection:
+    """Settings of one term, moved to where the rows are the most likely.
+
+    The linear parameter must be the one that the columns were made for: a fit that wants another one costs what forcing
+    it would, ``((theta - around) / std)^2 / 2``.
+    """
+
+    def __init__(self, problem: Problem, library: Library, fit: Fit, term: Term) -> None:
+        self._problem, self._library, self._fit, self._old = problem, library, fit, term
+        self.settings = dict(term.effect.settings)
+        if not self.settings["around"]:
+            self.settings["around"] = max(float(fit.theta_of(term)[0]), 1e-9)
+        self.cost, self.fit, self.term = self.at(self.settings)
+
+    def at(self, settings: dict[str, Any]) -> tuple[float, Fit, Term]:
+        """Cost, fit and term with these settings."""
+        new = self._library.whole(self._old.id, self._old.joints, **settings)
+        fit = self._problem.fit([new if t is self._old else t for t in self._fit.terms], self._fit.noise, 2, self._fit.inexact)
+        theta, std = float(fit.theta_of(new)[0]), float(fit.std_of(new)[0])
+        return 0.5 * ((theta - settings["around"]) / max(std, 1e-12)) ** 2 - fit.loglik, fit, new
+
+    def attempt(self, **changes: Any) -> float:
+        """Cost with some settings changed, which are kept where it is the least so far."""
+        settings = {**self.settings, **changes}
+        cost, fit, term = self.at(settings)
+        if cost < self.cost:
+            self.cost, self.fit, self.term, self.settings = cost, fit, term, settings
+        return cost
+
+    def follow(self) -> None:
+        """Take the parameter that the fit asks for as long as that is likelier: a joint that is stiff for its motion shows in its
+        deflection under the load alone, which is linear in it and as good for one value that the columns are made for as another.
+        """
+        for _ in range(_FOLLOWED):
+            cost, asked = self.cost, float(self.fit.theta_of(self.term)[0])
+            if asked > 0.0:
+                self.attempt(around=asked)
+            if self.cost >= cost:
+                break
+
+    def scan(self, name: str, ratio: float) -> None:
+        """Try values from one ratio below to one above."""
+        value = float(self.settings[name])
+        for x in np.geomspace(value / ratio, value * ratio, _SIZES):
+            self.attempt(**{name: float(x)})
+
+    def narrow(self, name: str, low: float, high: float) -> None:
+        """Brent's method on the logarithm; :meth:`attempt` keeps the best."""
+        bounds, steps = (np.log(low), np.log(high)), {"maxiter": _NARROWED + 2}
+        optimize.minimize_scalar(
+            lambda x: self.attempt(**{name: float(np.exp(x))}), bounds=bounds, method="bounded", options=steps
+        )
+
+    def slopes(self, names: tuple[str, ...]) -> None:
+        """A step of Gauss and Newton in the logarithms of some settings."""
+        whole, others = self.term.columns[..., 0] * self.settings["around"], [t for t in self.fit.terms if t is not self.term]
+        steps = []
+        for name in names:
+            moved = {**self.settings, name: self.settings[name] * (1.0 + _PROBE)}
+            other = self._library.whole(self._old.id, self._old.joints, **moved)
+            steps.append((other.columns[..., 0] * moved["around"] - whole) / np.log1p(_PROBE))
+        rest = Problem(self._problem.band, self._problem.y - whole, self._problem.nuisance, self._problem.prior**-0.5)
+        slope = replace(self.term, columns=np.stack(steps, axis=-1))
+        step = rest.fit([*others, slope], self.fit.noise, 2, self.fit.inexact).theta_of(slope)
+        step *= min(1.0, _LONGEST / float(np.max(np.abs(step))))
+        self.attempt(**{name: float(self.settings[name] * np.exp(x)) for name, x in zip(names, step, strict=True)})
+
+
+def fit_deflection(problem: Problem, library: Library, fit: Fit, term: Term) -> tuple[Fit, Term]:
+    """The fit with the compliance of ``term`` where the rows are the most likely.
+
+    A term that is tried for the first time is searched for to first order in the deflection, then made exact; one that was made
+    exact before only follows what has changed beside it.
+    """
+    how, search = term.effect.deflection, _Deflection(problem, library, fit, term)
+    assert how is not None
+    first = not term.effect.settings["exact"]
+    search.follow()
+    if first:
+        search.scan("around", how.scanned)
+        for side in how.sides:
+            search.attempt(side=side)
+        for name, ratio in how.steps:
+            value = float(search.settings[name])
+            knob = next((k for k in term.effect.knobs if k.name == name), None)
+            low, high = (value / ratio, value * ratio) if ratio or knob is None else (knob.low, knob.high)
+            search.narrow(name, low, high)
+        search.settings["exact"] = True
+        search.cost, search.fit, search.term = search.at(search.settings)
+    if how.smooth:
+        for _ in range(_SLOPES if first else 1):
+            search.slopes(("around", *(k.name for k in term.effect.knobs)))
+    else:
+        value = float(search.settings["around"])
+        search.narrow("around", value / 1.02, value * 1.02)
+    return search.fit, search.term
