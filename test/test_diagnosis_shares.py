@@ -15,14 +15,14 @@ from robots import robot, urdf, with_body
 from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.cli.diagnose_output import show
-from sysid_ros.diagnosis import Diagnosis, Finding, Parameter, diagnose
+from sysid_ros.diagnosis import Diagnosis, Finding, diagnose
 from sysid_ros.diagnosis.evidence import Part, Removes, fewest, removed_power, shapley
 from sysid_ros.diagnosis.fault_findings import with_findings
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.result import Rest
-from sysid_ros.effects import EFFECTS, LinkInertia
+from sysid_ros.effects import EFFECTS, LinkInertia, Parameter
 from sysid_ros.effects.wording import of_joints, one, phrase
 from sysid_ros.input_gate.raw_messages import read_messages
 from sysid_ros.online_settings import OnlineSettings

@@ -14,7 +14,7 @@ from test_diagnosis import ARM, CAUSES, record
 
 from sysid_ros.cli.main import run
 from sysid_ros.diagnosis import Diagnosis, diagnose
-from sysid_ros.diagnosis.result import SimulationError
+from sysid_ros.diagnosis.gain import SimulationError
 from sysid_ros.effects import EFFECTS
 from sysid_ros.exceptions import RobotModelError, SettingsError
 from sysid_ros.robot.robot_model import RobotModel

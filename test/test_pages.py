@@ -17,7 +17,9 @@ from matplotlib.text import Text
 from test_payload_plot import pick_and_drop
 
 from sysid_ros.control.tracking_run import TrackingRun
-from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter, Predictions, SimulationError, TorqueRmse, Tracking
+from sysid_ros.diagnosis.gain import SimulationError, Tracking
+from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, TorqueRmse
+from sysid_ros.effects import Parameter
 from sysid_ros.excitation.excite import Excitation
 from sysid_ros.frequency_domain import FrequencyCheck
 from sysid_ros.identification.result import ResidualSeries

@@ -14,8 +14,8 @@ from test_diagnosis import ARM, record
 from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.cli.main import run
-from sysid_ros.diagnosis.robot_hypotheses import judge, probabilities
-from sysid_ros.diagnosis.robot_likelihood import halves
+from sysid_ros.diagnosis.robot_hypotheses import judge
+from sysid_ros.diagnosis.robot_likelihood import halves, probabilities
 from sysid_ros.effects import JointSign, TorqueSign
 from sysid_ros.sample import FloatArray
 

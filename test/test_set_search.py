@@ -11,14 +11,13 @@ from robots import robot
 from test_diagnosis import ARM, coulomb, record
 
 from sysid_ros.diagnosis.covariance import unknown_columns, unknown_prior
-from sysid_ros.diagnosis.fit import Fit
+from sysid_ros.diagnosis.fit import Fit, allowed, visible
 from sysid_ros.diagnosis.heldout import HeldOut, no_worse, plain_terms
 from sysid_ros.diagnosis.left_out import LeftOut
-from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.library import _WORLDS, Library, SetPrior
 from sysid_ros.diagnosis.posterior import _Rival, _shares, posterior_of
-from sysid_ros.diagnosis.prepare import Prepared, before_gains, prepare
+from sysid_ros.diagnosis.prepare import SCALES, Prepared, before_gains, prepare, scales_beside
 from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.diagnosis.set_prior import _WORLDS, BESIDE, INEXACT, SetPrior, allowed, visible
 from sysid_ros.diagnosis.set_search import SetSearch
 from sysid_ros.diagnosis.term import Term, conflict
 from sysid_ros.effects import EFFECTS, Scope
@@ -248,7 +247,7 @@ def test_a_wrong_link_is_weighed_against_links_that_are_all_more_inexact() -> No
     assert rival.members == (0,)
     # no step from there, nor from where it started, is better
     assert rival.score >= max(
-        search.state([0], scale).score for scale in (state.scale, *BESIDE[state.scale], *BESIDE[rival.scale])
+        search.state([0], scale).score for scale in (state.scale, *scales_beside(state.scale), *scales_beside(rival.scale))
     )
     assert search.all_inexact(search.state([0], 1)) == []
     # the recordings are those of the URDF's bodies: a link of its own is less likely than that
@@ -262,12 +261,13 @@ def test_masses_and_places_are_inexact_each_by_itself() -> None:
     usual = problem.prior_of((1.0, 1.0))
     np.testing.assert_allclose(of_masses / usual, [*[1 / 16] * n, *[400] * 3 * n])
     np.testing.assert_allclose(of_places / usual, [*[400] * n, *[1 / 16] * 3 * n])
-    assert all(i in BESIDE[k] for k, beside in enumerate(BESIDE) for i in range(len(INEXACT)) if k in BESIDE[i])
+    every = range(len(SCALES))
+    assert all(i in scales_beside(k) for k in every for i in every if k in scales_beside(i))
     reached, grown = {0}, {0}
     while grown:
-        grown = {k for i in grown for k in BESIDE[i]} - reached
+        grown = {k for i in grown for k in scales_beside(i)} - reached
         reached |= grown
-    assert reached == set(range(len(INEXACT)))
+    assert reached == set(range(len(SCALES)))
 
 
 @pytest.mark.parametrize(("part", "told"), [(0.01, False), (0.15, True)])

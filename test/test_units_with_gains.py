@@ -7,7 +7,8 @@ import pytest
 from sysid_ros.diagnosis.channel_faults import faults_of_units
 from sysid_ros.diagnosis.evidence import interval
 from sysid_ros.diagnosis.fault_findings import with_scales
-from sysid_ros.diagnosis.result import Finding, Parameter
+from sysid_ros.diagnosis.result import Finding
+from sysid_ros.effects import Parameter
 
 JOINTS = ("base", "shoulder", "elbow", "wrist")
 UNIT = next(fault for _, fault in faults_of_units(len(JOINTS)) if fault.values[0][2] == 0.101972)

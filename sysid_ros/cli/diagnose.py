@@ -14,8 +14,9 @@ from sysid_ros.cli.inputs import open_bag, provenance, read_config, require_same
 from sysid_ros.cli.output import ManyValues, note, warn
 from sysid_ros.cli.progress import progress_bar, stages
 from sysid_ros.diagnosis import Diagnosis, diagnose
+from sysid_ros.diagnosis.reporting import with_ranking
 from sysid_ros.diagnosis.result import RankedUrdf
-from sysid_ros.diagnosis.several_urdfs import rank_urdfs, with_ranking
+from sysid_ros.diagnosis.robot_hypotheses import rank_urdfs
 from sysid_ros.exceptions import DataError, RobotModelError
 from sysid_ros.input_gate.missing_joints import missing_joints
 from sysid_ros.input_gate.raw_messages import read_messages

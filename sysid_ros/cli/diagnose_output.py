@@ -12,8 +12,7 @@ from rich.table import Table
 from sysid_ros.cli.output import check_outputs, note, report, table, write_json
 from sysid_ros.diagnosis import Diagnosis
 from sysid_ros.diagnosis.result import TorqueRmse
-from sysid_ros.diagnosis.sentences import first_sentence, percent
-from sysid_ros.effects.wording import listed
+from sysid_ros.effects.wording import first_sentence, listed, percent
 from sysid_ros.exceptions import ModelFileError, RobotModelError
 from sysid_ros.files import check_folder, whole_files, write_text
 from sysid_ros.robot.robot_model import RobotModel

@@ -90,11 +90,8 @@ class Band:
 
     def rows(self, values: Sequence[FloatArray]) -> FloatArray:
         """Coefficients, shape (K, n, ...), of values on the grids of the motions, shape (N, n, ...) each."""
-        out = []
         bridged = [self._bridged(i, x) for i, x in enumerate(values)]
-        for i, where, count in self.slices:
-            out.append(fft.dct(bridged[i][where], axis=0, norm="ortho")[:count])
-        return np.concatenate(out)
+        return np.concatenate([fft.dct(bridged[i][where], axis=0, norm="ortho")[:count] for i, where, count in self.slices])
 
     def _bridged(self, i: int, values: FloatArray) -> FloatArray:
         out = np.array(values)
@@ -109,17 +106,12 @@ class Band:
 
     def joint_curves(self, joint: int, values: Sequence[FloatArray]) -> FloatArray:
         """Coefficients, shape (K, c), of curves of one joint on the grids, shape (c, N) each."""
-        out = []
-        bridged = []
-        for i, x in enumerate(values):
-            bridge = self._bridges[i][joint]
-            y = np.array(x)
-            if len(bridge.gap):
-                y[:, bridge.gap] = bridge.over(x.T).T
-            bridged.append(y)
-        for i, where, count in self.slices:
-            out.append(fft.dct(bridged[i][:, where], axis=1, norm="ortho")[:, :count].T)
-        return np.concatenate(out)
+        bridged = [np.array(x) for x in values]
+        for y, bridges in zip(bridged, self._bridges, strict=True):
+            if len(bridges[joint].gap):
+                y[:, bridges[joint].gap] = bridges[joint].over(y.T).T
+        parts = [fft.dct(bridged[i][:, where], axis=1, norm="ortho")[:, :count].T for i, where, count in self.slices]
+        return np.concatenate(parts)
 
 
 class _Bridge:
@@ -243,6 +235,11 @@ class Noise:
         slow = self.coloured / (1.0 + (f[:, None] / self.corner) ** 2)
         variance: FloatArray = self.white + slow + self.rising * (f[:, None] / _TOP) ** 4
         return variance
+
+    def loglik(self, f: FloatArray, rows: FloatArray) -> float:
+        """Of rows of shape (K, n), up to a constant (Whittle 1953)."""
+        variance = self.variance(f)
+        return -0.5 * float(np.sum(np.log(variance) + rows**2 / variance))
 
     @classmethod
     def even(cls, power: FloatArray) -> Noise:

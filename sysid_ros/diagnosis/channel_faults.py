@@ -64,14 +64,16 @@ class Fault:
     probability: float | None = None
 
 
-def undo(recording: Recording, effect: ChannelEffect) -> Recording:
-    """The recording without the fault."""
-    channels = effect.undo(Channels(recording.q, recording.v, recording.tau))
-    return replace(recording, q=channels.q, v=channels.v, tau=channels.tau)
+def undone(recording: Recording, faults: Sequence[Fault]) -> Recording:
+    """The recording without some faults, undone in their order."""
+    for fault in faults:
+        channels = fault.effect.undo(Channels(recording.q, recording.v, recording.tau))
+        recording = replace(recording, q=channels.q, v=channels.v, tau=channels.tau)
+    return recording
 
 
-def faults_of_signs_and_order(names: Sequence[str]) -> Iterator[tuple[str, Fault]]:
-    """With the kind of each: one effort, or one joint, with the wrong sign; efforts, or all channels, of two joints swapped."""
+def faults_to_try(names: Sequence[str]) -> Iterator[tuple[str, Fault]]:
+    """With the kind of each: one effort, or joint, with the wrong sign; efforts, or all channels, of two swapped; one unit."""
     n = len(names)
     for j in range(n):
         yield "effort", Fault(TorqueSign([j]), (j,), (("gain", j, -1.0, "1", None),))
@@ -82,6 +84,7 @@ def faults_of_signs_and_order(names: Sequence[str]) -> Iterator[tuple[str, Fault
         values = (("takes_from", i, names[j], "", None), ("takes_from", j, names[i], "", None))
         yield "efforts' order", Fault(JointOrder(source.tolist(), True), (i, j), values)
         yield "order", Fault(JointOrder(source.tolist(), False), (i, j), values)
+    yield from faults_of_units(n)
 
 
 def faults_of_units(n: int) -> Iterator[tuple[str, Fault]]:
@@ -90,11 +93,11 @@ def faults_of_units(n: int) -> Iterator[tuple[str, Fault]]:
         yield "unit", Fault(TorqueUnit([factor] * n), tuple(range(n)), (("factor", None, factor, "1", None),), 1)
 
 
-def fault_of_factors(found: EffortFactors) -> Fault:
+def fault_of_factors(found: EffortFactors, candidates: int) -> Fault:
     """A factor of its own on each effort."""
     n = len(found.values)
     values = tuple(("factor", j, float(found.values[j]), "1", None) for j in range(n))
-    return Fault(TorqueUnit(found.values.tolist()), tuple(range(n)), values, n)
+    return Fault(TorqueUnit(found.values.tolist()), tuple(range(n)), values, n, candidates)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,48 +185,32 @@ def _posterior(joints: Sequence[JointTorques], sizes: Sequence[FloatArray]) -> t
 def fault_evidence(robot: RobotModel, published: Sequence[Recording], faults: Sequence[Fault]) -> list[Evidence]:
     """Of each fault: how much likelier the published efforts are with it than without it, the others undone, where the URDF and
     each joint's own friction and offset predict them."""
-    n = robot.n
-    factor = np.ones((1, n))
-    for fault in reversed(faults):
-        factor = fault.effect.publish(factor)
+    if not faults:
+        return []
+    whole, rows = _likelihood(robot, published, faults)
     out = []
-    whole, rows = _likelihood(robot, published, faults, factor)
     for fault in faults:
-        others = [f for f in faults if f is not fault]
-        factor = np.ones((1, n))
-        for other in reversed(others):
-            factor = other.effect.publish(factor)
-        rise = 2.0 * (whole - _likelihood(robot, published, others, factor)[0])
-        out.append(Evidence(rise, fault.parameters, rows, fault.candidates))
+        without = _likelihood(robot, published, [f for f in faults if f is not fault])[0]
+        out.append(Evidence(2.0 * (whole - without), fault.parameters, rows, fault.candidates))
     return out
 
 
-def _likelihood(
-    robot: RobotModel,
-    published: Sequence[Recording],
-    faults: Sequence[Fault],
-    factor: FloatArray,
-) -> tuple[float, float]:
-    """Log-likelihood of the published efforts and how many rows it is of.
-
-    Args:
-        factor: what the faults publish of 1 N m, shape (1, n).
-    """
-    for fault in faults:
-        published = [undo(r, fault.effect) for r in published]
-    parts = [m for r in published for m in motions(robot, r)]
+def _likelihood(robot: RobotModel, published: Sequence[Recording], faults: Sequence[Fault]) -> tuple[float, float]:
+    """Log-likelihood of the published efforts with some faults undone, and how many rows it is of."""
+    factor = np.ones((1, robot.n))  # what the faults publish of 1 N m
+    for fault in reversed(faults):
+        factor = fault.effect.publish(factor)
+    parts = [m for r in published for m in motions(robot, undone(r, faults))]
     band = Band(parts)
     y = band.rows([m.tau - m.link_torque for m in parts])
     out = 0.0
     for j in np.flatnonzero(band.active):
         X = band.joint_curves(int(j), [np.stack([smoothed_sign(m.v[:, j]), m.v[:, j], np.ones(len(m.t))]) for m in parts])
-        residual = y[:, j]
+        residual = y[:, [j]]
         for _ in range(_ROUNDS):
-            variance = Noise.of(band.f, residual[:, None] ** 2).variance(band.f)[:, 0]
-            weighted = X / variance[:, None]
-            residual = y[:, j] - X @ np.linalg.lstsq(weighted.T @ X, weighted.T @ y[:, j], rcond=None)[0]
-        variance = Noise.of(band.f, residual[:, None] ** 2).variance(band.f)[:, 0]
-        out -= 0.5 * float(np.sum(np.log(variance) + residual**2 / variance))
+            weighted = X / Noise.of(band.f, residual**2).variance(band.f)
+            residual = y[:, [j]] - X @ np.linalg.lstsq(weighted.T @ X, weighted.T @ y[:, [j]], rcond=None)[0]
+        out += Noise.of(band.f, residual**2).loglik(band.f, residual)
         out -= len(y) * float(np.log(np.abs(factor[0, j])))
     return out, float(len(y) * band.active.sum())
 

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from sysid_ros.diagnosis.covariance import Estimates
+from sysid_ros.diagnosis.covariance import Estimates, with_knobs
 from sysid_ros.diagnosis.evidence import Evidence, Part, fewest, removed_power, shapley
-from sysid_ros.diagnosis.fit import Fit
+from sysid_ros.diagnosis.fit import Fit, visible
 from sysid_ros.diagnosis.heldout import HeldOut
-from sysid_ros.diagnosis.posterior import Posterior, rivals
+from sysid_ros.diagnosis.posterior import SIGNATURE, Posterior, drift_cause, rivals
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Finding
 from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.diagnosis.set_prior import visible
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.diagnosis.time_or_temperature import SIGNATURE, drift_cause
 from sysid_ros.effects import EFFECTS, Parameter
 from sysid_ros.effects.parameter import by_delta_method
 from sysid_ros.effects.wording import of_joints
@@ -27,56 +26,56 @@ from sysid_ros.sample import FloatArray
 _LIKELIER = 0.5
 """Probability from which a cause is likelier than not."""
 
-Values = dict[Term, Estimates]
-
-
-@dataclass
-class Claims:
-    """What is claimed of a fit.
-
-    Attributes:
-        findings: in order of their shares. undecided: whether a friction drifts with time or with temperature is open.
-    """
-
-    findings: list[Finding] = field(default_factory=list)
-    undecided: bool = False
-
 
 @dataclass(frozen=True, eq=False)
 class Judged:
     """A fit and what it is judged on.
 
     Attributes:
-        train: what was fitted. held: what was not. values: of each term, with their covariance.
-        before, after: rows that the nominal and the extended model leave of ``held``, shape (K, n). noise: variance of them.
-        floor: rms of the noise of each joint, shape (n,) [N m]. weight: of its mean square, 0 where it does not move, shape (n,).
+        train: what was fitted. selection: with the fit. posterior: of its terms. held: what was not fitted.
     """
 
-    robot: RobotModel
     train: Prepared
     selection: Selection
-    fit: Fit
     posterior: Posterior
     held: HeldOut
-    values: Values
-    before: FloatArray
-    after: FloatArray
-    noise: FloatArray
-    floor: FloatArray
-    weight: FloatArray
 
-    @classmethod
-    def of(
-        cls, robot: RobotModel, train: Prepared, selection: Selection, posterior: Posterior, held: HeldOut, values: Values
-    ) -> Judged:
-        """The rows of all three models on the held-out data."""
-        fit = selection.fit
-        noise = fit.noise.variance(held.prepared.band.f)
-        floor, active = held.rms(np.sqrt(noise)), train.problem.active
-        weight = np.zeros(robot.n)
-        weight[active] = 1.0 / np.maximum(floor[active], 1e-9) ** 2
-        before, after = held.prepared.problem.y, held.residual(fit)
-        return cls(robot, train, selection, fit, posterior, held, values, before, after, noise, floor, weight)
+    @cached_property
+    def values(self) -> dict[Term, Estimates]:
+        """Of each term, with their covariance."""
+        return with_knobs(self.train.problem, self.selection.library, self.fit)
+
+    @property
+    def robot(self) -> RobotModel:
+        """The nominal model."""
+        return self.selection.library.robot
+
+    @property
+    def fit(self) -> Fit:
+        """The extended model."""
+        return self.selection.fit
+
+    @cached_property
+    def after(self) -> FloatArray:
+        """Rows that the extended model leaves of ``held``, shape (K, n)."""
+        return self.held.residual(self.fit)
+
+    @cached_property
+    def noise(self) -> FloatArray:
+        """Variance of the rows of ``held``, shape (K, n)."""
+        return self.fit.noise.variance(self.held.prepared.band.f)
+
+    @cached_property
+    def floor(self) -> FloatArray:
+        """Rms of the noise of each joint, shape (n,) [N m]."""
+        return self.held.rms(np.sqrt(self.noise))
+
+    @cached_property
+    def weight(self) -> FloatArray:
+        """Of each joint's mean square, 0 where it does not move, shape (n,)."""
+        weight, active = np.zeros(self.robot.n), self.train.problem.active
+        weight[active] = 1.0 / np.maximum(self.floor[active], 1e-9) ** 2
+        return weight
 
     def power(self, rows: FloatArray) -> FloatArray:
         """Of rows, over that of the joint's noise, shape (n,)."""
@@ -84,9 +83,9 @@ class Judged:
         return power
 
 
-def claims(judged: Judged) -> Claims:
-    """The findings of a fit, each with its share of the held-out error."""
-    fit, out = judged.fit, Claims()
+def claims(judged: Judged) -> list[Finding]:
+    """The findings of a fit, each with its share of the held-out error, in order of their shares."""
+    fit, out = judged.fit, list[Finding]()
     groups = list(_groups(fit.terms).values())
     rich = _beside_simplest(fit.terms, judged.robot.n)
     parts = _parts(judged, groups, rich)
@@ -102,9 +101,8 @@ def claims(judged: Judged) -> Claims:
             continue  # in the model as in the plainest one, but not told
         others = [p.term for p in parts if i not in p.of and (p.unless is None or p.unless == i)]
         evidence = replace(_evidence(judged, terms, others), gain=float(shares[i]))
-        out.findings.append(_finding(judged, terms, [t for t in rich if t.simplest is terms[0].kind], evidence, out))
-    out.findings = with_headline(_companions_last(out.findings))
-    return out
+        out.append(_finding(judged, terms, [t for t in rich if t.simplest is terms[0].kind], evidence))
+    return with_headline(_companions_last(out))
 
 
 def with_headline(findings: Sequence[Finding]) -> list[Finding]:
@@ -138,7 +136,7 @@ def _evidence(judged: Judged, terms: Sequence[Term], others: Sequence[Term]) -> 
     return Evidence(rise, sum(t.cost for t in terms), rows, judged.selection.tried)
 
 
-def _finding(judged: Judged, terms: Sequence[Term], richer: Sequence[Term], evidence: Evidence, out: Claims) -> Finding:
+def _finding(judged: Judged, terms: Sequence[Term], richer: Sequence[Term], evidence: Evidence) -> Finding:
     robot, fit, effect = judged.robot, judged.fit, terms[0].effect
     named = sorted([*terms, *richer], key=lambda t: t.joints)
     if richer:
@@ -147,23 +145,18 @@ def _finding(judged: Judged, terms: Sequence[Term], richer: Sequence[Term], evid
         parameters = tuple(p for t in terms for p in t.effect.as_parameters(*judged.values[t][:2], t.basis))
     joints = tuple(dict.fromkeys(robot.joint_names[j] for t in named for j in t.joints))
     drift = drift_cause(judged.train.problem, judged.selection.library, fit, judged.held, list(terms), judged.floor)
-    if drift is not None:
-        out.undecided |= not drift.decided
     return Finding(
         id=effect.id,
         label=effect.label,
         joints=joints,
         parameters=parameters,
         probability=max(judged.posterior.probability[t] for t in terms),
-        heldout_gain=evidence.gain,
-        delta_bic=evidence.delta_bic,
-        p_value=evidence.p_value,
+        **evidence.figures(),
         cannot_be_told_from=rivals(judged.train.problem, judged.selection.library, fit, judged.posterior, list(terms)),
         words=effect.in_words(parameters, of_joints(joints, robot.n)),
         signature=SIGNATURE if drift is not None and drift.over == "temperature" else effect.signature,
         separated_by=effect.separated_by,
         drift=None if drift is None else drift.as_dict(),
-        log10_p=evidence.log10_p,
         remark="" if drift is None else drift.in_words(),
     )
 

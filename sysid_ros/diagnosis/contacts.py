@@ -16,6 +16,10 @@ from scipy import ndimage
 
 from sysid_ros.diagnosis.band import CUTOFF
 from sysid_ros.diagnosis.evidence import Evidence
+from sysid_ros.diagnosis.fit import Fit
+from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.prepare import Prepared
+from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.effects import Motion
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -71,6 +75,13 @@ class Contact:
     peak: float
     evidence: Evidence
 
+    def in_words(self) -> str:
+        """In half a sentence."""
+        size = float(np.linalg.norm(self.force))
+        direction = ", ".join(f"{x:.2f}" for x in self.force / max(size, 1e-12))
+        when = f"from {self.start:.2f} s to {self.end:.2f} s"
+        return f"{when} a force of {size:.3g} N along ({direction}) of the base acts on {self.frame}"
+
 
 def find_contacts(
     robot: RobotModel,
@@ -104,8 +115,7 @@ def find_contacts(
         for window in _windows(z, moves & judged, motion.period):
             seconds += (window.stop - window.start) * motion.period
             tried += robot.n - _JOINTS + 1
-            contact = _explain(robot, name, motion, z, scale, window)
-            if contact is not None:
+            if (contact := _explain(robot, name, motion, z, scale, window)) is not None:
                 out.append(contact)
     if seconds > _MOST * sum(len(m.t) * m.period for m in motions):
         return []
@@ -115,11 +125,6 @@ def find_contacts(
         replace(c, evidence=replace(c.evidence, gain=(c.evidence.gain or 0.0) / max(energy, 1e-12), candidates=tried))
         for c in out
     ]
-
-
-def is_change(contact: Contact, t0: float) -> bool:
-    """True for what the filters leave of the instant t0 at which a payload changes: a slope in the torque, a step in columns."""
-    return t0 - 3.0 * SMEARED < contact.start and contact.end < t0 + 3.0 * SMEARED
 
 
 def without(recording: Recording, contacts: Sequence[Contact]) -> Recording:
@@ -158,38 +163,28 @@ def _explain(robot: RobotModel, name: str, motion: Motion, z: FloatArray, scale:
     power = np.sum(residual**2, axis=0)
     if np.sum(power > _SHARE * power.sum()) < 2:
         return None
-    best: tuple[float, str, FloatArray, FloatArray] | None = None
-    for j in range(_JOINTS - 1, robot.n):
-        frame = robot.body_names[j]
-        jacobian = robot.frame_jacobian_along(motion.q[window], robot.frame_id(frame))[:, :3]
-        columns = -jacobian.swapaxes(1, 2) / scale[:, None]
-        columns[residual == 0.0] = 0.0
+    explained, best = -np.inf, ""
+    for frame in robot.body_names[_JOINTS - 1 : robot.n]:
+        columns = _of_force(robot, frame, motion.q[window], scale, residual)
         direction, size = _one_direction(columns, residual)
         left = residual - np.einsum("kjx,x->kj", columns, direction) * size[:, None]
-        explained = 1.0 - float(np.sum(left**2) / np.sum(residual**2))
+        part = 1.0 - float(np.sum(left**2) / np.sum(residual**2))
         # where two links share an origin the nearer one is named
-        if best is None or explained > best[0] + _BETTER:
-            best = explained, frame, direction, size
-    if best is None:
-        return None
-    explained, frame, direction, size = best
-    jacobian = robot.frame_jacobian_along(motion.q[window], robot.frame_id(frame))[:, :3]
-    columns = np.where((residual == 0.0)[:, :, None], 0.0, -jacobian.swapaxes(1, 2) / scale[:, None])
+        if part > explained + _BETTER:
+            explained, best = part, frame
+    columns = _of_force(robot, best, motion.q[window], scale, residual)
     removed = _predicted(columns, residual)
     if removed < _EXPLAINED * power.sum():
         return None
     if _one_joint(motion.sensitivity[2][window] / scale[:, None], residual) > explained - _AS_WELL:
         return None
-    if size.sum() < 0.0:
-        direction, size = -direction, -size
+    size = _one_direction(columns, residual)[1]
+    size = size if size.sum() >= 0.0 else -size
     strong = size > 0.5 * size.max()
-    jacobian = robot.frame_jacobian_along(motion.q[window][strong], robot.frame_id(frame))[:, :3]
-    columns = -jacobian.swapaxes(1, 2) / scale[:, None]
-    columns[residual[strong] == 0.0] = 0.0
-    X, y = columns.reshape(-1, 3), residual[strong].ravel()
+    X, y = columns[strong].reshape(-1, 3), residual[strong].ravel()
     information = X.T @ X + np.eye(3) / _STRONG**2
     force = np.linalg.solve(information, X.T @ y)
-    independent = max(3.0, _INDEPENDENT * strong.sum() * motion.period * np.count_nonzero(np.any(columns, axis=(0, 2))))
+    independent = max(3.0, _INDEPENDENT * strong.sum() * motion.period * np.count_nonzero(np.any(columns[strong], axis=(0, 2))))
     variance = float(np.mean((y - X @ force) ** 2)) * len(y) / independent
     std = np.sqrt(np.diag(np.linalg.inv(information)) * max(variance, len(y) / independent))
     start, end = float(motion.t[window.start]), float(motion.t[window.stop - 1])
@@ -198,7 +193,13 @@ def _explain(robot: RobotModel, name: str, motion: Motion, z: FloatArray, scale:
     rows = amplitudes * np.count_nonzero(power)
     rise = -rows * float(np.log(max(1.0 - explained, np.finfo(float).eps)))
     evidence = Evidence(rise, 2 + max(1, round(amplitudes)), float(rows), 1, removed * motion.period)
-    return Contact(name, start, end, frame, force, std, float(size.max()), evidence)
+    return Contact(name, start, end, best, force, std, float(size.max()), evidence)
+
+
+def _of_force(robot: RobotModel, frame: str, q: FloatArray, scale: FloatArray, residual: FloatArray) -> FloatArray:
+    """Torques of unit forces on a link over the scales, shape (k, n, 3); 0 where the residual, shape (k, n), is not judged."""
+    jacobian = robot.frame_jacobian_along(q, robot.frame_id(frame))[:, :3]
+    return np.where((residual == 0.0)[:, :, None], 0.0, -jacobian.swapaxes(1, 2) / scale[:, None])
 
 
 def _predicted(columns: FloatArray, residual: FloatArray) -> float:
@@ -245,3 +246,23 @@ def _one_direction(columns: FloatArray, residual: FloatArray) -> tuple[FloatArra
         normal = np.einsum("kjx,kjy->xy", weighted, weighted) + max(float(np.sum(size**2)), 1e-12) * least * np.eye(3)
         direction = np.linalg.solve(normal, np.einsum("kjx,kj->x", weighted, residual))
     return direction / max(float(np.linalg.norm(direction)), 1e-12), size
+
+
+def contacts_in(robot: RobotModel, train: Prepared, selection: Selection) -> list[Contact]:
+    """Contacts in the recordings that were fitted."""
+    fit = selection.fit
+    return contacts_held_out(robot, HeldOut(train, selection.library, {t: t for t in fit.terms}), fit)
+
+
+def contacts_held_out(robot: RobotModel, held: HeldOut, fit: Fit) -> list[Contact]:
+    """Contacts in recordings that were not fitted."""
+    prepared = held.prepared
+    residuals = [m.tau - x for m, x in zip(prepared.motions, held.predictions(fit, robot), strict=True)]
+    found = find_contacts(robot, prepared.names, prepared.motions, residuals, prepared.nominal, prepared.band.moving)
+    dated = [held.terms[t].effect.settings for t in fit.terms if "t0" in t.effect.settings]
+    return [c for c in found if not any(s.get("recording", "") in ("", c.recording) and is_change(c, s["t0"]) for s in dated)]
+
+
+def is_change(contact: Contact, t0: float) -> bool:
+    """True for what the filters leave of the instant t0 at which a payload changes: a slope in the torque, a step in columns."""
+    return t0 - 3.0 * SMEARED < contact.start and contact.end < t0 + 3.0 * SMEARED

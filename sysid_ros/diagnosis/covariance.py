@@ -7,11 +7,13 @@ the others; the model itself has none of them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from sysid_ros.diagnosis.fit import BlockScatter, Fit, Problem
+from sysid_ros.diagnosis.fit import BlockScatter, Fit, Problem, inverse_of, scaled_to_one
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.robot.robot_model import RobotModel
@@ -45,6 +47,14 @@ class Estimates(NamedTuple):
     scatter: float
 
 
+class _Knob(NamedTuple):
+    """A knob of a term: its value, and the derivative of the torque by it, shape (K, n)."""
+
+    term: Term
+    value: float
+    slope: FloatArray
+
+
 def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estimates]:
     """Values and covariance of each term: theta of its columns, then its knobs (Gauss-Newton about the fit).
 
@@ -54,71 +64,76 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estim
     errors count for the few independent values that they are; what scatters more than they say is given that scatter. What is
     never known of a joint, and could have taken a part of a cause, widens it.
     """
-    extra, owners = [], []
-    slopes = {t: _slope(library, t) for t in fit.terms if t.effect.deflection}
-    for term in fit.terms:
-        for knob in term.effect.knobs:
-            if knob.name not in term.effect.settings:
-                continue
-            value = float(term.effect.settings[knob.name])
-            step = knob.step * value if knob.logarithmic else knob.step
-            sides = [library.remake(term, **{knob.name: value + s}) for s in (step, -step)]
-            theta = fit.theta_of(term) if term not in slopes else np.array([float(term.effect.settings["around"])])
-            slope = (sides[0].columns - sides[1].columns) @ theta / (2.0 * step)
-            column = np.zeros(problem.y.shape)
-            if term.row is None:
-                column[:] = slope
-            else:
-                column[:, term.row] = slope
-            extra.append(column / np.sqrt(fit.variance))
-            owners.append((term, knob.name, value))
-    count = len(fit.theta)
-    never = unknown_columns(problem, dry_friction(library.robot, fit), whole=True)
-    scaled_joints = {t.row for t in fit.terms if t.effect.of_own_torque}  # whose gain is a cause of its own
-    first, each = count + len(extra), len(never)
-    information = np.zeros((first + each * len(fit.blocks),) * 2)
-    score = np.zeros(len(information))
-    own = np.arange(count, first)
-    blocks = BlockScatter(problem.band, len(information))
-    for i, (j, (index, X)) in enumerate(fit.blocks.items()):
-        X = X.copy()
-        for term, column in slopes.items():
-            X[:, index == fit.slices[fit.terms.index(term)].start] = column[:, j, None]
-        unknown = first + each * i + np.arange(each)
-        information[unknown, unknown] += unknown_prior(max(problem.scale) if fit.inexact and j not in scaled_joints else 0.0)
-        every = np.concatenate([index, own, unknown])
-        root = np.sqrt(fit.variance[:, j, None])
-        columns = np.concatenate([X / root, *(c[:, j, None] for c in extra), never[:, :, j].T / root], axis=1)
-        information[np.ix_(every, every)] += columns.T @ columns
-        # what is left has nothing of the terms, and of their knobs, any more
-        score[unknown] += columns[:, -each:].T @ (fit.residual[:, j] / root[:, 0])
-        blocks.add(columns, fit.residual[:, j] / np.sqrt(fit.variance[:, j]), every)
-    for term, where in zip(fit.terms, fit.slices, strict=True):
-        at = np.arange(where.start, where.stop)
-        information[at, at] += term.prior
-    if fit.inexact:
-        links = np.arange(count - len(problem.prior), count)
-        information[links, links] += problem.prior
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-30))
-    scaled = information * scale[:, None] * scale
-    scaled[np.diag_indices(len(scaled))] += 1e-9
-    inverse = np.linalg.inv(scaled) * scale[:, None] * scale
+    knobs = _knobs(library, fit)
+    information, score, blocks = _equations(problem, library, fit, knobs)
+    inverse = inverse_of(information)
     ratios = blocks.ratios(inverse)
-    moved = np.zeros(len(score))
-    linear = np.setdiff1d(np.arange(len(score)), own)  # knobs stay: far from where they are, their columns are others
-    moved[linear] = np.linalg.solve(scaled[np.ix_(linear, linear)], score[linear] * scale[linear]) * scale[linear]
+    count, moved = len(fit.theta), np.zeros(len(score))
+    linear = np.delete(np.arange(len(score)), count + np.arange(len(knobs)))  # knobs stay: far off, their columns are others
+    scaled, scale = scaled_to_one(information[np.ix_(linear, linear)])
+    moved[linear] = np.linalg.solve(scaled, score[linear] * scale) * scale
     out = {}
     for term, where in zip(fit.terms, fit.slices, strict=True):
-        knobs = [i for i, (owner, _, _) in enumerate(owners) if owner is term]
-        both = [*range(where.start, where.stop), *(count + i for i in knobs)]
-        theta = fit.theta[where] if term not in slopes else np.array([float(term.effect.settings["around"])])
-        values = np.concatenate([theta, [owners[i][2] for i in knobs]]) + moved[both]
+        own = [i for i, knob in enumerate(knobs) if knob.term is term]
+        both = [*range(where.start, where.stop), *(count + i for i in own)]
+        theta = _theta(fit, term)
+        values = np.concatenate([theta, [knobs[i].value for i in own]]) + moved[both]
         wider = np.sqrt(ratios[both])
         spread = inverse[np.ix_(both, both)] * wider[:, None] * wider
         if how := term.effect.deflection:
             spread[0, 0] += (how.form_error * float(theta[0])) ** 2
         out[term] = Estimates(values, spread, float(np.mean(ratios[both])))
     return out
+
+
+def _theta(fit: Fit, term: Term) -> FloatArray:
+    """Parameters of a term's columns; of a deflection those that they were made for."""
+    return np.array([float(term.effect.settings["around"])]) if term.effect.deflection else fit.theta_of(term)
+
+
+def _knobs(library: Library, fit: Fit) -> list[_Knob]:
+    """The knobs of all terms."""
+    out = []
+    for term in fit.terms:
+        for knob in term.effect.knobs:
+            if knob.name in term.effect.settings:
+                value = float(term.effect.settings[knob.name])
+                step = knob.step * value if knob.logarithmic else knob.step
+                above, below = (library.remake(term, **{knob.name: x}).columns for x in (value + step, value - step))
+                slope = replace(term, columns=(above - below) / (2.0 * step)).rows(_theta(fit, term))
+                out.append(_Knob(term, value, slope))
+    return out
+
+
+def _equations(
+    problem: Problem, library: Library, fit: Fit, knobs: Sequence[_Knob]
+) -> tuple[FloatArray, FloatArray, BlockScatter]:
+    """Information of the parameters of a fit, of its knobs and of what is never known of each joint; what the rows that are left
+    say of them, which is nothing but of the last; and how their scores scatter."""
+    count = len(fit.theta)
+    slopes = {t: _slope(library, t) for t in fit.terms if t.effect.deflection}
+    never = unknown_columns(problem, dry_friction(library.robot, fit), whole=True)
+    scaled_joints = {t.row for t in fit.terms if t.effect.of_own_torque}  # whose gain is a cause of its own
+    first, each = count + len(knobs), len(never)
+    information = np.zeros((first + each * len(fit.blocks),) * 2)
+    score = np.zeros(len(information))
+    blocks = BlockScatter(problem.band, len(information))
+    for i, (j, (index, X)) in enumerate(fit.blocks.items()):
+        X = X.copy()
+        for term, slope in slopes.items():
+            X[:, index == fit.slices[fit.terms.index(term)].start] = slope[:, j, None]
+        unknown = first + each * i + np.arange(each)
+        information[unknown, unknown] += unknown_prior(max(problem.scale) if fit.inexact and j not in scaled_joints else 0.0)
+        every = np.concatenate([index, np.arange(count, first), unknown])
+        root = np.sqrt(fit.variance[:, j, None])
+        columns = np.concatenate([X, *(knob.slope[:, j, None] for knob in knobs), never[:, :, j].T], axis=1) / root
+        residual = fit.residual[:, j] / root[:, 0]
+        information[np.ix_(every, every)] += columns.T @ columns
+        score[unknown] += columns[:, -each:].T @ residual
+        blocks.add(columns, residual, every)
+    known = np.concatenate([*(t.prior for t in fit.terms), problem.prior if fit.inexact else np.zeros(0)])
+    information[np.arange(count), np.arange(count)] += known
+    return information, score, blocks
 
 
 def dry_friction(robot: RobotModel, fit: Fit) -> FloatArray:

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
 from math import comb
+from typing import Any
 
 import numpy as np
 from scipy import special
 
-from sysid_ros.diagnosis.fit import Block, Fit, Problem
+from sysid_ros.diagnosis.fit import Block, Fit, Problem, scaled_to_one
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
@@ -61,6 +62,10 @@ class Evidence:
     def p_value(self) -> float:
         """As :func:`log_p_value` has it."""
         return float(np.exp(log_p_value(self.rise, self.parameters, self.candidates)))
+
+    def figures(self) -> dict[str, Any]:
+        """What a finding states of it."""
+        return {"heldout_gain": self.gain, "delta_bic": self.delta_bic, "p_value": self.p_value, "log10_p": self.log10_p}
 
 
 def together(found: Sequence[Evidence]) -> Evidence:
@@ -149,9 +154,7 @@ def removed_power(problem: Problem, held: HeldOut, fit: Fit, parts: Sequence[Par
         at = np.flatnonzero([of <= causes and unless not in causes for of, unless in own])
         if not len(at):
             return 0.0
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(information)[at], 1e-30))
-        scaled = information[np.ix_(at, at)] * scale[:, None] * scale
-        scaled[np.diag_indices(len(at))] += 1e-9
+        scaled, scale = scaled_to_one(information[np.ix_(at, at)])
         theta = scale * np.linalg.solve(scaled, scale * score[at])
         return float(2.0 * cross[at] @ theta - theta @ power[np.ix_(at, at)] @ theta) / before
 

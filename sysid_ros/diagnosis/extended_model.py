@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid_ros.diagnosis.covariance import Estimates
 from sysid_ros.diagnosis.fit import Fit
-from sysid_ros.diagnosis.prepare import Prepared, inexact_links
+from sysid_ros.diagnosis.prepare import Prepared, links_off
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS, CoulombFriction, LinkInertia, RotorInertia, ViscousFriction
 from sysid_ros.exceptions import DataError
@@ -77,11 +77,8 @@ def _block(term: Term, fit: Fit, covariance: FloatArray, stamps: dict[str, float
 
 def _links(robot: RobotModel, fit: Fit, links: list[Term], covariance: dict[Term, Estimates]) -> EffectBlock:
     effect = LinkInertia(robot)
-    theta = effect.nominal.copy()
+    theta = effect.nominal + links_off(robot, fit)
     spread = np.zeros((effect.p, effect.p))
-    if fit.inexact:
-        basis = inexact_links(robot)
-        theta += basis @ fit.theta[-basis.shape[1] :]
     for term in links:
         where = slice(10 * term.joints[0], 10 * term.joints[0] + 10)
         theta[where] += term.theta_of_effect(fit.theta_of(term))

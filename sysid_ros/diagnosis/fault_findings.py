@@ -1,4 +1,4 @@
-"""Faults of the published channels as findings."""
+"""What is found beside the causes of a fit, as findings: faults of channels, signals and messages, and contacts."""
 
 from __future__ import annotations
 
@@ -7,17 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid_ros.diagnosis.channel_faults import Deviation, Fault
+from sysid_ros.diagnosis.channel_faults import Deviation, Fault, deviation_of
 from sysid_ros.diagnosis.claims import with_headline
+from sysid_ros.diagnosis.contacts import Contact
 from sysid_ros.diagnosis.evidence import Evidence, count_interval, interval, together
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.prepare import Prepared
-from sysid_ros.diagnosis.result import Diagnosis, Finding, Parameter, TorqueRmse
+from sysid_ros.diagnosis.result import Diagnosis, Finding, TorqueRmse
 from sysid_ros.diagnosis.signal_faults import lattices, velocity_lag
-from sysid_ros.effects import ChannelEffect, TorqueQuantisation, TorqueUnit, VelocityLag
+from sysid_ros.effects import ChannelEffect, ExternalForce, Parameter, TorqueQuantisation, TorqueUnit, VelocityLag
 from sysid_ros.effects.wording import of_joints, phrase
 from sysid_ros.input_gate.message_faults import MessageFaults
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
 
 MESSAGE_FAULTS = "message_faults"
@@ -120,34 +122,50 @@ def signal_findings(fitted: Sequence[Recording], joints: Sequence[str]) -> list[
 
 
 def with_faults(
-    found: Diagnosis, findings: Sequence[Finding], faults: Sequence[Fault], raw: Prepared, held: HeldOut, fit: Fit
+    found: Diagnosis,
+    faults: Sequence[Fault],
+    evidence: Sequence[Evidence],
+    others: Sequence[Finding],
+    train: Prepared,
+    published: Prepared,
+    held: HeldOut,
+    fit: Fit,
 ) -> Diagnosis:
     """The diagnosis with contacts among its causes, by gain, faults of the data after them, and torques as they are published.
 
     Args:
-        findings: contacts and faults of the data, which are added.
+        faults: of units, signs and order. evidence: for each. others: contacts and faults of the data, which are added.
+        train: what was fitted. published: what the model is judged on, as it was published.
     """
+    joints = found.joints
+    found = with_findings(found, as_unit(found.findings, joints))
+    if not faults and not others:
+        return found
+    known, rest = with_scales(faults, found.findings, joints)
+    deviation = deviation_of(train, fit)
+    own = [finding_of(f, joints, e, deviation) for f, e in zip(known, evidence, strict=True)]
+    found = _with_contacts(with_findings(found, rest), [f for f in others if not f.of_data])
+    every = (*found.causes, *found.data_faults, *own, *(f for f in others if f.of_data))
+    verdict = "explained" if found.verdict == "nothing_wrong" else found.verdict
+    return _as_published(replace(found, verdict=verdict, findings=every), faults, published, held, fit)
+
+
+def _as_published(found: Diagnosis, faults: Sequence[Fault], published: Prepared, held: HeldOut, fit: Fit) -> Diagnosis:
+    """The diagnosis with torques, and their errors, in the units, signs and order in which they are published."""
     assert found.torque is not None
     assert found.predictions is not None
+    if not faults:
+        return found
     rows, floor, extended = held.residual(fit), found.torque.noise_floor[None], found.predictions.extended
     for fault in reversed(faults):
         rows, extended = fault.effect.publish(rows), fault.effect.publish(extended)
         floor = np.abs(fault.effect.publish(floor))
-    torque, predictions = found.torque, found.predictions
-    if faults:
-        measured = np.concatenate([m.tau for m in raw.motions])
-        torque = TorqueRmse(
-            found.joints,
-            held.rms(raw.problem.y),
-            held.rms(rows),
-            floor[0],
-            held.rms(raw.band.rows([m.tau for m in raw.motions])),
-        )
-        predictions = replace(predictions, measured=measured, nominal=np.concatenate(raw.nominal), extended=extended)
-    found = _with_contacts(found, [f for f in findings if not f.of_data])
-    every = (*found.causes, *found.data_faults, *(f for f in findings if f.of_data))
-    verdict = "explained" if found.verdict == "nothing_wrong" else found.verdict
-    return replace(found, verdict=verdict, findings=every, torque=torque, predictions=predictions)
+    measured = [m.tau for m in published.motions]
+    before, after, torque = (held.rms(x) for x in (published.problem.y, rows, published.band.rows(measured)))
+    predictions = replace(
+        found.predictions, measured=np.concatenate(measured), nominal=np.concatenate(published.nominal), extended=extended
+    )
+    return replace(found, torque=TorqueRmse(found.joints, before, after, floor[0], torque), predictions=predictions)
 
 
 def with_findings(found: Diagnosis, findings: Sequence[Finding]) -> Diagnosis:
@@ -203,14 +221,45 @@ def _finding(
         effect.label,
         joints,
         values,
-        heldout_gain=None,
-        delta_bic=evidence.delta_bic,
-        p_value=evidence.p_value,
+        **evidence.figures(),
         cannot_be_told_from=(),
         words=phrase(effect.words, effect.label, values, of_joints(joints, of)),
         signature=effect.signature,
         separated_by=effect.separated_by,
-        log10_p=evidence.log10_p,
         of_data=True,
         remark=remark,
     )
+
+
+def contact_findings(contacts: Sequence[Contact], robot: RobotModel) -> list[Finding]:
+    """One finding for all contacts, none where there is none."""
+    if not contacts:
+        return []
+    values: list[Parameter] = []
+    for c in contacts:
+        ends = [interval(float(x), float(s)) for x, s in zip(c.force, c.std, strict=True)]
+        low, high = [a for a, _ in ends], [b for _, b in ends]
+        values += [
+            Parameter("force", None, c.force.tolist(), "N", c.std.tolist(), low, high),
+            # when the filters' smear begins and ends is seen, when the force does is not
+            Parameter("t0", None, c.start, "s"),
+            Parameter("t1", None, c.end, "s"),
+            Parameter("frame", None, c.frame, ""),
+        ]
+    shown = "; ".join(f"{c.recording}: {c.in_words()}" for c in contacts[:4]) + ("; ..." if len(contacts) > 4 else "")
+    words = f"something pushed the robot ({shown})"
+    evidence = together([c.evidence for c in contacts])
+    return [
+        Finding(
+            ExternalForce.id,
+            "contact",
+            robot.joint_names,
+            tuple(values),
+            **evidence.figures(),
+            cannot_be_told_from=(),
+            words=words,
+            signature="a short push on all joints below one link at once, gone afterwards",
+            separated_by=ExternalForce.separated_by,
+            remark="These windows are kept out of every other fit.",
+        )
+    ]

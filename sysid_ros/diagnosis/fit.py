@@ -1,4 +1,4 @@
-"""Generalised least squares in the band, with the noise estimated beside the parameters; and how much these scatter over time.
+"""Generalised least squares in the band, with the noise estimated beside the parameters; how these scatter, and which are seen.
 
 The score of a parameter is a sum over time, ``g = sum_b g_b``, zero at the fit. If the noise is what the weights say, flipping
 the signs of whole blocks at random changes nothing but the signs, and the mean of ``(V g)_k^2`` over all such flips,
@@ -27,6 +27,14 @@ _BLOCK = 1.5
 """Length of a block [s]: longer than what whitening leaves of a correlation."""
 _SURELY = 2.0
 """Standard deviations by which a ratio must exceed 1 before it counts."""
+_SEEN = 0.012
+"""Least part of the nominal residual (rms) that an effect must make on one of its joints."""
+_SEEN_OF_ALL = 0.003
+"""Least part of the nominal residual of all joints (rms, each over its noise), for effects that not every arm has."""
+_FLOORS, _FLOORS_OF_NOISE = 0.4, 1.0
+"""Least size (rms) of such an effect in noise floors, all joints together, and where its columns hold the noise themselves."""
+_EDGE = 0.1
+"""What changes within this part of the recordings from their start or end is no event: it may have been there always."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +77,22 @@ class Fit:
         where = self.slices[self.terms.index(term)]
         std: FloatArray = np.sqrt(np.maximum(np.diag(self.inverse)[where], 0.0))
         return std
+
+
+def scaled_to_one(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Symmetric matrices, shape (..., m, m), scaled to a diagonal of about 1, and by what rows and columns were, shape (..., m).
+    Directions that no row shows stay where they are."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrices, axis1=-2, axis2=-1), 1e-30))
+    scaled = matrices * scale[..., :, None] * scale[..., None, :]
+    scaled[..., np.arange(scaled.shape[-1]), np.arange(scaled.shape[-1])] += 1e-9
+    return scaled, scale
+
+
+def inverse_of(matrices: FloatArray) -> FloatArray:
+    """Of symmetric matrices, shape (..., m, m), by :func:`scaled_to_one`."""
+    scaled, scale = scaled_to_one(matrices)
+    inverse: FloatArray = np.linalg.inv(scaled) * scale[..., :, None] * scale[..., None, :]
+    return inverse
 
 
 class Problem:
@@ -143,10 +167,7 @@ class Problem:
                 weighted = X / variance[:, j, None]
                 information[np.ix_(index, index)] += weighted.T @ X
                 score[index] += weighted.T @ self.y[:, j]
-            scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-30))
-            scaled = information * scale[:, None] * scale
-            scaled[np.diag_indices(m)] += 1e-9
-            inverse = np.linalg.inv(scaled) * scale[:, None] * scale
+            inverse = inverse_of(information)
             theta = inverse @ score
             for j, (index, X) in blocks.items():
                 residual[:, j] = self.y[:, j] - X @ theta[index]
@@ -156,6 +177,7 @@ class Problem:
         fit_quality = (np.log(variance) + residual**2 / variance)[:, self.active]
         loglik = -0.5 * float(np.sum(fit_quality)) - 0.5 * float(theta**2 @ prior)
         if inexact:
+            scaled, scale = scaled_to_one(information)
             both, own = np.linalg.slogdet(scaled)[1], np.linalg.slogdet(scaled[:count, :count])[1]
             loglik -= 0.5 * float(both - own - 2.0 * np.sum(np.log(scale[count:])) - np.sum(np.log(self.prior)))
         return Fit(tuple(terms), theta, inverse, noise, loglik, residual, blocks, variance, inexact)
@@ -205,3 +227,34 @@ def scatter_ratios(scores: FloatArray, inverse: FloatArray) -> FloatArray:
     variance = np.maximum(np.diag(inverse), 1e-300)
     ratio = np.sum(moved**2, axis=0) / variance * blocks / max(blocks - 1, 1)
     return np.where(ratio > 1.0 + _SURELY * np.sqrt(2.0 / blocks), ratio, 1.0)
+
+
+def allowed(problem: Problem, fit: Fit, term: Term) -> bool:
+    """True for a term that physics allows, and for an event that lies well inside of the recordings."""
+    return term.possible(fit.theta_of(term), fit.std_of(term)) and _inside(problem, term)
+
+
+def _inside(problem: Problem, term: Term) -> bool:
+    if term.instant is None:
+        return True
+    within = [m.t for m in problem.band.motions if not term.recording or m.recording == term.recording]
+    start, end = min(t[0] for t in within), max(t[-1] for t in within)
+    return bool(_EDGE < (term.instant - start) / (end - start) < 1.0 - _EDGE)
+
+
+def visible(problem: Problem, fit: Fit, term: Term) -> bool:
+    """True where a term is a part of the nominal residual that is worth telling, over the noise of each joint."""
+    active = [int(j) for j in problem.active]
+    torque = term.columns @ fit.theta_of(term)
+    share = torque if term.row is None else torque[:, None]
+    rows = active if term.row is None else [term.row]
+    power = np.sum(share[:, active if term.row is None else [0]] ** 2, axis=0)
+    nominal = np.sum(problem.y**2, axis=0)
+    noise = np.sum(fit.variance, axis=0)
+    if not np.any(power > _SEEN**2 * nominal[rows]):
+        return False
+    if term.expected:
+        return True
+    floors = float(np.sum(power / noise[rows]))
+    least = _FLOORS_OF_NOISE if term.effect.from_measured else _FLOORS
+    return floors > max(least**2, _SEEN_OF_ALL**2 * float(np.sum(nominal[active] / noise[active])))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
+from typing import Any
 
 import numpy as np
 from scipy import fft, interpolate
 
 from sysid_ros.diagnosis.prepare import Prepared
-from sysid_ros.diagnosis.result import Diagnosis, SimulationError, Tracking
 from sysid_ros.effects import Motion
 from sysid_ros.exceptions import RobotModelError
 from sysid_ros.sample import FloatArray
@@ -60,30 +60,27 @@ class _Stretch:
         return np.asarray(interpolate.CubicSpline(self.reference.t, values)(inside))
 
 
-def with_gain(
-    found: Diagnosis,
+def gain_or_why_not(
     prepared: Prepared,
     extended: Sequence[FloatArray],
     known: tuple[Sequence[KnownEffect], Sequence[KnownEffect]],
     noise: FloatArray,
     simulator: str | None,
-) -> Diagnosis:
-    """A diagnosis with its gain in simulation, or with a sentence that says why there is none.
+) -> tuple[SimulationError | None, Tracking | None, tuple[str, ...]]:
+    """The gain in simulation, or a sentence that says why there is none.
 
     Args:
         prepared, extended, noise: as :func:`simulation_gain` has them. known: effects before and after, as far as bodies can
             have them. simulator: None where none is installed.
     """
     if simulator is None:
-        return replace(found, notes=(*found.notes, MISSING))
+        return None, None, (MISSING,)
     before, after = (TorqueModel(prepared.motions[0].robot, [], effects) for effects in known)
     try:
         gain = simulation_gain(prepared, extended, (before, after), noise, simulator)
     except RobotModelError as error:
-        return replace(found, notes=(*found.notes, f"Nothing was simulated: {error}"))
-    if gain is None:
-        return replace(found, notes=(*found.notes, _LOST))
-    return replace(found, simulation=gain[0], tracking=gain[1])
+        return None, None, (f"Nothing was simulated: {error}",)
+    return (*gain, ()) if gain else (None, None, (_LOST,))
 
 
 def simulation_gain(
@@ -201,3 +198,46 @@ def _shown(joints: tuple[str, ...], stretches: Sequence[_Stretch], strayed: Sequ
     t = np.concatenate([x for s in stretches for x in (s.reference.t[::_SHOWN_EVERY], [np.nan])])
     before, after, perfect = (np.concatenate([x for h in runs for x in (h.position[::_SHOWN_EVERY], gap)]) for runs in strayed)
     return Tracking(t, joints, before, after, perfect)
+
+
+@dataclass(frozen=True)
+class SimulationError:
+    """What a controller that holds the recorded motion shows of a simulation, see
+    :func:`sysid_ros.diagnosis.gain.simulation_gain`: with the nominal model, with the extended one, and what a perfect one
+    would leave with this noise.
+
+    Attributes:
+        horizon_s: length of the simulated motion [s]. simulator: which it was.
+        position_rmse, velocity_rmse: tracking error of the simulated arm under the measured torques, over all joints [rad],
+            [rad/s]. torque_rmse: torque that holds the motion less the measured torque, a joint, shape (n,) each [N m].
+    """
+
+    horizon_s: float
+    simulator: str
+    position_rmse_before: float
+    position_rmse_after: float
+    position_rmse_perfect: float
+    velocity_rmse_before: float
+    velocity_rmse_after: float
+    velocity_rmse_perfect: float
+    torque_rmse_before: FloatArray
+    torque_rmse_after: FloatArray
+    torque_rmse_perfect: FloatArray
+
+    @classmethod
+    def as_dict(cls, simulation: SimulationError | None) -> dict[str, Any]:
+        """As it stands in diagnosis.json; null where nothing was simulated."""
+        values = {name: getattr(simulation, name, None) for name in cls.__dataclass_fields__}
+        return {name: x.tolist() if isinstance(x, np.ndarray) else x for name, x in values.items()}
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """Position errors of the simulated arm under the measured torques: t since the first stamp, shape (N,), NaN between stretches
+    [s]; nominal, extended and what noise alone makes, shape (N, n) each [rad]."""
+
+    t: FloatArray
+    joints: tuple[str, ...]
+    before: FloatArray
+    after: FloatArray
+    perfect: FloatArray

@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.prepare import Prepared, inexact_links, torques
+from sysid_ros.diagnosis.prepare import Prepared, links_off, torques
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS, LinkInertia
 from sysid_ros.robot.robot_model import RobotModel
@@ -68,7 +68,7 @@ class HeldOut:
         """Rows that a fit leaves, shape (K, n)."""
         out = self.prepared.problem.y.copy()
         for term in fit.terms:
-            _subtract(out, self.terms[term], fit.theta_of(term))
+            out -= self.terms[term].rows(fit.theta_of(term))
         if fit.inexact:
             out -= self.prepared.problem.nuisance @ fit.theta[-self.prepared.problem.nuisance.shape[2] :]
         return out
@@ -87,18 +87,10 @@ class HeldOut:
             for i, motion in enumerate(self.library.motions):
                 out[i] += self.terms[term].effect.torque_along(motion, theta)
         if fit.inexact:
-            basis = inexact_links(robot)
-            change = basis @ fit.theta[-basis.shape[1] :]
+            links, off = LinkInertia(robot), links_off(robot, fit)
             for i, motion in enumerate(self.library.motions):
-                out[i] += LinkInertia(robot).torque_along(motion, change)
+                out[i] += links.torque_along(motion, off)
         return out
-
-
-def _subtract(rows: FloatArray, term: Term, theta: FloatArray) -> None:
-    if term.row is None:
-        rows -= term.columns @ theta
-    else:
-        rows[:, term.row] -= term.columns @ theta
 
 
 def dated_again(library: Library, prepared: Prepared, fit: Fit, terms: Mapping[Term, Term]) -> dict[Term, Term]:
@@ -119,11 +111,7 @@ def dated_again(library: Library, prepared: Prepared, fit: Fit, terms: Mapping[T
     rest = prepared.problem.y.copy()
     for term in fit.terms:
         if term not in events:
-            x = terms[term].columns @ fit.theta_of(term)
-            if term.row is None:
-                rest -= x
-            else:
-                rest[:, term.row] -= x
+            rest -= terms[term].rows(fit.theta_of(term))
     rest = (rest * weight)[:, active].ravel()
 
     def torque(term: Term, recording: str, t0: float) -> FloatArray:

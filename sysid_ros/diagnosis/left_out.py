@@ -16,7 +16,7 @@ from scipy import fft
 
 from sysid_ros.diagnosis.band import Noise
 from sysid_ros.diagnosis.covariance import unknown_columns
-from sysid_ros.diagnosis.fit import Problem, scatter_ratios
+from sysid_ros.diagnosis.fit import Problem, inverse_of, scatter_ratios
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
 
@@ -54,7 +54,7 @@ class Predicted:
     @cached_property
     def with_all_rows(self) -> tuple[FloatArray, FloatArray]:
         """Covariance and parameters with no stretch left out."""
-        covariance = _inverse(self.information[None])[0]
+        covariance = inverse_of(self.information)
         return covariance, covariance @ self.score
 
 
@@ -144,7 +144,7 @@ class LeftOut:
         """What columns predict, with the inverse variances of their parameters before any data, shape (a,)."""
         M = self._without(at, at)
         M[:, np.arange(len(at)), np.arange(len(at))] += prior
-        covariance = _inverse(M)
+        covariance = inverse_of(M)
         theta = np.einsum("sab,sb->sa", covariance, self._score[at] - self._b[:, at])
         return self._predicted(at, prior, covariance, theta)
 
@@ -286,12 +286,3 @@ def _each_segment(problem: Problem, rows: FloatArray, how: Callable[[FloatArray]
         out[begin : begin + count] = how(rows[begin : begin + count])
         begin += count
     return out
-
-
-def _inverse(matrices: FloatArray) -> FloatArray:
-    """Of symmetric matrices, shape (S, a, a), scaled first; directions that no row shows stay where they are."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), 1e-30))
-    scaled = matrices * scale[:, :, None] * scale[:, None, :]
-    scaled[:, np.arange(scaled.shape[1]), np.arange(scaled.shape[1])] += 1e-9
-    inverse: FloatArray = np.linalg.inv(scaled) * scale[:, :, None] * scale[:, None, :]
-    return inverse

@@ -102,14 +102,13 @@ def features(motion: Motion, names: Sequence[str], warm: Mapping[int, float] | N
         out[f"temperature of {names[i]}"] = warmer
         out[f"direction of {names[i]} with its temperature"] = signs[:, i] * warmer
         out[f"speed of {names[i]} with its temperature"] = motion.v[:, i] * warmer
+    waves = {"sin": np.sin(motion.q), "cos": np.cos(motion.q), "sin 2q": np.sin(2.0 * motion.q), "cos 2q": np.cos(2.0 * motion.q)}
     for i, name in enumerate(names):
         for k, other in enumerate(names):
-            out[f"direction of {name} with the position of {other} (sin)"] = signs[:, i] * np.sin(motion.q[:, k])
-            out[f"direction of {name} with the position of {other} (cos)"] = signs[:, i] * np.cos(motion.q[:, k])
-            out[f"direction of {name} with the position of {other} (sin 2q)"] = signs[:, i] * np.sin(2.0 * motion.q[:, k])
-            out[f"direction of {name} with the position of {other} (cos 2q)"] = signs[:, i] * np.cos(2.0 * motion.q[:, k])
-            out[f"speed of {name} with the position of {other} (sin)"] = motion.v[:, i] * np.sin(motion.q[:, k])
-            out[f"speed of {name} with the position of {other} (cos)"] = motion.v[:, i] * np.cos(motion.q[:, k])
+            for wave, curve in waves.items():
+                out[f"direction of {name} with the position of {other} ({wave})"] = signs[:, i] * curve[:, k]
+            for wave in ("sin", "cos"):
+                out[f"speed of {name} with the position of {other} ({wave})"] = motion.v[:, i] * waves[wave][:, k]
             if i < k:
                 out[f"direction of {name} with that of {other}"] = signs[:, i] * signs[:, k]
                 out[f"speeds of {name} and {other}"] = motion.v[:, i] * motion.v[:, k]

@@ -1,20 +1,19 @@
-"""From a fit to what is claimed: findings with their evidence, the torques on held-out data, the verdict."""
+"""From a fit to what is claimed: findings, the torques on held-out data, what follows a temperature, which URDF, the verdict."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from sysid_ros.diagnosis.claims import Judged, Values, claims
+from sysid_ros.diagnosis.claims import Judged, claims
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut, dates_in_words
 from sysid_ros.diagnosis.leftover import Leftover, leftovers
-from sysid_ros.diagnosis.posterior import Posterior
-from sysid_ros.diagnosis.prepare import Prepared
-from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, Rest, TorqueRmse
-from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.diagnosis.time_or_temperature import RECORD_NEXT, correlations
+from sysid_ros.diagnosis.posterior import RECORD_NEXT
+from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, RankedUrdf, Rest, TorqueRmse
 from sysid_ros.effects.wording import listed
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -28,26 +27,20 @@ _STATED = 0.01
 """Part of a mass from which it is stated."""
 _WORSE = 1.2
 """Error on held-out data, over that of the nominal model and over the noise floor, from which a joint's model is called worse."""
+_STANDS = 0.02
+"""Speed from which the sign of a velocity means something [rad/s]."""
 
 
-def report(
-    robot: RobotModel, train: Prepared, selection: Selection, posterior: Posterior, held: HeldOut, values: Values
-) -> Diagnosis:
-    """The findings of a fit, in order of gain, and what they gain on the held-out recordings.
-
-    Args:
-        train: what was fitted. posterior: of the selection's terms. held: what it is judged on. values: of each term, with their
-            covariance.
-    """
-    fit = selection.fit
-    judged = Judged.of(robot, train, selection, posterior, held, values)
-    claimed = claims(judged)
-    before, after, floor = held.rms(judged.before), held.rms(judged.after), judged.floor
-    power_before = max(float(np.sum(judged.power(judged.before))), 1e-12)
+def report(judged: Judged) -> Diagnosis:
+    """The findings of a fit, in order of gain, and what they gain on the held-out recordings."""
+    robot, held, fit, nominal = judged.robot, judged.held, judged.fit, judged.held.prepared.problem.y
+    findings = claims(judged)
+    before, after, floor = held.rms(nominal), held.rms(judged.after), judged.floor
+    power_before = max(float(np.sum(judged.power(nominal))), 1e-12)
     excess = np.maximum(after**2 - floor**2, 0.0) * judged.weight
     left = float(np.sum(excess)) / power_before
     unexplained = min(1.0, left)
-    follows = leftovers(train, fit, held.prepared, judged.after)
+    follows = leftovers(judged.train, fit, held.prepared, judged.after)
     if follows:
         lost = sum(x.share * after[x.joint] ** 2 * judged.weight[x.joint] for x in follows)
         unexplained = min(1.0, max(unexplained, float(lost) / power_before))
@@ -55,9 +48,9 @@ def report(
     beyond = _beyond(held, judged.after, judged.noise)
     verdict = (
         "nothing_wrong"
-        if not claimed.findings and not follows and not beyond
+        if not findings and not follows and not beyond
         else "unexplained"
-        if not claimed.findings
+        if not findings
         else "explained"
         if unexplained <= (_LEFT_SEEN if follows else _LEFT) and not worse
         else "partly_explained"
@@ -67,16 +60,19 @@ def report(
         verdict = "unexplained"
     predictions = _predictions(robot, held, fit)
     power_after = float(np.sum(judged.power(judged.after))) / power_before
-    shared = sum(f.heldout_gain or 0.0 for f in claimed.findings)
+    shared = sum(f.heldout_gain or 0.0 for f in findings)
     return Diagnosis(
         verdict=verdict,
         joints=robot.joint_names,
-        findings=tuple(claimed.findings),
+        findings=tuple(findings),
         rest=Rest(1.0 - power_after - shared, power_after - left, left),
         torque=TorqueRmse(robot.joint_names, before, after, floor, torque),
         unexplained_fraction=unexplained,
         unexplained=nothing or _in_words(robot, follows) or _beyond_in_words(robot, beyond, after, floor),
-        record_next=(*_record_next(claimed.findings), *([RECORD_NEXT] if claimed.undecided else [])),
+        record_next=(
+            *_record_next(findings),
+            *([RECORD_NEXT] if any(f.drift and not f.drift["decided"] for f in findings) else []),
+        ),
         predictions=predictions,
         temperature=correlations(predictions),
         notes=(
@@ -160,3 +156,52 @@ def _tolerated(robot: RobotModel, fit: Fit) -> tuple[str, ...]:
     if not stated:
         return ()
     return (f"Taken for what a URDF is inexact by, and no cause: the masses of {', '.join(stated)}. model.yaml has them.",)
+
+
+def with_ranking(found: Diagnosis, ranked: Sequence[RankedUrdf]) -> Diagnosis:
+    """A diagnosis that says which of several URDFs it is of; the same where there was no choice."""
+    if not ranked:
+        return found
+    best = max(ranked, key=lambda x: x.probability)
+    parts = ", ".join(f"{x.urdf} {100.0 * x.probability:.3g} %" for x in ranked)
+    sentence = f"Of the URDFs that were given, {best.urdf} is likeliest the robot's ({parts}): it is the one that was judged."
+    refusal = f"{sentence} {found.refusal}" if found.refusal else None
+    return replace(found, urdfs=tuple(ranked), refusal=refusal, notes=(sentence, *found.notes))
+
+
+def correlations(p: Predictions) -> dict[str, Any] | None:
+    """How what the models leave on held-out data goes with the temperature of each joint, for diagnosis.json.
+
+    ``residual`` is the correlation of the residual itself, ``friction`` that of its part along the motion, residual times sign of
+    the velocity, at equal speed (partial correlation) while the joint moves; before and after. None without a temperature.
+    """
+    if p.temperature is None:
+        return None
+    known = [j for j in range(len(p.joints)) if np.isfinite(p.temperature[:, j]).all()]
+    out: dict[str, Any] = {
+        "joints": [p.joints[j] for j in known],
+        "range": [[round(float(limit), 2) for limit in (p.temperature[:, j].min(), p.temperature[:, j].max())] for j in known],
+    }
+    moves, speed = np.abs(p.v) > _STANDS, np.abs(p.v)
+    for name, model in (("before", p.nominal), ("after", p.extended)):
+        left = p.measured - model
+        out[f"residual_{name}"] = [_correlation(left[:, j], p.temperature[:, j]) for j in known]
+        out[f"friction_{name}"] = [
+            _correlation(*(_at_equal(speed[m, j], x[m, j]) for x in (left * np.sign(p.v), p.temperature)))
+            for j in known
+            for m in (moves[:, j],)
+        ]
+    return out if known else None
+
+
+def _at_equal(speed: FloatArray, values: FloatArray) -> FloatArray:
+    """What a straight line against the speed leaves of values, shape (k,)."""
+    line = np.stack([np.ones(len(speed)), speed], axis=1)
+    left: FloatArray = values - line @ np.linalg.lstsq(line, values, rcond=1e-9)[0]
+    return left
+
+
+def _correlation(x: FloatArray, y: FloatArray) -> float | None:
+    if len(x) < 3 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
+        return None
+    return float(np.corrcoef(x, y)[0, 1])

@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from sysid_ros.diagnosis.sentences import answer, percent, sentence
+from sysid_ros.diagnosis.gain import SimulationError, Tracking
 from sysid_ros.effects import EFFECTS, Parameter
-from sysid_ros.effects.wording import listed
+from sysid_ros.effects.wording import capital, first_sentence, listed, percent
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.model_file import ModelFile
-
-__all__ = [
-    "VERDICTS",
-    "Diagnosis",
-    "Finding",
-    "Parameter",
-    "Predictions",
-    "Rest",
-    "SimulationError",
-    "TorqueRmse",
-    "Tracking",
-]
 
 _MOST_REFINEMENTS = 4
 _UNNAMED = "effects too small or too uncertain to be named; model.yaml has them"
 _HARM = f"{_UNNAMED}, and on other motion they do harm"
 VERDICTS = ("explained", "partly_explained", "unexplained", "nothing_wrong", "refused")
+_MOST_NAMED = 3
+"""Causes that one sentence names."""
 
 
 @dataclass(frozen=True)
@@ -145,49 +136,6 @@ class Rest:
 
 
 @dataclass(frozen=True)
-class SimulationError:
-    """What a controller that holds the recorded motion shows of a simulation, see
-    :func:`sysid_ros.diagnosis.gain.simulation_gain`: with the nominal model, with the extended one, and what a perfect one
-    would leave with this noise.
-
-    Attributes:
-        horizon_s: length of the simulated motion [s]. simulator: which it was.
-        position_rmse, velocity_rmse: tracking error of the simulated arm under the measured torques, over all joints [rad],
-            [rad/s]. torque_rmse: torque that holds the motion less the measured torque, a joint, shape (n,) each [N m].
-    """
-
-    horizon_s: float
-    simulator: str
-    position_rmse_before: float
-    position_rmse_after: float
-    position_rmse_perfect: float
-    velocity_rmse_before: float
-    velocity_rmse_after: float
-    velocity_rmse_perfect: float
-    torque_rmse_before: FloatArray
-    torque_rmse_after: FloatArray
-    torque_rmse_perfect: FloatArray
-
-    @classmethod
-    def as_dict(cls, simulation: SimulationError | None) -> dict[str, Any]:
-        """As it stands in diagnosis.json; null where nothing was simulated."""
-        values = {name: getattr(simulation, name, None) for name in cls.__dataclass_fields__}
-        return {name: x.tolist() if isinstance(x, np.ndarray) else x for name, x in values.items()}
-
-
-@dataclass(frozen=True)
-class Tracking:
-    """Position errors of the simulated arm under the measured torques: t since the first stamp, shape (N,), NaN between stretches
-    [s]; nominal, extended and what noise alone makes, shape (N, n) each [rad]."""
-
-    t: FloatArray
-    joints: tuple[str, ...]
-    before: FloatArray
-    after: FloatArray
-    perfect: FloatArray
-
-
-@dataclass(frozen=True)
 class Predictions:
     """Torques on the held-out data: t since the first stamp, shape (N,) [s]; torques of shape (N, n) [N m], and the motion;
     temperature of the joints [degrees Celsius], NaN where it is not known, None where none is."""
@@ -295,3 +243,46 @@ class Diagnosis:
             "record_next": list(self.record_next),
             "notes": list(self.notes),
         }
+
+
+def sentence(words: str, gain: float | None) -> str:
+    """One sentence for an engineer: what, where, how large, and how much of the error it makes."""
+    return f"{capital(words)}." if gain is None else f"{capital(words)}. It {makes(gain)}."
+
+
+def makes(gain: float) -> str:
+    """A share of the error in words; that of a cause which does harm beside the others is negative."""
+    if gain <= -0.0005:
+        return f"makes the error on data that were not fitted {percent(-gain)} larger"
+    return f"makes {percent(gain)} of the error"
+
+
+def answer(
+    verdict: str, refusal: str | None, main: Sequence[str], gain: float, others: int, faults: Sequence[str], left: float
+) -> str:
+    """The first sentence of a report: what an engineer would answer who was asked what is wrong.
+
+    Args:
+        main: the causes of the headline in words. gain: what all of them make of the error. others: number of the other causes.
+        faults: of the data, in words. left: part of the error that nothing explains.
+    """
+    if verdict == "refused":
+        return f"No answer: {first_sentence(refusal or 'these recordings can not be judged.')[0]}"
+    data = f" The data have {'a fault' if len(faults) == 1 else 'faults'} of their own: {listed(faults)}." if faults else ""
+    if verdict == "unexplained":
+        return f"The model is wrong, and no cause that is known here explains it.{data}"
+    if not main and not others:
+        if faults:
+            return f"The model is right, the data are not: {listed(faults)}."
+        return "Nothing is wrong that these recordings could show: the model predicts the torques down to their noise."
+    if not main:
+        return f"What was found in the fitted recordings does not make the error on other data smaller.{data}"
+    named = [*main[:_MOST_NAMED], *([f"{len(main) - _MOST_NAMED} more"] if len(main) > _MOST_NAMED else [])]
+    first = "Mostly: " if others else ""
+    whole = f"{first}{_in_a_row(named)}. {'It makes' if len(main) == 1 else 'Together they make'} {percent(gain)} of the error"
+    rest = f"; {percent(left)} of it is of no cause that is known here" if verdict == "partly_explained" and left >= 0.005 else ""
+    return f"{capital(whole)}{rest}.{data}"
+
+
+def _in_a_row(clauses: Sequence[str]) -> str:
+    return listed(clauses) if all("," not in c and ";" not in c for c in clauses) else "; ".join(clauses)

@@ -14,16 +14,20 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.diagnosis.channel_faults import (
-    EffortFactors,
-    Fault,
-    effort_factors,
-    fault_of_factors,
-    faults_of_signs_and_order,
-    faults_of_units,
-)
+from sysid_ros.diagnosis.channel_faults import EffortFactors, Fault, effort_factors, fault_of_factors, faults_to_try
+from sysid_ros.diagnosis.result import RankedUrdf
 from sysid_ros.diagnosis.robot_kernels import CoarseRows, RobotKernels
-from sysid_ros.diagnosis.robot_likelihood import LEAVES, LEAVES_ALL, JointTorques, RowLikelihoods, halves, row_likelihoods
+from sysid_ros.diagnosis.robot_likelihood import (
+    LEAVES,
+    LEAVES_ALL,
+    JointTorques,
+    RowLikelihoods,
+    halves,
+    probabilities,
+    row_likelihoods,
+)
+from sysid_ros.exceptions import DataError
+from sysid_ros.input_gate.message_faults import in_order
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
@@ -49,8 +53,6 @@ _LEAST = 1e-3
 """Least size of an effort that is compared, of the largest."""
 _COARSE, _TRIED = 3, 2
 """Each of so many rows for a first comparison, and how many hypotheses are compared on all of them."""
-_SEGMENTS, _DRAWS = 20, 400
-"""Stretches of time that are drawn from anew, and how often, for the scatter of a likelihood ratio."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,8 +170,7 @@ class _Trial:
             if self.silent[j]:
                 forms, prior = np.repeat(tau[:, [j]], len(_GRAVITY), axis=1), (0.0 * prior[0], 0.0 * prior[1])
             joints.append(JointTorques(forms, prior, k.own(j), k.pattern, float(usual[j])))
-        priors = self.log_prior + np.log(list(_GRAVITY.values())) - len(tau) * self.scale
-        return row_likelihoods(joints, half).plus(priors)
+        return row_likelihoods(joints, half).plus(self.log_prior + np.log(list(_GRAVITY.values())) - len(tau) * self.scale)
 
 
 def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | None:
@@ -188,8 +189,7 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
     """With the faults undone that have a probability."""
     half = halves(rows.q)
     trial = _Trial(rows, RobotKernels(robot, rows), 0.0, np.log(1.0 - 2.0 * _OTHER), np.zeros(robot.n, dtype=bool))
-    found, faults, factors = trial.likelihood(half), list[Fault](), None
-    doubtful = False
+    found, faults, factors, doubtful = trial.likelihood(half), list[Fault](), None, False
     while len(faults) < _FAULTS:
         options = _first_choice(robot, trial)
         weighed = [(found, trial), *((option.likelihood(half), option) for option in options)]
@@ -220,11 +220,6 @@ def _judgement(
     return Judgement(trial.kernels.robot, tuple(faults), given, *_others(trial, half), factors)
 
 
-def rank(judgements: Sequence[Judgement]) -> FloatArray:
-    """Probability of each of several URDFs, one of which is the robot's, by the likelihood of all rows."""
-    return probabilities([x.urdf.likeliest for x in judgements])
-
-
 def _usual(tau: FloatArray, silent: NDArray[np.bool_]) -> FloatArray:
     """Usual effort of each joint, shape (n,), not so small that bodies shared with the largest would be lost in rounding."""
     size = np.sqrt(np.mean(tau**2, axis=0))
@@ -253,11 +248,11 @@ def _others(trial: _Trial, half: NDArray[np.bool_]) -> tuple[RowLikelihoods, Row
 def _first_choice(robot: RobotModel, trial: _Trial) -> list[_Trial]:
     """The likeliest faults on a few rows, roughly compared."""
     few = replace(trial, rows=trial.rows.every(_COARSE), kernels=RobotKernels(robot, trial.rows.every(_COARSE)))
-    listed = [*faults_of_signs_and_order(robot.joint_names), *faults_of_units(robot.n)]
+    listed = list(faults_to_try(robot.joint_names))
     kinds = Counter(kind for kind, _ in listed)
-    made = [(replace(fault, candidates=len(listed) + 1), float(np.log(_FAULT / kinds[kind]))) for kind, fault in listed]
     tried: list[tuple[float, Callable[[_Trial], _Trial]]] = []
-    for fault, prior in made:
+    for kind, fault in listed:
+        fault, prior = replace(fault, candidates=len(listed) + 1), float(np.log(_FAULT / kinds[kind]))
         undone = partial(_with, robot, fault=fault, log_prior=prior)
         tried.append((undone(few).coarse(), undone))
     if trial.factors is None:
@@ -269,8 +264,7 @@ def _first_choice(robot: RobotModel, trial: _Trial) -> list[_Trial]:
 def _with_factors(trial: _Trial, candidates: int) -> _Trial:
     """The same with a factor of its own on each effort undone."""
     factors = effort_factors(trial.kernels, trial.rows.tau)
-    fault = replace(fault_of_factors(factors), candidates=candidates)
-    option = _with(trial.kernels.robot, trial, fault, float(np.log(_FAULT)) + factors.log_prior)
+    option = _with(trial.kernels.robot, trial, fault_of_factors(factors, candidates), float(np.log(_FAULT)) + factors.log_prior)
     return replace(option, factors=factors, silent=~factors.seen)
 
 
@@ -283,14 +277,18 @@ def _with(robot: RobotModel, trial: _Trial, fault: Fault, log_prior: float) -> _
     return replace(trial, rows=rows, kernels=kernels, scale=scale, log_prior=trial.log_prior + log_prior, fault=fault)
 
 
-def probabilities(rows: Sequence[FloatArray]) -> FloatArray:
-    """Of hypotheses with log-likelihoods of the same rows, shape (N,) each: mean over what the rows could have been, drawn from
-    them by stretches of time, of the share of each (pseudo-BMA with the Bayesian bootstrap; Yao, Vehtari, Simpson, Gelman 2018).
+def rank_urdfs(robots: Sequence[RobotModel], names: Sequence[str], recordings: Sequence[Recording]) -> list[RankedUrdf]:
+    """Probability that each of several URDFs with the same joints is that of the robot that was recorded, in their order.
 
-    A likelihood ratio that a few moments decide is so no certainty.
+    Raises:
+        DataError: nothing of the recordings can be used, or the URDFs have different joints.
     """
-    parts = np.stack([[s.sum() for s in np.array_split(x, _SEGMENTS)] for x in rows])
-    weights = np.random.default_rng(0).dirichlet(np.ones(_SEGMENTS), _DRAWS) * _SEGMENTS
-    total = parts @ weights.T
-    share = np.exp(total - total.max(axis=0))
-    return np.asarray(np.mean(share / share.sum(axis=0), axis=1))
+    if len({robot.joint_names for robot in robots}) > 1:
+        raise DataError("the URDFs name their joints differently: only those with the joints of the recordings can be compared.")
+    ordered = [in_order(r)[0] for r in recordings]
+    found = [x for robot in robots if (x := judge(robot, ordered)) is not None]
+    if len(found) < len(robots):
+        raise DataError(
+            "the recordings hold no motion by which URDFs could be compared. Record 15 to 30 s in which every joint moves."
+        )
+    return [RankedUrdf(name, float(p)) for name, p in zip(names, probabilities([x.urdf.likeliest for x in found]), strict=True)]

@@ -170,14 +170,14 @@ class RobotKernels:
         out += stands[:, None] * stands * self._rest
         return np.asarray(out)
 
-    def urdf(self, joint: int, usual: float, gain: float = GAIN) -> Prior:
+    def urdf(self, joint: int, usual: float) -> Prior:
         """The URDF's bodies, as exact as a URDF is, what the whole arm may have beside them, a gain and friction by the load.
 
         Args:
             usual: largest usual torque of any joint [N m].
         """
         columns = [self._links[:, joint] * self._inexact, self.whole_arm(joint, usual)]
-        return np.concatenate(columns, axis=1), self.by_load(joint, gain)
+        return np.concatenate(columns, axis=1), self.by_load(joint, GAIN)
 
     def free(self, joint: int, usual: float) -> Prior:
         """The same kinematics with bodies of any size, and the same beside them."""

@@ -31,6 +31,8 @@ _APART = np.log(4.0)
 USUAL = np.log([0.02, 0.05])
 """Noise and discrepancy that a search begins with."""
 _STEPS, _ROUNDED = 20, 1e-14
+_SEGMENTS, _DRAWS = 20, 400
+"""Stretches of time that are drawn from anew, and how often, for the scatter of a likelihood ratio."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,3 +250,16 @@ def _densities(error: FloatArray, covariance: FloatArray) -> FloatArray:
     root = linalg.cholesky(covariance, lower=True, check_finite=False)
     white = linalg.solve_triangular(root, error, lower=True, check_finite=False)
     return np.asarray(-(0.5 * white**2 + np.log(np.diag(root))[:, None] + 0.5 * np.log(2.0 * np.pi)).T)
+
+
+def probabilities(rows: Sequence[FloatArray]) -> FloatArray:
+    """Of hypotheses with log-likelihoods of the same rows, shape (N,) each: mean over what the rows could have been, drawn from
+    them by stretches of time, of the share of each (pseudo-BMA with the Bayesian bootstrap; Yao, Vehtari, Simpson, Gelman 2018).
+
+    A likelihood ratio that a few moments decide is so no certainty.
+    """
+    parts = np.stack([[s.sum() for s in np.array_split(x, _SEGMENTS)] for x in rows])
+    weights = np.random.default_rng(0).dirichlet(np.ones(_SEGMENTS), _DRAWS) * _SEGMENTS
+    total = parts @ weights.T
+    share = np.exp(total - total.max(axis=0))
+    return np.asarray(np.mean(share / share.sum(axis=0), axis=1))

@@ -1,4 +1,4 @@
-"""What a term would gain, from the score of the present fit: fast enough to try every candidate at each step."""
+"""What a term would gain, from the score of the present fit: fast enough to try every candidate, size and form at each step."""
 
 from __future__ import annotations
 
@@ -202,16 +202,8 @@ def _alike(x: FloatArray, y: FloatArray) -> bool:
     return x.shape == y.shape and float(np.sum((x - y) ** 2)) <= _ALIKE**2 * float(np.sum(x**2))
 
 
-@dataclass(frozen=True, eq=False)
-class Form:
-    """A form of friction on a joint, and the fit with it."""
-
-    term: Term
-    fit: Fit
-
-
-def forms(problem: Problem, library: Library, fit: Fit, present: Term) -> list[Form]:
-    """Fits with each form of what ``present`` is a form of in its place, the simpler first; impossible ones are left out."""
+def forms(problem: Problem, library: Library, fit: Fit, present: Term) -> list[Term]:
+    """Each form of what ``present`` is a form of, at its best in its place, the simpler first; impossible ones are left out."""
     joint = present.row
     assert joint is not None
     others = [t for t in fit.terms if t is not present]
@@ -238,7 +230,7 @@ def forms(problem: Problem, library: Library, fit: Fit, present: Term) -> list[F
             trial = refine(problem, library, problem.fit([*kept, term], fit.noise, inexact=fit.inexact), [term])
             term = trial.terms[-1]
             if term.possible(trial.theta_of(term), trial.std_of(term)):
-                trials.append(Form(term, trial))
+                trials.append((trial.loglik + (_STANDS_IN if term.effect.follows_temperature else 0.0), term))
         if trials:
-            found.append(max(trials, key=lambda f: f.fit.loglik + (_STANDS_IN if f.term.effect.follows_temperature else 0.0)))
+            found.append(max(trials, key=lambda x: x[0])[1])
     return found

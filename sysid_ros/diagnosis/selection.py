@@ -8,15 +8,14 @@ from itertools import combinations
 
 from sysid_ros.diagnosis.band import Noise
 from sysid_ros.diagnosis.covariance import dry_friction
-from sysid_ros.diagnosis.fit import Fit, Problem
+from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.heldout import HeldOut, no_worse
 from sysid_ros.diagnosis.knobs import refine
 from sysid_ros.diagnosis.left_out import Rows
-from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.library import Library, SetPrior
 from sysid_ros.diagnosis.posterior import Posterior, posterior_of
-from sysid_ros.diagnosis.prepare import before_gains, links_changed, torques
+from sysid_ros.diagnosis.prepare import SCALES, before_gains, links_changed, torques
 from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, forms
-from sysid_ros.diagnosis.set_prior import INEXACT, SetPrior, allowed
 from sysid_ros.diagnosis.set_search import SetSearch, State
 from sysid_ros.diagnosis.term import Term, best_of_each, joined
 from sysid_ros.effects import EFFECTS, Depends, Effect
@@ -99,7 +98,7 @@ class Selection:
     def _add_forms(self) -> None:
         for term in list(self.fit.terms):
             if term.row is not None and term.effect.family and self._first(term.key, self._keys(term)):
-                self.pool += [form.term for form in forms(self.problem, self.library, self.fit, term)]
+                self.pool += forms(self.problem, self.library, self.fit, term)
             if term.row is not None and not any(knob.reported for knob in term.effect.knobs):
                 self.pool += self.library.local_options(term.id, term.row)
 
@@ -158,7 +157,7 @@ class Selection:
         """A search among the fit's terms and others, and its state at the fit."""
         terms = list(self.fit.terms)
         pool = [*terms, *(t for t in asked if t not in terms)]
-        scale = INEXACT.index(self.problem.scale) if self.fit.inexact else 0
+        scale = SCALES.index(self.problem.scale) if self.fit.inexact else 0
         search = SetSearch(self.problem, rows, pool, self.prior, noise, dry_friction(self.library.robot, self.fit), self._allowed)
         return search, search.state(range(len(terms)), scale)
 

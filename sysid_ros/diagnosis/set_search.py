@@ -12,7 +12,8 @@ from sysid_ros.diagnosis.band import Noise
 from sysid_ros.diagnosis.covariance import unknown_prior
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.left_out import Indices, LeftOut, Predicted, Rows
-from sysid_ros.diagnosis.set_prior import BESIDE, INEXACT, SetPrior
+from sysid_ros.diagnosis.library import SetPrior
+from sysid_ros.diagnosis.prepare import SCALES, scales_beside
 from sysid_ros.diagnosis.term import Term, conflicts
 from sysid_ros.effects import Effect, forms_of
 from sysid_ros.sample import FloatArray
@@ -82,9 +83,9 @@ class SetSearch:
         prior = [self._prior[i] for i in members]
         if scale:
             at.append(self.left_out.inexact)
-            prior.append(self.problem.prior_of(INEXACT[scale]))
+            prior.append(self.problem.prior_of(SCALES[scale]))
         at.append(self.left_out.unknown)
-        prior.append(np.tile(unknown_prior(max(INEXACT[scale])), self.left_out.joints))
+        prior.append(np.tile(unknown_prior(max(SCALES[scale])), self.left_out.joints))
         where = np.concatenate(at)
         predicted = self.left_out.of(where, np.concatenate(prior))
         narrowed = self._narrowed(predicted) if scale else 0.0
@@ -105,7 +106,7 @@ class SetSearch:
 
     def fit(self, members: Sequence[int], scale: int, noise: Noise | None = None) -> Fit:
         """The fitted rows with a set."""
-        self.problem.scale = INEXACT[scale or INEXACT.index((1.0, 1.0))]
+        self.problem.scale = SCALES[scale or SCALES.index((1.0, 1.0))]
         return self.problem.fit([self.pool[i] for i in members], noise or self.noise, 0, inexact=scale > 0)
 
     def climb(self, state: State, thorough: bool = True) -> State:
@@ -171,7 +172,7 @@ class SetSearch:
         best, before = state, None
         while best is not before:
             before = best
-            best = max([best, *(self.state(state.members, scale) for scale in BESIDE[best.scale])], key=lambda x: x.score)
+            best = max([best, *(self.state(state.members, scale) for scale in scales_beside(best.scale))], key=lambda x: x.score)
         return best
 
     def _worth_a_look(self, state: State) -> set[int]:

@@ -136,8 +136,7 @@ def _stacked(parts: Sequence[_Velocities], values: Sequence[FloatArray]) -> tupl
 
 
 def _likelihood(f: FloatArray, residual: FloatArray) -> float:
-    variance = Noise.of(f, residual**2).variance(f)
-    return -0.5 * float(np.sum(np.log(variance) + residual**2 / variance))
+    return Noise.of(f, residual**2).loglik(f, residual)
 
 
 def _velocities(r: Recording) -> _Velocities | None:

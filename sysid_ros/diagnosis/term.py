@@ -95,6 +95,15 @@ class Term:
         """Number of parameters that data have to tell, with the nonlinear ones."""
         return self.effect.free_parameters(self.form, self.p) + len(self.effect.knobs)
 
+    def rows(self, theta: FloatArray) -> FloatArray:
+        """Rows of all joints that parameters of its columns make, shape (K, n)."""
+        torque = self.columns @ theta
+        if self.row is None:
+            return np.asarray(torque)
+        out = np.zeros((len(torque), self.effect.robot.n))
+        out[:, self.row] = torque
+        return out
+
     def theta_of_effect(self, theta: FloatArray) -> FloatArray:
         """Parameters of the effect, shape (effect.p,)."""
         return theta if self.basis is None else self.basis @ theta
@@ -131,12 +140,7 @@ def joined(terms: Sequence[Term]) -> Term:
         return first
     blocks = [first.columns]
     for term in terms[1:]:
-        if term.row is None:
-            blocks.append(term.columns)
-        else:
-            block = np.zeros((*first.columns.shape[:2], term.p))
-            block[:, term.row] = term.columns
-            blocks.append(block)
+        blocks.append(np.stack([term.rows(unit) for unit in np.eye(term.p)], axis=2))
     return replace(first, columns=np.concatenate(blocks, axis=2))
 
 

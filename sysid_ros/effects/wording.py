@@ -75,3 +75,23 @@ def _unit(unit: str, value: float) -> tuple[str, float]:
     """A unit as it is written behind a number, and what the number is multiplied by."""
     small, factor = _SMALL.get(unit, (unit, 1.0)) if abs(value) < 0.1 else (unit, 1.0)
     return "" if small == "1" else f" {small.replace('^2', '²')}", factor
+
+
+def percent(gain: float | None) -> str:
+    """A share in per cent; a dash where there is none."""
+    if gain is None:
+        return "-"
+    size = abs(gain)
+    digits = 0 if size >= 0.0995 else 1
+    return f"{100 * gain:.{digits}f} %" if size >= 0.0005 else "below 0.1 %" if size > 0.0 else "0 %"
+
+
+def first_sentence(text: str) -> tuple[str, str]:
+    """A text's first sentence, and what follows it."""
+    first, stop, rest = text.partition(". ")
+    return f"{first}." if stop else first, rest
+
+
+def capital(text: str) -> str:
+    """With a capital at its beginning."""
+    return text[:1].upper() + text[1:]

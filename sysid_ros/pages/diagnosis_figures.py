@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid_ros.diagnosis.result import Predictions, Tracking
+from sysid_ros.diagnosis.gain import Tracking
+from sysid_ros.diagnosis.result import Predictions
 from sysid_ros.pages import palette
 from sysid_ros.pages.compared_figure import compared, thinned
 from sysid_ros.pages.figure import Axis, Curve, Figure, Mark, Panel, Stack, evenly

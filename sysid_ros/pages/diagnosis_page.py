@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.diagnosis.result import Diagnosis, Parameter, SimulationError
-from sysid_ros.diagnosis.sentences import capital, first_sentence, percent
-from sysid_ros.effects.wording import listed
+from sysid_ros.diagnosis.gain import SimulationError
+from sysid_ros.diagnosis.result import Diagnosis
+from sysid_ros.effects import Parameter
+from sysid_ros.effects.wording import capital, first_sentence, listed, percent
 from sysid_ros.pages import palette
 from sysid_ros.pages.diagnosis_figures import residual_figure, torque_figure, tracking_error_figure
 from sysid_ros.pages.diagnosis_view import diagnosis_view
