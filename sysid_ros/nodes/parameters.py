@@ -81,15 +81,8 @@ class NodeParameters:
         return group(**{name: _plain(value) for name, value in values.items()})
 
     def _declare(self, name: str, cls: type[Settings], f: Field[Any]) -> None:
-        kind, meta = _type_of(f), f.metadata
-        notes = [meta["description"]]
-        if meta["unit"]:
-            notes.append(f"[{meta['unit']}]")
-        if meta["choices"]:
-            notes.append(f"(one of {', '.join(meta['choices'])})")
-        elif meta["low"] is not None:
-            notes.append(f"({meta['low']:g} to {meta['high']:g})")
-        descriptor = ParameterDescriptor(description=" ".join(notes), read_only=meta["fixed"])
+        kind, meta = type_of(f), f.metadata
+        descriptor = ParameterDescriptor(description=described(f), read_only=meta["fixed"])
         if kind == Parameter.Type.DOUBLE:
             descriptor.floating_point_range = [FloatingPointRange(from_value=float(meta["low"]), to_value=float(meta["high"]))]
         overrides = self._node._parameter_overrides
@@ -118,7 +111,7 @@ class NodeParameters:
             self._node.get_logger().warning(f"There is no parameter '{name}'; its value is not used.{hint}")
 
     def _convert_all(self, parameters: list[Parameter]) -> list[Parameter]:
-        return [_converted(p, _type_of(self._fields[p.name][1])) if p.name in self._fields else p for p in parameters]
+        return [_converted(p, type_of(self._fields[p.name][1])) if p.name in self._fields else p for p in parameters]
 
     def _check_all(self, parameters: Iterable[Parameter]) -> SetParametersResult:
         for p in (p for p in parameters if p.name in self._fields):
@@ -143,7 +136,21 @@ def _default(f: Field[Any]) -> Any:
     return f.default_factory() if callable(f.default_factory) else f.default
 
 
-def _type_of(f: Field[Any]) -> Parameter.Type:
+def described(f: Field[Any]) -> str:
+    """Description of a setting with its unit and what it may be."""
+    meta = f.metadata
+    notes = [meta["description"]]
+    if meta["unit"]:
+        notes.append(f"[{meta['unit']}]")
+    if meta["choices"]:
+        notes.append(f"(one of {', '.join(meta['choices'])})")
+    elif meta["low"] is not None:
+        notes.append(f"({meta['low']:g} to {meta['high']:g})")
+    return " ".join(notes)
+
+
+def type_of(f: Field[Any]) -> Parameter.Type:
+    """The type that a setting has as a parameter."""
     default = _default(f)
     if isinstance(default, bool):
         return Parameter.Type.BOOL
@@ -170,7 +177,7 @@ def _plain(value: Any) -> Any:
 
 
 def _problem(name: str, cls: type[Settings], f: Field[Any], p: Parameter) -> str:
-    kind = _type_of(f)
+    kind = type_of(f)
     if p.type_ != kind:
         found, wanted = (k.name.lower().replace("_", " ") for k in (p.type_, kind))
         return f"{name} is {p.value!r}, of type {found}; it must be of type {wanted}. {_EXAMPLES[kind]}"

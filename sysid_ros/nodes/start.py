@@ -7,6 +7,9 @@ import os
 import signal
 import sys
 from importlib.util import find_spec
+from pathlib import Path
+
+from sysid_ros import __version__
 
 _CURES = {
     "rclpy": "source /opt/ros/jazzy/setup.bash, or take the wheels: pip install 'sysid_ros[ros]'",
@@ -19,8 +22,12 @@ _EXAMPLES = {
 }
 _HELP = """Usage: {name} [--ros-args [-p PARAMETER:=VALUE]... [-r NAME:=NAME]... [--params-file YAML]]
 
-A ROS 2 node, started by itself or as 'ros2 run sysid_ros {name}'; Ctrl-C stops it. 'ros2 param describe /{name} NAME' says
-what a parameter means.
+A ROS 2 node, started by itself or as 'ros2 run sysid_ros {name}'; Ctrl-C stops it.
+Its parameters, with what each means: {config}
+
+Options:
+  -h, --help  this text
+  --version   the version of sysid_ros
 
 Example:
   {name} --ros-args {example}
@@ -45,7 +52,10 @@ def simulated_robot() -> int:
 
 def _run(name: str, *needed: str) -> int:
     if {"-h", "--help"} & set(sys.argv[1:]):
-        sys.stdout.write(_HELP.format(name=name, example=_EXAMPLES[name]))
+        sys.stdout.write(_HELP.format(name=name, example=_EXAMPLES[name], config=_configuration(name)))
+        return 0
+    if "--version" in sys.argv[1:]:
+        sys.stdout.write(f"{name} (sysid_ros) {__version__}\n")
         return 0
     # nothing runs yet: while the libraries load there is nothing to clean up, and no stack of theirs helps anybody
     signal.signal(signal.SIGINT, lambda number, frame: os._exit(_INTERRUPTED))
@@ -55,3 +65,11 @@ def _run(name: str, *needed: str) -> int:
             return _BAD_INPUT
     code: int = importlib.import_module(f"sysid_ros.nodes.{name}").main()
     return code
+
+
+def _configuration(name: str) -> str:
+    """Where the annotated configuration of a node lies: in the source, else where it was installed to, else its name."""
+    here = Path(__file__).resolve()
+    folders = (here.parents[2] / "config", *(p / "share" / "sysid_ros" / "config" for p in here.parents))
+    found = next((path for folder in folders if (path := folder / f"{name}.yaml").is_file()), None)
+    return str(found or f"share/sysid_ros/config/{name}.yaml")

@@ -1,0 +1,46 @@
+"""From a plan of nodes to what ``ros2 launch`` runs; the only imports of ``launch``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import LifecycleNode, Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+from launch import LaunchDescription
+from sysid_ros.nodes.launch_plan import LAUNCH_FILES, NodePlan
+
+
+def describe(path: str) -> LaunchDescription:
+    """What the launch file at ``path`` starts, see :data:`.launch_plan.LAUNCH_FILES`; its configuration files lie in the folder
+    ``config`` beside its own."""
+    file = LAUNCH_FILES[Path(path).name]
+    arguments = file.arguments(Path(path).resolve().parents[1] / "config")
+
+    def start(context: Any) -> list[Any]:
+        file.refuse_unknown(sys.argv, (a.name for a in arguments))
+        values = {a.name: LaunchConfiguration(a.name).perform(context) for a in arguments}
+        return [action(plan) for plan in file.plan(values)]
+
+    declared = [DeclareLaunchArgument(a.name, default_value=a.default, description=a.description) for a in arguments]
+    return LaunchDescription([*declared, OpaqueFunction(function=start)])
+
+
+def action(plan: NodePlan) -> Any:
+    """The launch action that starts a node."""
+    # a text that looks like a number or like true stays a text
+    typed = {name: ParameterValue(x, value_type=str) if isinstance(x, str) else x for name, x in plan.parameters.items()}
+    kind = LifecycleNode if plan.lifecycle else Node
+    return kind(
+        package="sysid_ros",
+        executable=plan.executable,
+        name=plan.executable,
+        namespace=plan.namespace,
+        parameters=[plan.config, typed],
+        remappings=list(plan.remappings.items()),
+        output="screen",
+    )
