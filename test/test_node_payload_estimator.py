@@ -63,6 +63,9 @@ TOPICS = {
     "parameters": (Float64MultiArray, RELIABLE, VOLATILE, 10),
     "center_of_mass": (PoseWithCovarianceStamped, RELIABLE, VOLATILE, 10),
     "payload_effort": (Float64MultiArray, RELIABLE, VOLATILE, 10),
+    "estimate": (DiagnosticArray, RELIABLE, VOLATILE, 10),
+    "payload_valid": (InertiaStamped, RELIABLE, VOLATILE, 10),
+    "payload_effort_stamped": (JointState, RELIABLE, VOLATILE, 10),
     "residual_efforts": (JointState, BEST_EFFORT, VOLATILE, 10),
     "markers": (MarkerArray, RELIABLE, VOLATILE, 1),
 }
@@ -264,6 +267,54 @@ def test_efforts_stand_in_the_order_of_joint_names(carrying: Bench) -> None:
     assert not residual.position
 
 
+def told(message: DiagnosticArray) -> dict[str, str]:
+    """The values of an estimate by their names."""
+    (status,) = message.status
+    return {pair.key: pair.value for pair in status.values}
+
+
+def test_no_number_of_a_doubtful_estimate_can_be_taken_for_one(carrying: Bench) -> None:
+    kinds = set()
+    # the first may have come before its subscriber was known, and what is withdrawn has the stamp of what was published last
+    pairs = list(zip(reversed(carrying.heard["estimate"]), reversed(carrying.heard["payload_valid"]), strict=False))
+    assert len(pairs) > 400
+    for message, valid in pairs:
+        assert message.header.stamp == valid.header.stamp
+        values, (status,) = told(message), message.status
+        believed = values["status"] in ("ok", "no_payload")
+        kinds.add(believed)
+        assert (status.level == DiagnosticStatus.OK) == believed == (values["valid"] == "1")
+        assert message.header.frame_id == valid.header.frame_id == ROBOT.default_frame
+        for number in (valid.inertia.m, float(values["mass"]), float(values["parameter.m"])):
+            assert np.isfinite(number) == believed
+        assert values["status"] in status.message
+    assert kinds == {False, True}
+
+
+def test_the_last_estimate_tells_every_number_under_its_name(carrying: Bench) -> None:
+    last = next(m for m in reversed(carrying.heard["estimate"]) if told(m)["valid"] == "1")
+    assert last.header.stamp == carrying.heard["payload"][-1].header.stamp
+    values = {key: float(value) for key, value in told(last).items() if key != "status"}
+    assert values["mass"] == pytest.approx(MASS, abs=0.05)
+    assert [values[f"com_{axis}"] for axis in "xyz"] == pytest.approx(COM, abs=0.02)
+    assert values["mass_std"] == pytest.approx(values["covariance.m.m"] ** 0.5, rel=1e-6)
+    table = np.array(carrying.heard["parameters"][-1].data).reshape(11, 10)
+    names = carrying.heard["parameters"][-1].layout.dim[1].label.split(",")
+    assert len([key for key in values if key.startswith("covariance.")]) == 55
+    assert {key.partition(".")[2] for key in values if key.startswith("parameter.")} == set(names)
+    assert values["covariance.mx.Ixy"] == pytest.approx(table[1 + names.index("mx"), names.index("Ixy")], rel=1e-6)
+
+
+def test_stamped_efforts_are_those_of_their_estimate(carrying: Bench) -> None:
+    efforts = carrying.heard["payload_effort_stamped"]
+    assert list(efforts[-1].name) == NAMES[::-1]
+    for message, valid in zip(efforts, carrying.heard["payload_valid"], strict=True):
+        assert message.header.stamp == valid.header.stamp
+        assert bool(np.isfinite(message.effort).all()) == np.isfinite(valid.inertia.m)
+    finite = [list(m.effort) for m in efforts if np.isfinite(m.effort).all()]
+    assert any(list(m.data) == pytest.approx(finite[-1], rel=1e-9) for m in carrying.heard["payload_effort"])
+
+
 def test_late_joiner_gets_the_committed_payload(carrying: Bench) -> None:
     late = carrying.listen("payload_committed", *TOPICS["payload_committed"])
     carrying.until(lambda: carrying.heard["payload_committed"])
@@ -309,6 +360,24 @@ def test_becomes_stale_when_messages_stop(carrying: Bench) -> None:
     carrying.until(lambda: carrying.values("estimator").get("status") == "stale")
     assert carrying.level("estimator") == DiagnosticStatus.STALE
     assert len(carrying.heard["payload"]) == count
+    carrying.until(lambda: told(carrying.heard["estimate"][-1])["status"] == "stale")
+    assert np.isnan(carrying.heard["payload_valid"][-1].inertia.m)
+    assert np.isnan(carrying.heard["payload_effort_stamped"][-1].effort).all()
+    assert carrying.heard["payload_valid"][-1].header.stamp == carrying.heard["payload"][-1].header.stamp
+    withdrawn = len(carrying.heard["payload_valid"])
+    for _ in range(10):
+        carrying.executor.spin_once(timeout_sec=0.05)
+    assert len(carrying.heard["payload_valid"]) == withdrawn
+
+
+@pytest.mark.parametrize("how", ["deactivate", "disable"])
+def test_an_estimate_that_is_frozen_is_withdrawn(bench: Callable[..., Bench], how: str) -> None:
+    one = bench()
+    one.send(motion(3.0, time.time()))
+    one.until(lambda: one.heard["estimate"])
+    assert one.enable(False) if how == "disable" else one.node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
+    one.until(lambda: told(one.heard["estimate"][-1])["status"] == "stale")
+    assert np.isnan(one.heard["payload_valid"][-1].inertia.m)
 
 
 def test_nan_effort_is_an_error_and_nothing_is_committed(bench: Callable[..., Bench]) -> None:

@@ -10,21 +10,12 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from sysid_ros.input_gate import GateHealth, Level
+from sysid_ros.nodes.believed import LEVEL_OF_STATUS, LEVELS
 from sysid_ros.nodes.messages import stamp_of
 from sysid_ros.nodes.timing import TimingReport
 from sysid_ros.online.live_estimation import LiveEstimation
 from sysid_ros.robot.inertial_parameters import MESSAGE_NAMES, TO_MESSAGE_ORDER
 
-_LEVELS = {Level.OK: DiagnosticStatus.OK, Level.WARN: DiagnosticStatus.WARN, Level.ERROR: DiagnosticStatus.ERROR}
-_LEVEL_OF_STATUS = {
-    "ok": Level.OK,
-    "no_payload": Level.OK,
-    "warming_up": Level.WARN,
-    "not_excited": Level.WARN,
-    "not_physical": Level.WARN,
-    "inconsistent": Level.ERROR,
-    "stale": Level.STALE,
-}
 _LATE = 0.1
 _BUSY = 0.8
 
@@ -96,7 +87,7 @@ def estimator_status(node: NodeState, live: LiveEstimation | None, age: float) -
     if live is None:
         return status_message("estimator", Level.STALE, f"The node is {node.state}.", {"state": node.state})
     status, reason = live.status(age) if node.state == "active" else ("stale", f"The node is {node.state}.")
-    level = _LEVEL_OF_STATUS.get(status, Level.WARN)
+    level = LEVEL_OF_STATUS.get(status, Level.WARN)
     texts = [f"{status}: {reason}" if reason else status]
     if not live.enabled:
         level, texts = max(level, Level.WARN), ["Disabled: the estimate is frozen until ~/enable.", *texts]
@@ -165,7 +156,7 @@ def status_message(name: str, level: Level, text: str, values: dict[str, Any]) -
     """One status; numbers with six digits."""
     return DiagnosticStatus(
         name=name,
-        level=_LEVELS.get(level, DiagnosticStatus.STALE),
+        level=LEVELS.get(level, DiagnosticStatus.STALE),
         message=text,
         values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()],
     )

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import InertiaStamped, PoseWithCovarianceStamped
 from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -16,6 +17,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 from visualization_msgs.msg import Marker, MarkerArray
 
+from sysid_ros.nodes.believed import Believed, EstimateMessage, inertia_message, is_believed
 from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.robot.inertial_parameters import MESSAGE_NAMES, TO_MESSAGE_ORDER
 from sysid_ros.robot.rotation import equivalent_box, quaternion
@@ -86,13 +88,22 @@ class Outputs:
         self._parameters = create(Float64MultiArray, "~/parameters", _reliable(10))
         self._com = create(PoseWithCovarianceStamped, "~/center_of_mass", _reliable(10))
         self._effort = create(Float64MultiArray, "~/payload_effort", _reliable(10))
+        self._estimate = create(DiagnosticArray, "~/estimate", _reliable(10))
+        self._valid = create(InertiaStamped, "~/payload_valid", _reliable(10))
+        self._effort_stamped = create(JointState, "~/payload_effort_stamped", _reliable(10))
         self._residual = create(JointState, "~/residual_efforts", best_effort)
         self._markers = create(MarkerArray, "~/markers", _reliable(1))
         self._next_markers = 0.0
         self.joints: tuple[str, ...] | None = None
         self._names: list[str] = []
         self._order: Any = None
-        self._effort_message, self._residual_message = Float64MultiArray(), JointState()
+        self._effort_message, self._residual_message, self._effort_stamped_message = (
+            Float64MultiArray(),
+            JointState(),
+            JointState(),
+        )
+        self._estimate_message = EstimateMessage()
+        self._last: tuple[PayloadEstimate, Time] | None = None
         self.published = 0
         self.with_markers = True
 
@@ -104,7 +115,7 @@ class Outputs:
         self._order = [list(model_order).index(name) for name in self._names]
         dimension = MultiArrayDimension(label=",".join(self._names), size=len(self._names), stride=len(self._names))
         self._effort_message.layout = MultiArrayLayout(dim=[dimension])
-        self._residual_message.name = self._names
+        self._residual_message.name = self._effort_stamped_message.name = self._names
 
     def publish(self, estimate: PayloadEstimate, stamp: Time) -> None:
         """Publish an estimate with the stamp of its last sample."""
@@ -117,12 +128,30 @@ class Outputs:
         self._residual_message.header.stamp = stamp
         self._residual_message.effort = array.array("d", estimate.residual[self._order].tobytes())
         self._residual.publish(self._residual_message)
+        self._publish_believed(estimate, estimate.status, estimate.reason, stamp)
+        self._last = estimate, stamp
         self.published += 1
         now = time.monotonic()
         if self.with_markers and now >= self._next_markers:
             self._next_markers = now + _MARKER_PERIOD
             if self._markers.get_subscription_count() > 0:
                 self._markers.publish(markers_message(estimate, stamp))
+
+    def withdraw(self, status: str, reason: str) -> None:
+        """Say once of what was published last that it may no longer be believed, and why."""
+        if self._last is not None:
+            (estimate, stamp), self._last = self._last, None
+            self._publish_believed(estimate, status, reason, stamp)
+
+    def _publish_believed(self, estimate: PayloadEstimate, status: str, reason: str, stamp: Time) -> None:
+        numbers = Believed.of(estimate, status)
+        self._valid.publish(inertia_message(numbers, estimate.frame, stamp))
+        effort = np.zeros(len(self._names)) if estimate.is_empty else estimate.payload_effort[self._order]
+        self._effort_stamped_message.header.stamp = stamp
+        self._effort_stamped_message.effort = array.array("d", (effort if is_believed(status) else effort * np.nan).tobytes())
+        self._effort_stamped.publish(self._effort_stamped_message)
+        if self._estimate.get_subscription_count() > 0:
+            self._estimate.publish(self._estimate_message.of(estimate, status, reason, numbers, stamp))
 
     def publish_committed(self, estimate: PayloadEstimate, stamp: Time) -> None:
         """Publish an estimate that passed the commit gate."""

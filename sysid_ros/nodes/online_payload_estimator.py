@@ -72,7 +72,7 @@ class OnlinePayloadEstimator(LifecycleNode):
         )
         self._descriptions = self.create_subscription(String, "robot_description", self._on_description, LATCHED)
         services.create(self, self._live_or_refusal, self._publish_committed)
-        self._reporter = Reporter(self, self._receive_clock, lambda: self.live, self._state_now)
+        self._reporter = Reporter(self, self._receive_clock, lambda: self.live, self._state_now, self._outputs.withdraw)
         if self.get_parameter("autostart").value and self.trigger_configure() == _SUCCESS:
             self.trigger_activate()
 
@@ -119,6 +119,7 @@ class OnlinePayloadEstimator(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._state = "inactive"
+        self._outputs.withdraw("stale", "The node is inactive.")
         if self.live is not None:
             self.live.commit.interrupt("The node was inactive.")
         return super().on_deactivate(state)
@@ -136,6 +137,7 @@ class OnlinePayloadEstimator(LifecycleNode):
         return _SUCCESS
 
     def _free(self, state: str) -> None:
+        self._outputs.withdraw("stale", f"The node is {state}.")
         self.live = None
         self._problem, self._state = "", state
         self._listen_to_trunk(False)

@@ -24,6 +24,7 @@ class Reporter:
         node: the node that it reports on.
         receive_clock: gives the age of the input; is brought in line with ROS time here.
         live: the estimation, or None while there is none. state: what the node knows beside it.
+        withdraw: is told status and reason when estimates no longer come.
 
     Attributes:
         timing: collects times for the next report.
@@ -35,8 +36,9 @@ class Reporter:
         receive_clock: ReceiveClock,
         live: Callable[[], LiveEstimation | None],
         state: Callable[[], diagnostics.NodeState],
+        withdraw: Callable[[str, str], None],
     ) -> None:
-        self._node, self._clock, self._live, self._state = node, receive_clock, live, state
+        self._node, self._clock, self._live, self._state, self._withdraw = node, receive_clock, live, state, withdraw
         self._logged: set[str] = set()
         self.timing = Timing()
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=1))
@@ -61,6 +63,14 @@ class Reporter:
         self._publisher.publish(diagnostics.diagnostic_array(self._node, ros_time, robot, statuses))
         if live is not None:
             self._log_news(live)
+            self._withdraw_what_is_old(live, health.age if health is not None else float("inf"))
+
+    def _withdraw_what_is_old(self, live: LiveEstimation, age: float) -> None:
+        status, reason = live.status(age)
+        if status == "stale":
+            self._withdraw(status, reason)
+        elif not live.enabled:
+            self._withdraw("stale", "The estimate is frozen until ~/enable.")
 
     def _log_news(self, live: LiveEstimation) -> None:
         """Log each event, each warning and each reason for a rejection once."""
