@@ -64,6 +64,11 @@ class OpaqueFunction:
 
 
 @dataclass
+class LogInfo:
+    msg: str
+
+
+@dataclass
 class ParameterValue:
     value: Any
     value_type: type
@@ -86,7 +91,7 @@ def standing_in() -> Iterator[None]:
     modules = {name: types.ModuleType(name) for name in MODULES}
     for name, things in {
         "launch": (LaunchDescription,),
-        "launch.actions": (DeclareLaunchArgument, OpaqueFunction),
+        "launch.actions": (DeclareLaunchArgument, LogInfo, OpaqueFunction),
         "launch.substitutions": (LaunchConfiguration,),
         "launch_ros.actions": (LifecycleNode, Node),
         "launch_ros.parameter_descriptions": (ParameterValue,),

@@ -339,10 +339,12 @@ def test_quality_of_service_is_as_documented(carrying: Bench) -> None:
 
 
 def test_markers_are_drawn_for_who_subscribes(carrying: Bench) -> None:
-    box, text = carrying.heard["markers"][-1].markers
-    assert box.header.frame_id == ROBOT.default_frame
+    box, text, point, region = carrying.heard["markers"][-1].markers
+    assert {marker.header.frame_id for marker in (box, text, point, region)} == {ROBOT.default_frame}
     assert min(box.scale.x, box.scale.y, box.scale.z) > 0.0
     assert "1.5" in text.text
+    assert [point.pose.position.x, point.pose.position.y, point.pose.position.z] == pytest.approx(COM, abs=0.02)
+    assert 0.0 < max(region.scale.x, region.scale.y, region.scale.z) < 0.1
 
 
 def test_diagnostics_have_three_statuses_with_numbers(carrying: Bench) -> None:

@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 
 from sysid_ros.control.control_settings import ControlSettings, SafetySettings
 from sysid_ros.exceptions import SettingsError
+from sysid_ros.nodes import viewers
 from sysid_ros.nodes.controller_settings import ControllerSettings
 from sysid_ros.nodes.parameters import ESTIMATOR_GROUPS, described, type_of
 from sysid_ros.nodes.simulation_parameters import PARAMETERS
@@ -26,6 +27,7 @@ _TRUE, _FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
 _COMMON = {
     "namespace": ("", "namespace of the nodes and of their topics, such as left"),
     "use_sim_time": ("false", "time from /clock, in all nodes"),
+    **viewers.ARGUMENTS,
 }
 _TOPICS = {
     "joint_states": "topic of the joint states",
@@ -193,6 +195,16 @@ class LaunchFile:
             remappings = {long: values[topic] for topic, long in longs.items() if values[topic] != long}
             plans.append(NodePlan(node.executable, values["namespace"], values[name], node.lifecycle, parameters, remappings))
         return plans
+
+    def views(self, values: Mapping[str, str], config: Path) -> list[viewers.ViewerPlan]:
+        """What is opened to look at, with the layouts in the folder ``config``.
+
+        Raises:
+            SysidError: a value is not one that the argument may have, or the URDF can't be read.
+        """
+        wanted = {name: flag(name, values[name]) for name, (default, _) in viewers.ARGUMENTS.items() if default}
+        robots = [plan for plan in self.plan(values) if plan.executable == ROBOT.executable]
+        return viewers.viewers(wanted, values, config, bool(robots) and values.get("robot", "") in ("", "arm"))
 
     def refuse_unknown(self, words: Sequence[str], names: Iterable[str]) -> None:
         """Check the words of a command line that launches this file; of another command nothing is known.

@@ -6,28 +6,44 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode, Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
 from sysid_ros.nodes.launch_plan import LAUNCH_FILES, NodePlan
+from sysid_ros.nodes.viewers import ViewerPlan
 
 
 def describe(path: str) -> LaunchDescription:
     """What the launch file at ``path`` starts, see :data:`.launch_plan.LAUNCH_FILES`; its configuration files lie in the folder
     ``config`` beside its own."""
     file = LAUNCH_FILES[Path(path).name]
-    arguments = file.arguments(Path(path).resolve().parents[1] / "config")
+    config = Path(path).resolve().parents[1] / "config"
+    arguments = file.arguments(config)
 
     def start(context: Any) -> list[Any]:
         file.refuse_unknown(sys.argv, (a.name for a in arguments))
         values = {a.name: LaunchConfiguration(a.name).perform(context) for a in arguments}
-        return [action(plan) for plan in file.plan(values)]
+        views = file.views(values, config)
+        notes = [LogInfo(msg=view.note) for view in views if view.note]
+        return [*(action(plan) for plan in file.plan(values)), *map(view_action, views), *notes]
 
     declared = [DeclareLaunchArgument(a.name, default_value=a.default, description=a.description) for a in arguments]
     return LaunchDescription([*declared, OpaqueFunction(function=start)])
+
+
+def view_action(view: ViewerPlan) -> Any:
+    """The launch action that starts a program to look with."""
+    typed = {name: ParameterValue(x, value_type=str) for name, x in view.parameters.items()}
+    return Node(
+        package=view.package,
+        executable=view.executable,
+        namespace=view.namespace,
+        arguments=view.arguments,
+        parameters=[typed] if typed else [],
+    )
 
 
 def action(plan: NodePlan) -> Any:

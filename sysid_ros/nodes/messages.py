@@ -15,18 +15,15 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import MarkerArray
 
 from sysid_ros.nodes.believed import Believed, EstimateMessage, inertia_message, is_believed
+from sysid_ros.nodes.drawings import PayloadFrame, markers_message
 from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.robot.inertial_parameters import MESSAGE_NAMES, TO_MESSAGE_ORDER
-from sysid_ros.robot.rotation import equivalent_box, quaternion
 from sysid_ros.sample import FloatArray, JointStateRecord
 
 _MARKER_PERIOD = 0.2
-_TEXT_HEIGHT = 0.03
-_COLOURS = {"ok": (0.2, 0.7, 0.3, 0.6), "not_excited": (0.2, 0.5, 0.8, 0.6)}
-_DOUBTFUL = (0.9, 0.6, 0.1, 0.6)
 _ORDER = np.ix_(TO_MESSAGE_ORDER, TO_MESSAGE_ORDER)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """For what is published once and kept for those who come later."""
@@ -78,6 +75,7 @@ class Outputs:
     Attributes:
         published: number of estimates. joints: in the model's order, as last published.
         with_markers: whether markers are published while somebody subscribes.
+        frame: the payload's frame on /tf, or None where it is not wanted.
     """
 
     def __init__(self, node: LifecycleNode) -> None:
@@ -106,6 +104,7 @@ class Outputs:
         self._last: tuple[PayloadEstimate, Time] | None = None
         self.published = 0
         self.with_markers = True
+        self.frame: PayloadFrame | None = None
 
     def use_joints(self, model_order: tuple[str, ...], controller_order: Sequence[str]) -> None:
         """The joints' order in the outputs: the controller's where it names the same joints, else the model's."""
@@ -130,6 +129,8 @@ class Outputs:
         self._residual.publish(self._residual_message)
         self._publish_believed(estimate, estimate.status, estimate.reason, stamp)
         self._last = estimate, stamp
+        if self.frame is not None and is_believed(estimate.status):
+            self.frame.publish(estimate, stamp)
         self.published += 1
         now = time.monotonic()
         if self.with_markers and now >= self._next_markers:
@@ -186,28 +187,3 @@ def _center_of_mass(estimate: PayloadEstimate, stamp: Time) -> PoseWithCovarianc
         covariance[:3, :3] = estimate.body.com_covariance
     message.pose.covariance = covariance.ravel()
     return message
-
-
-def markers_message(estimate: PayloadEstimate, stamp: Time) -> MarkerArray:
-    """The payload as RViz and Foxglove draw it, equivalent box and text; both are deleted where nothing is carried."""
-    box, text = (Marker(ns="payload", id=i) for i in range(2))
-    for marker in (box, text):
-        marker.header.stamp, marker.header.frame_id = stamp, estimate.frame
-        marker.frame_locked = True
-    if estimate.is_empty:
-        box.action = text.action = Marker.DELETE
-        return MarkerArray(markers=[box, text])
-    size, rotation = equivalent_box(estimate.mass, estimate.inertia_com)
-    com = estimate.com.tolist()
-    box.type, text.type = Marker.CUBE, Marker.TEXT_VIEW_FACING
-    for marker, lift in ((box, 0.0), (text, 0.5 * float(size.max()) + _TEXT_HEIGHT)):
-        p, c = marker.pose.position, marker.color
-        p.x, p.y, p.z = com[0], com[1], com[2] + lift
-        marker.pose.orientation.w = 1.0
-        c.r, c.g, c.b, c.a = _COLOURS.get(estimate.status, _DOUBTFUL)
-    o, s = box.pose.orientation, box.scale
-    o.x, o.y, o.z, o.w = quaternion(rotation)
-    s.x, s.y, s.z = size.tolist()
-    text.scale.z, text.color.a = _TEXT_HEIGHT, 1.0
-    text.text = f"{estimate.mass:.2f} kg (std {estimate.mass_std:.2f}) {estimate.status}"
-    return MarkerArray(markers=[box, text])

@@ -17,6 +17,7 @@ from std_msgs.msg import String
 from sysid_ros.exceptions import SysidError
 from sysid_ros.nodes import services
 from sysid_ros.nodes.diagnostics import NodeState
+from sysid_ros.nodes.drawings import PayloadFrame
 from sysid_ros.nodes.messages import LATCHED, Outputs, record_of, stamp_of
 from sysid_ros.nodes.parameters import NodeParameters, NodeSettings
 from sysid_ros.nodes.reporter import Reporter
@@ -94,6 +95,11 @@ class OnlinePayloadEstimator(LifecycleNode):
             known = ModelFile.read(Path(settings.model_path)) if settings.model_path else None
         except SysidError as error:
             problems.append(str(error))
+        if settings.publish_tf and self._outputs.frame is None:
+            try:
+                self._outputs.frame = PayloadFrame(self)
+            except ImportError:
+                problems.append("publish_tf needs tf2_msgs, which is not installed: sudo apt install ros-jazzy-tf2-msgs.")
         self._known, self._commit = known, CommitGate(self._parameter_source.read(CommitSettings))
         self._on_parameters()
         if not problems and urdf and (problem := self._load(urdf)):

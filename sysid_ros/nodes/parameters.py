@@ -30,6 +30,7 @@ class NodeSettings(Settings):
     )
     disabled_at_startup: bool = setting(False, "start frozen, until the service ~/enable")
     publish_markers: bool = setting(True, "publish ~/markers while somebody subscribes")
+    publish_tf: bool = setting(False, "publish the payload's frame, FRAME_payload at its centre of mass, on /tf")
 
 
 Group = TypeVar("Group", bound=Settings)
