@@ -77,6 +77,11 @@ class LiveControl:
         self._last_t: float | None = None
         self._state: tuple[FloatArray, FloatArray] | None = None
 
+    @property
+    def motion(self) -> object:
+        """The motion under way or at its end: another object for every new one, and where the arm comes to rest."""
+        return self._motion
+
     def forget(self) -> None:
         """Hold the arm where the next state finds it."""
         self.following = self.yields = self.given_up = False

@@ -23,6 +23,7 @@ from sysid_ros.control.live_control import LiveControl
 from sysid_ros.control.state_age import StateAge
 from sysid_ros.exceptions import SysidError
 from sysid_ros.input_gate.rejections import Rejection
+from sysid_ros.nodes import trajectory_action
 from sysid_ros.nodes.controller_messages import MASSLESS, in_order, payload_of, points_of, poll, without_efforts
 from sysid_ros.nodes.controller_parts import make_control, unforeseen
 from sysid_ros.nodes.controller_settings import ControllerSettings
@@ -45,7 +46,8 @@ _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.
 class AdaptiveController(LifecycleNode):
     """Reads ``joint_states`` and sends ``effort_commands`` (Float64MultiArray, one effort a joint) for each of them.
 
-    Active, it holds the arm where it stands, and follows what comes on ``~/joint_trajectory``; an empty trajectory or the service
+    Active, it holds the arm where it stands, and follows what comes on ``~/joint_trajectory`` or, where control_msgs is
+    installed, by the action ``~/follow_joint_trajectory``; an empty trajectory or the service
     ``~/hold`` brings it to rest. What the arm carries it hears on ``online_payload_estimator/payload_committed``, and learns by
     itself with the laws ``slotine_li`` and ``composite``. ``~/reference`` tells the wanted motion with the efforts sent,
     ``~/payload`` what the law believes in, ``/diagnostics`` what is wrong.
@@ -78,6 +80,7 @@ class AdaptiveController(LifecycleNode):
             self.create_subscription(InertiaStamped, committed, self._on_payload, LATCHED),
             self.create_service(Trigger, "~/hold", self._on_hold),
         )
+        self._action = trajectory_action.offer(self, lambda: self.live if self._state == "active" else None)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timers_kept = (
             self.create_timer(_WATCH, self._watch, clock=steady),
