@@ -34,7 +34,7 @@ from sysid_ros.nodes.drawings import PayloadFrame, markers_message, region_of, t
 from sysid_ros.nodes.launch_plan import LAUNCH_FILES
 from sysid_ros.nodes.messages import stamp_of
 from sysid_ros.nodes.online_payload_estimator import OnlinePayloadEstimator
-from sysid_ros.nodes.viewers import ViewerPlan, moved, root_link
+from sysid_ros.nodes.viewers import Program, moved, root_link
 from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.robot.inertial_parameters import from_com
 
@@ -170,10 +170,10 @@ def test_a_layout_moves_with_the_namespace(layout: Path) -> None:
     assert len(text.splitlines()) == len(layout.read_text(encoding="utf-8").splitlines())
 
 
-def views(name: str, **given: str) -> dict[str, ViewerPlan]:
+def views(name: str, **given: str) -> dict[str, Program]:
     file = LAUNCH_FILES[name]
     values = {a.name: a.default for a in file.arguments(CONFIG)} | given
-    return {view.package: view for view in file.views(values, CONFIG)}
+    return {view.package: view for view in file.programs(values, CONFIG)}
 
 
 def test_launch_arguments_open_the_layouts() -> None:

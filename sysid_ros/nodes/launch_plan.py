@@ -8,7 +8,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 
 from sysid_ros.control.control_settings import ControlSettings, SafetySettings
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.nodes import viewers
+from sysid_ros.nodes import ros2_control, viewers
 from sysid_ros.nodes.controller_settings import ControllerSettings
 from sysid_ros.nodes.parameters import ESTIMATOR_GROUPS, described, type_of
 from sysid_ros.nodes.simulation_parameters import PARAMETERS
@@ -147,12 +147,14 @@ class LaunchFile:
         name: of the file. nodes: that it starts; an argument goes to every one that has such a parameter, ``autostart`` and
             ``config`` to the first alone. defaults: that differ from the nodes' own.
         optional: an argument and the node that it starts where it is true, with what that node is then told.
+        around: True of a file that starts ros2_control around the nodes.
     """
 
     name: str
     nodes: tuple[Node, ...]
     defaults: Mapping[str, str] = field(default_factory=dict)
     optional: tuple[str, Node, Mapping[str, Any]] | None = None
+    around: bool = False
 
     @property
     def _all(self) -> tuple[Node, ...]:
@@ -160,7 +162,7 @@ class LaunchFile:
 
     def arguments(self, config: Path) -> list[Argument]:
         """Every argument once; ``config`` is the folder of the YAML files."""
-        found: dict[str, tuple[str, str]] = dict(_COMMON)
+        found: dict[str, tuple[str, str]] = _COMMON | (ros2_control.ARGUMENTS if self.around else {})
         for node in self._all:
             name = "config" if node is self.nodes[0] else node.config
             found[name] = (str(config / f"{node.executable}.yaml"), f"parameters of {node.executable}, a YAML file")
@@ -169,7 +171,10 @@ class LaunchFile:
         for node in self._all:
             found |= {name: ("", text) for name, text in node.descriptions.items() if name not in found}
             found |= {topic: (_LONG_NAMES.get(topic, topic), _TOPICS[topic]) for topic in node.topics}
-        return [Argument(name, self.defaults.get(name, default), text) for name, (default, text) in found.items()]
+        defaults = {
+            name: self.defaults.get(name, default).replace("{config}", str(config)) for name, (default, _) in found.items()
+        }
+        return [Argument(name, defaults[name], text) for name, (_, text) in found.items()]
 
     def plan(self, values: Mapping[str, str]) -> list[NodePlan]:
         """The nodes to start with these values of the arguments, all of them.
@@ -178,6 +183,7 @@ class LaunchFile:
             SettingsError: a value is not one that the argument may have, or a file is not there.
         """
         nodes = list(self.nodes)
+        values = ros2_control.completed(values) if self.around else values
         told: dict[str, Mapping[str, Any]] = {}
         if self.optional and flag(self.optional[0], values[self.optional[0]]):
             nodes.append(self.optional[1])
@@ -196,15 +202,18 @@ class LaunchFile:
             plans.append(NodePlan(node.executable, values["namespace"], values[name], node.lifecycle, parameters, remappings))
         return plans
 
-    def views(self, values: Mapping[str, str], config: Path) -> list[viewers.ViewerPlan]:
-        """What is opened to look at, with the layouts in the folder ``config``.
+    def programs(self, values: Mapping[str, str], config: Path) -> list[viewers.Program]:
+        """What is started of other packages, with the layouts in the folder ``config``.
 
         Raises:
             SysidError: a value is not one that the argument may have, or the URDF can't be read.
         """
         wanted = {name: flag(name, values[name]) for name, (default, _) in viewers.ARGUMENTS.items() if default}
         robots = [plan for plan in self.plan(values) if plan.executable == ROBOT.executable]
-        return viewers.viewers(wanted, values, config, bool(robots) and values.get("robot", "") in ("", "arm"))
+        arm = bool(robots) and values.get("robot", "") in ("", "arm")
+        found = [*(ros2_control.programs(values) if self.around else ()), *viewers.viewers(wanted, values, config, arm)]
+        clock = {"use_sim_time": flag("use_sim_time", values["use_sim_time"])}
+        return [replace(program, parameters=program.parameters | clock) for program in found]
 
     def refuse_unknown(self, words: Sequence[str], names: Iterable[str]) -> None:
         """Check the words of a command line that launches this file; of another command nothing is known.
@@ -233,6 +242,7 @@ LAUNCH_FILES = {
     for file in (
         LaunchFile("online_payload_estimator.launch.py", (ESTIMATOR,)),
         LaunchFile("adaptive_controller.launch.py", (CONTROLLER, ESTIMATOR), {}, ("simulated", ROBOT, {"commanded": True})),
+        LaunchFile("ros2_control_arm.launch.py", (CONTROLLER, ESTIMATOR), ros2_control.DEFAULTS, around=True),
         LaunchFile("simulated_arm.launch.py", (ROBOT, ESTIMATOR), {"pick_time": "10.0"}),
     )
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
 from sysid_ros.nodes.launch_plan import LAUNCH_FILES, NodePlan
-from sysid_ros.nodes.viewers import ViewerPlan
+from sysid_ros.nodes.viewers import Program
 
 
 def describe(path: str) -> LaunchDescription:
@@ -26,37 +27,39 @@ def describe(path: str) -> LaunchDescription:
     def start(context: Any) -> list[Any]:
         file.refuse_unknown(sys.argv, (a.name for a in arguments))
         values = {a.name: LaunchConfiguration(a.name).perform(context) for a in arguments}
-        views = file.views(values, config)
+        views = file.programs(values, config)
         notes = [LogInfo(msg=view.note) for view in views if view.note]
-        return [*(action(plan) for plan in file.plan(values)), *map(view_action, views), *notes]
+        return [*(action(plan) for plan in file.plan(values)), *map(program_action, views), *notes]
 
     declared = [DeclareLaunchArgument(a.name, default_value=a.default, description=a.description) for a in arguments]
     return LaunchDescription([*declared, OpaqueFunction(function=start)])
 
 
-def view_action(view: ViewerPlan) -> Any:
-    """The launch action that starts a program to look with."""
-    typed = {name: ParameterValue(x, value_type=str) for name, x in view.parameters.items()}
+def program_action(program: Program) -> Any:
+    """The launch action that starts a program of another package."""
     return Node(
-        package=view.package,
-        executable=view.executable,
-        namespace=view.namespace,
-        arguments=view.arguments,
-        parameters=[typed] if typed else [],
+        package=program.package,
+        executable=program.executable,
+        namespace=program.namespace,
+        arguments=program.arguments,
+        parameters=[*([program.config] if program.config else []), _typed(program.parameters)],
     )
 
 
 def action(plan: NodePlan) -> Any:
     """The launch action that starts a node."""
-    # a text that looks like a number or like true stays a text
-    typed = {name: ParameterValue(x, value_type=str) if isinstance(x, str) else x for name, x in plan.parameters.items()}
     kind = LifecycleNode if plan.lifecycle else Node
     return kind(
         package="sysid_ros",
         executable=plan.executable,
         name=plan.executable,
         namespace=plan.namespace,
-        parameters=[plan.config, typed],
+        parameters=[plan.config, _typed(plan.parameters)],
         remappings=list(plan.remappings.items()),
         output="screen",
     )
+
+
+def _typed(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters of which a text that looks like a number or like true stays a text."""
+    return {name: ParameterValue(x, value_type=str) if isinstance(x, str) else x for name, x in parameters.items()}

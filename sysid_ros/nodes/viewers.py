@@ -22,18 +22,20 @@ _NODES = ("online_payload_estimator", "adaptive_controller")
 
 
 @dataclass(frozen=True, slots=True)
-class ViewerPlan:
-    """A program of another package, as it is to be started; ``note`` is told in the log."""
+class Program:
+    """A program of another package, as it is to be started; ``config`` is a YAML file of parameters, ``note`` is told in the
+    log."""
 
     package: str
     executable: str
     namespace: str = ""
     arguments: list[str] = field(default_factory=list)
     parameters: dict[str, Any] = field(default_factory=dict)
+    config: str = ""
     note: str = ""
 
 
-def viewers(wanted: Mapping[str, bool], values: Mapping[str, str], config: Path, simulated: bool) -> list[ViewerPlan]:
+def viewers(wanted: Mapping[str, bool], values: Mapping[str, str], config: Path, simulated: bool) -> list[Program]:
     """The programs to start.
 
     Args:
@@ -47,18 +49,18 @@ def viewers(wanted: Mapping[str, bool], values: Mapping[str, str], config: Path,
     namespace, urdf, found = values["namespace"], _urdf(values["urdf_path"], simulated), []
     if simulated and (wanted["rviz"] or wanted["foxglove"]):
         found.append(
-            ViewerPlan("robot_state_publisher", "robot_state_publisher", namespace, [], {"robot_description": _urdf("", True)})
+            Program("robot_state_publisher", "robot_state_publisher", namespace, [], {"robot_description": _urdf("", True)})
         )
     if wanted["rviz"]:
         frame = values["fixed_frame"] or root_link(urdf) or "base_link"
-        found.append(ViewerPlan("rviz2", "rviz2", namespace, ["-d", str(config / "payload.rviz"), "-f", frame]))
+        found.append(Program("rviz2", "rviz2", namespace, ["-d", str(config / "payload.rviz"), "-f", frame]))
     if wanted["plotjuggler"]:
         layout = moved(config / "payload.plotjuggler.xml", namespace)
-        found.append(ViewerPlan("plotjuggler", "plotjuggler", "", ["--layout", str(layout)]))
+        found.append(Program("plotjuggler", "plotjuggler", "", ["--layout", str(layout)]))
     if wanted["foxglove"]:
         layout = moved(config / "payload.foxglove.json", namespace)
         note = f"Foxglove: open the connection ws://localhost:8765 and import the layout {layout}"
-        found.append(ViewerPlan("foxglove_bridge", "foxglove_bridge", "", note=note))
+        found.append(Program("foxglove_bridge", "foxglove_bridge", "", note=note))
     return found
 
 
