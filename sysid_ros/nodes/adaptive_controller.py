@@ -46,11 +46,10 @@ _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.
 class AdaptiveController(LifecycleNode):
     """Reads ``joint_states`` and sends ``effort_commands`` (Float64MultiArray, one effort a joint) for each of them.
 
-    Active, it holds the arm where it stands, and follows what comes on ``~/joint_trajectory`` or, where control_msgs is
-    installed, by the action ``~/follow_joint_trajectory``; an empty trajectory or the service
-    ``~/hold`` brings it to rest. What the arm carries it hears on ``online_payload_estimator/payload_committed``, and learns by
-    itself with the laws ``slotine_li`` and ``composite``. ``~/reference`` tells the wanted motion with the efforts sent,
-    ``~/payload`` what the law believes in, ``/diagnostics`` what is wrong.
+    Active, it holds the arm where it stands, and follows what comes on ``~/joint_trajectory`` or by :mod:`.trajectory_action`; an
+    empty trajectory or ``~/hold`` brings it to rest. What the arm carries it hears on ``online_payload_estimator/
+    payload_committed``, and learns by itself with the laws ``slotine_li`` and ``composite``. ``~/reference`` tells the wanted
+    motion with the efforts sent, ``~/payload`` what the law believes in, ``/diagnostics`` what is wrong.
 
     Where joint states stay away the arm is brought to rest on the model alone, and told the torque that holds it; then nothing is
     sent any more, so that the robot's own watch over its commands takes it. Before the node ends, is deactivated or cleaned up it
@@ -72,12 +71,11 @@ class AdaptiveController(LifecycleNode):
         self._reference = self.create_lifecycle_publisher(JointState, "~/reference", _NEWEST)
         self._payload = self.create_lifecycle_publisher(InertiaStamped, "~/payload", 1)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        committed = "online_payload_estimator/payload_committed"
         self._states = self.create_subscription(JointState, "joint_states", self._on_joint_states, _NEWEST)
         self._kept = (
             self.create_subscription(String, "robot_description", self._on_description, LATCHED),
             self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, 1),
-            self.create_subscription(InertiaStamped, committed, self._on_payload, LATCHED),
+            self.create_subscription(InertiaStamped, "online_payload_estimator/payload_committed", self._on_payload, LATCHED),
             self.create_service(Trigger, "~/hold", self._on_hold),
         )
         self._action = trajectory_action.offer(self, lambda: self.live if self._state == "active" else None)
