@@ -25,12 +25,13 @@ from sysid_ros.exceptions import SysidError
 from sysid_ros.input_gate.rejections import Rejection
 from sysid_ros.nodes import trajectory_action
 from sysid_ros.nodes.controller_messages import MASSLESS, in_order, payload_of, points_of, poll, without_efforts
-from sysid_ros.nodes.controller_parts import make_control, unforeseen
+from sysid_ros.nodes.controller_parts import make_control
 from sysid_ros.nodes.controller_settings import ControllerSettings
 from sysid_ros.nodes.controller_status import Heard, control_status, idle, input_status
 from sysid_ros.nodes.diagnostics import diagnostic_array
 from sysid_ros.nodes.messages import LATCHED, inertia_of, record_of, stamp_of
 from sysid_ros.nodes.parameters import NodeParameters
+from sysid_ros.nodes.slow_start import cause_of
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock
 from sysid_ros.robot.inertial_parameters import to_com
@@ -101,7 +102,7 @@ class AdaptiveController(LifecycleNode):
                     self._problem = f"Waiting for the URDF on {self.resolve_topic_name('robot_description')}; or set urdf_path."
                     self.get_logger().info(self._problem)
             except Exception as error:  # noqa: BLE001 - whatever it is, a node that stays unconfigured says why
-                problems.append(str(error) if isinstance(error, SysidError) else unforeseen(error))
+                problems.append(cause_of(error))
         for problem in problems:
             self.get_logger().error(f"Not configured: {problem}")
         if problems:
@@ -156,7 +157,7 @@ class AdaptiveController(LifecycleNode):
 
     def _load(self, urdf: str, settings: ControllerSettings) -> None:
         gains, safety = self._parameter_source.read(ControlSettings), self._parameter_source.read(SafetySettings)
-        live, arm, self._gate = make_control(urdf, settings, gains, safety)
+        live, arm, self._gate = make_control(urdf, settings, gains, safety, self.get_logger().info)
         robot = arm.robot
         self._arm, self._order = arm, in_order(robot.joint_names, settings.joint_names)
         self._names = [robot.joint_names[j] for j in self._order]
@@ -175,8 +176,8 @@ class AdaptiveController(LifecycleNode):
             return
         try:
             self._load(message.data, settings)
-        except SysidError as error:
-            self._problem = f"{error} A new robot_description will be tried."
+        except Exception as error:  # noqa: BLE001
+            self._problem = f"{cause_of(error)} A new robot_description will be tried."
             self.get_logger().error(self._problem)
 
     def _on_joint_states(self, message: JointState) -> None:
@@ -258,10 +259,9 @@ class AdaptiveController(LifecycleNode):
         self.get_logger().info(f"Following a motion of {len(t)} points and {t[-1]:.2f} s.")
 
     def _on_payload(self, message: InertiaStamped) -> None:
-        if self.live is None:
-            return
         try:
-            self.live.tell(payload_of(message, self._arm.payload.frame))
+            if self.live is not None:
+                self.live.tell(payload_of(message, self._arm.payload.frame))
         except SysidError as error:
             self.get_logger().error(str(error), throttle_duration_sec=5.0)
 

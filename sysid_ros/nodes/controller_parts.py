@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +12,17 @@ from sysid_ros.control.control_settings import SafetySettings
 from sysid_ros.control.live_control import LiveControl
 from sysid_ros.input_gate import InputGate
 from sysid_ros.nodes.controller_settings import ControllerSettings
+from sysid_ros.nodes.slow_start import COMPILES, said_if_slow
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.torque.model_file import ModelFile
 
 
 def make_control(
-    urdf: str, settings: ControllerSettings, gains: ControlSettings, safety: SafetySettings
+    urdf: str, settings: ControllerSettings, gains: ControlSettings, safety: SafetySettings, say: Callable[[str], object]
 ) -> tuple[LiveControl, ArmTorque, InputGate]:
     """The control, the arm's model, and the gate that its states come through; compiled, so that the first state is not late.
+    ``say`` is told where that takes long.
 
     Raises:
         RobotModelError, ModelFileError, SettingsError: the URDF, the model or a setting does not fit.
@@ -29,17 +32,10 @@ def make_control(
     arm = ArmTorque(robot, known.known_effects(robot) if known else (), settings.frame_id or robot.flange)
     still = np.zeros(robot.n)
     # the law that is used has seen nothing
-    make_law(settings.law, arm, gains).torque(still, still, Reference(still, still + 1.0, still), 0.001)
+    with said_if_slow(say, COMPILES):
+        make_law(settings.law, arm, gains).torque(still, still, Reference(still, still + 1.0, still), 0.001)
     live = LiveControl(make_law(settings.law, arm, gains), arm, safety)
     gate = OnlineSettings(
         gravity=settings.gravity, effort_type="external", velocity_source="message", sensor_timeout=safety.state_timeout
     )
     return live, arm, InputGate(robot, gate)
-
-
-def unforeseen(error: Exception) -> str:
-    """A sentence on an exception that nobody foresaw, and what to do."""
-    return (
-        f"{type(error).__name__}: {error}. This was not foreseen: see that 'sysid doctor' finds nothing wrong, try the URDF with "
-        "'sysid replay', and report it with the URDF."
-    )

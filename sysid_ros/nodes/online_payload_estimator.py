@@ -14,13 +14,13 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from sysid_ros.exceptions import SysidError
 from sysid_ros.nodes import services
 from sysid_ros.nodes.diagnostics import NodeState
 from sysid_ros.nodes.drawings import PayloadFrame
 from sysid_ros.nodes.messages import LATCHED, Outputs, record_of, stamp_of
 from sysid_ros.nodes.parameters import NodeParameters, NodeSettings
 from sysid_ros.nodes.reporter import Reporter
+from sysid_ros.nodes.slow_start import COMPILES, cause_of, said_if_slow
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock, Timing
 from sysid_ros.nodes.trunk_inputs import TrunkInputs
@@ -89,12 +89,12 @@ class OnlinePayloadEstimator(LifecycleNode):
         urdf, known = self._description, None
         try:
             urdf = urdf_text(settings.urdf_path) if settings.urdf_path else urdf
-        except SysidError as error:
-            problems.append(str(error))
+        except Exception as error:  # noqa: BLE001 - whatever it is, a node that stays unconfigured says why; so below
+            problems.append(cause_of(error))
         try:
             known = ModelFile.read(Path(settings.model_path)) if settings.model_path else None
-        except SysidError as error:
-            problems.append(str(error))
+        except Exception as error:  # noqa: BLE001
+            problems.append(cause_of(error))
         if settings.publish_tf and self._outputs.frame is None:
             try:
                 self._outputs.frame = PayloadFrame(self)
@@ -163,9 +163,10 @@ class OnlinePayloadEstimator(LifecycleNode):
         try:
             enabled = not self._parameter_source.read(NodeSettings).disabled_at_startup
             live = LiveEstimation(urdf, self._parameter_source.read(OnlineSettings), self._commit, self._known, enabled)
-            warm_up(live.robot, live.settings)
-        except SysidError as error:
-            return str(error)
+            with said_if_slow(self.get_logger().info, COMPILES):
+                warm_up(live.robot, live.settings)
+        except Exception as error:  # noqa: BLE001
+            return cause_of(error)
         self.live, self._problem = live, ""
         self._listen_to_trunk(live.estimation.base is not None)
         self._commit.interrupt("No estimate yet.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Callable
 from types import FrameType
@@ -12,7 +13,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-_IDLE = 0.05
+_IDLE, _INTERRUPTED = 0.05, 130
 
 
 class Stop:
@@ -21,30 +22,35 @@ class Stop:
 
     Attributes:
         asked: True once one came.
+        ends_at_once: True while there is nothing yet that could be said or cleaned up, as while a node compiles: then a signal
+            ends the process.
     """
 
-    def __init__(self) -> None:
-        self.asked = False
+    def __init__(self, ends_at_once: bool = False) -> None:
+        self.asked, self.ends_at_once = False, ends_at_once
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._hear)
 
     def _hear(self, number: int, frame: FrameType | None) -> None:
         self.asked = True
+        if self.ends_at_once:
+            os._exit(_INTERRUPTED)
 
 
-def init(args: list[str] | None) -> Stop:
-    """``rclpy.init`` with signals that are only noted."""
-    stop = Stop()
+def init(args: list[str] | None, ends_at_once: bool = False) -> Stop:
+    """``rclpy.init`` with signals that are only noted, see :class:`Stop`."""
+    stop = Stop(ends_at_once)
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     return stop
 
 
 def spin(make_node: Callable[[], Node], args: list[str] | None) -> int:
     """Make the node and run it until it is asked to stop; the exit code. One with ``bring_to_rest`` is asked for that."""
-    stop = init(args)
+    stop = init(args, ends_at_once=True)
     node: Node | None = None
     try:
         node = make_node()
+        stop.ends_at_once = False
         executor = _executor(node)
         executor.add_node(node)
         # not executor.spin(): the EventsExecutor's does not return on shutdown
