@@ -30,13 +30,12 @@ from rclpy.executors import SingleThreadedExecutor
 from sysid_ros import __version__
 from sysid_ros.control.control_settings import ControlSettings, SafetySettings
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.nodes import start
+from sysid_ros.nodes import argument_table, start
 from sysid_ros.nodes.adaptive_controller import AdaptiveController
 from sysid_ros.nodes.controller_settings import ControllerSettings
 from sysid_ros.nodes.launch_plan import CONTROLLER, ESTIMATOR, LAUNCH_FILES, ROBOT, LaunchFile, NodePlan
 from sysid_ros.nodes.messages import LATCHED
 from sysid_ros.nodes.online_payload_estimator import OnlinePayloadEstimator
-from sysid_ros.nodes.parameters import ESTIMATOR_GROUPS
 from sysid_ros.nodes.simulation_parameters import PARAMETERS
 from sysid_ros.online_settings import Settings
 
@@ -51,7 +50,7 @@ BOTH = LAUNCH_FILES["adaptive_controller.launch.py"]
 
 def plans(file: LaunchFile, **given: str) -> dict[str, NodePlan]:
     values = {a.name: a.default for a in file.arguments(CONFIG)} | given
-    return {plan.executable: plan for plan in file.plan(values)}
+    return {plan.executable: plan for plan in file.plan(values, CONFIG)}
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +59,29 @@ def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     rclpy.init()
     yield
     rclpy.try_shutdown()
+
+
+def test_the_table_of_the_arguments_is_that_of_the_settings() -> None:
+    made_anew = "python -m sysid_ros.nodes.argument_table > config/launch_arguments.json"
+    assert (CONFIG / "launch_arguments.json").read_text(encoding="utf-8") == argument_table.text(), made_anew
+
+
+def test_launch_files_need_nothing_that_calculates() -> None:
+    """'ros2 launch' runs in the interpreter of ROS, where the libraries of the nodes need not be."""
+    code = (
+        "import sys\n"
+        "for name in ('numba', 'scipy', 'pinocchio', 'cvxpy', 'rosbags', 'click', 'rich', 'pybullet'): sys.modules[name] = None\n"
+        "from pathlib import Path\n"
+        "from sysid_ros.nodes.launch_plan import LAUNCH_FILES\n"
+        f"config = Path({str(CONFIG)!r})\n"
+        "for file in LAUNCH_FILES.values():\n"
+        "    values = {a.name: a.default for a in file.arguments(config)} | {'rviz': 'true' if file.around else 'false'}\n"
+        "    print(file.name, len(file.plan(values, config)), len(file.programs(values, config)))\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "ros2_control_arm.launch.py 2 4" in done.stdout
 
 
 def test_a_plan_for_every_launch_file() -> None:
@@ -83,8 +105,8 @@ def test_arguments_are_named_once_and_told(file: LaunchFile) -> None:
     arguments = file.arguments(CONFIG)
     assert len({a.name for a in arguments}) == len(arguments)
     assert all(a.description for a in arguments)
-    shared = {name for node in file.nodes for name in node.topics} & {name for node in file.nodes for name in node.readers}
-    assert not shared
+    parameters = {name for node in file.nodes for name in argument_table.table()[node.executable]}
+    assert not parameters & {name for node in file.nodes for name in node.topics}
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
@@ -137,13 +159,14 @@ def test_the_payload_topic_of_the_controller_can_be_moved() -> None:
         ({"loop_delay": "nan"}, ("loop_delay:=nan", "a number such as")),
         ({"bandwidth": "0"}, ("bandwidth:=0", "0.1 to 500")),
         ({"law": "pid"}, ("law:=pid", "composite")),
-        ({"gravity": "[0, 0]"}, ("gravity:=[0, 0]", "three numbers")),
+        ({"gravity": "[0, 0, 99]"}, ("gravity:=[0, 0, 99]", "-30 to 30")),
         ({"joint_names": "[]"}, ("joint_names:=[]", "leave it out")),
         ({"use_sim_time": "perhaps"}, ("use_sim_time:=perhaps", "true or false")),
         ({"simulated": "2"}, ("simulated:=2", "true or false")),
         ({"config": "/nowhere.yaml"}, ("config:=/nowhere.yaml", "no such file")),
         ({"estimator_config": "/nowhere.yaml"}, ("estimator_config:=/nowhere.yaml", "no such file")),
         ({"simulated": "true", "rate": "many"}, ("rate:=many", "a number such as")),
+        ({"simulated": "true", "rate": "0.5"}, ("rate:=0.5", "a whole number")),
     ],
 )
 def test_a_value_that_is_not_allowed_is_refused_before_a_node_starts(given: dict[str, str], words: Sequence[str]) -> None:
@@ -299,9 +322,6 @@ def test_two_robots_in_two_namespaces_do_not_hear_each_other(processes: Processe
     assert not {"/joint_states", "/online_payload_estimator/payload", "/effort_commands"} & processes.topics()
 
 
-GROUPS = {"online_payload_estimator": ESTIMATOR_GROUPS, "adaptive_controller": CONTROL_GROUPS}
-
-
 def flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, value in values.items():
@@ -317,7 +337,7 @@ def test_the_configuration_file_tells_every_parameter_with_its_default(node: Any
         defaults = {name: default for name, default, _ in PARAMETERS}
         texts = {name: text for name, _, text in PARAMETERS}
     else:
-        found = {cls.prefix + f.name: (cls, f) for cls in GROUPS[node.executable] for f in fields(cls)}
+        found = {cls.prefix + f.name: (cls, f) for cls in argument_table.GROUPS[node.executable] for f in fields(cls)}
         defaults = {name: getattr(cls(), f.name) for name, (cls, f) in found.items()}
         texts = {name: f.metadata["description"] for name, (_, f) in found.items()}
     commented = set(re.findall(r"^ *# (\w+): ", text, re.MULTILINE)) & set(defaults)

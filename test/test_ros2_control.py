@@ -31,7 +31,7 @@ def parameters(name: str) -> dict[str, Any]:
 
 def launched(**given: str) -> tuple[dict[str, NodePlan], list[Program]]:
     values = {a.name: a.default for a in FILE.arguments(CONFIG)} | given
-    return {plan.executable: plan for plan in FILE.plan(values)}, FILE.programs(values, CONFIG)
+    return {plan.executable: plan for plan in FILE.plan(values, CONFIG)}, FILE.programs(values, CONFIG)
 
 
 def test_the_description_has_what_ros2_control_and_the_model_need() -> None:

@@ -1,27 +1,24 @@
-"""What the launch files start: nodes, their arguments and their topics, made from the settings and free of ``launch``.
+"""What the launch files start: nodes, their arguments and their topics, free of ``launch`` and of all that calculates.
 
-A parameter is written down once, in its settings; every launch file has each of them as an argument.
+The parameters stand in the table ``config/launch_arguments.json``, which is made from the settings; every launch file has each of
+them as an argument.
 """
 
 from __future__ import annotations
 
 import difflib
+import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import Field, dataclass, field, fields, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import yaml
-from rclpy.parameter import Parameter
 
-from sysid_ros.control.control_settings import ControlSettings, SafetySettings
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.nodes import ros2_control, viewers
-from sysid_ros.nodes.controller_settings import ControllerSettings
-from sysid_ros.nodes.parameters import ESTIMATOR_GROUPS, described, type_of
-from sysid_ros.nodes.simulation_parameters import PARAMETERS
-from sysid_ros.online_settings import Settings
 
 _TRUE, _FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
 _COMMON = {
@@ -82,61 +79,33 @@ class Node:
     """A node that launch files may start.
 
     Attributes:
-        executable: its name. topics: that an argument may remap. readers: from the text of an argument to the parameter's value.
-        descriptions: of the parameters. config: the argument that names its YAML file where it is not the file's first node.
+        executable: its name. config: the argument that names its YAML file where it is not the file's first node.
+        topics: that an argument may remap. lifecycle: whether it has a life cycle.
     """
 
     executable: str
     config: str
     topics: tuple[str, ...]
-    lifecycle: bool
-    readers: Mapping[str, Callable[[str], Any]]
-    descriptions: Mapping[str, str]
+    lifecycle: bool = True
 
 
-def _of_settings(executable: str, config: str, topics: tuple[str, ...], groups: Sequence[type[Settings]]) -> Node:
-    found = {cls.prefix + f.name: (cls, f) for cls in groups for f in fields(cls)}
-    readers = {name: _reader(name, cls, f) for name, (cls, f) in found.items()}
-    return Node(executable, config, topics, True, readers, {name: described(f) for name, (_, f) in found.items()})
+ESTIMATOR = Node("online_payload_estimator", "estimator_config", ("joint_states", "robot_description", "imu", "contacts"))
+CONTROLLER = Node(
+    "adaptive_controller", "controller_config", ("joint_states", "robot_description", "effort_commands", "payload_committed")
+)
+ROBOT = Node(
+    "simulated_robot",
+    "robot_config",
+    ("joint_states", "robot_description", "effort_commands", "imu", "contacts"),
+    lifecycle=False,
+)
 
 
-def _reader(name: str, cls: type[Settings], f: Field[Any]) -> Callable[[str], Any]:
-    def read(text: str) -> Any:
-        value = _typed(name, text, type_of(f))
-        try:
-            cls(**{f.name: value})
-        except SettingsError as error:
-            raise SettingsError(f"the launch argument {name}:={text}: {error}") from None
-        return list(value) if isinstance(value, tuple) else value
-
+@cache
+def parameters_of(config: Path) -> dict[str, dict[str, dict[str, Any]]]:
+    """The table in the folder of the configuration files: by node and parameter, what it may be."""
+    read: dict[str, dict[str, dict[str, Any]]] = json.loads((config / "launch_arguments.json").read_text(encoding="utf-8"))
     return read
-
-
-def _simulated_robot() -> Node:
-    kinds = {bool: Parameter.Type.BOOL, str: Parameter.Type.STRING, list: Parameter.Type.DOUBLE_ARRAY}
-
-    def reader(name: str, default: Any) -> Callable[[str], Any]:
-        def read(text: str) -> Any:
-            value = _typed(name, text, kinds.get(type(default), Parameter.Type.DOUBLE))
-            return list(value) if isinstance(value, tuple) else int(value) if type(default) is int else value
-
-        return read
-
-    readers = {name: reader(name, default) for name, default, _ in PARAMETERS}
-    topics = ("joint_states", "robot_description", "effort_commands", "imu", "contacts")
-    return Node("simulated_robot", "robot_config", topics, False, readers, {name: text for name, _, text in PARAMETERS})
-
-
-ESTIMATOR = _of_settings(
-    "online_payload_estimator", "estimator_config", ("joint_states", "robot_description", "imu", "contacts"), ESTIMATOR_GROUPS
-)
-CONTROLLER = _of_settings(
-    "adaptive_controller",
-    "controller_config",
-    ("joint_states", "robot_description", "effort_commands", "payload_committed"),
-    (ControllerSettings, ControlSettings, SafetySettings),
-)
-ROBOT = _simulated_robot()
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,15 +138,16 @@ class LaunchFile:
         if self.optional:
             found[self.optional[0]] = ("false", f"start {self.optional[1].executable} too")
         for node in self._all:
-            found |= {name: ("", text) for name, text in node.descriptions.items() if name not in found}
+            rows = parameters_of(config)[node.executable]
+            found |= {name: ("", row["description"]) for name, row in rows.items() if name not in found}
             found |= {topic: (_LONG_NAMES.get(topic, topic), _TOPICS[topic]) for topic in node.topics}
         defaults = {
             name: self.defaults.get(name, default).replace("{config}", str(config)) for name, (default, _) in found.items()
         }
         return [Argument(name, defaults[name], text) for name, (_, text) in found.items()]
 
-    def plan(self, values: Mapping[str, str]) -> list[NodePlan]:
-        """The nodes to start with these values of the arguments, all of them.
+    def plan(self, values: Mapping[str, str], config: Path) -> list[NodePlan]:
+        """The nodes to start with these values of the arguments, all of them; ``config`` as of :meth:`arguments`.
 
         Raises:
             SettingsError: a value is not one that the argument may have, or a file is not there.
@@ -194,8 +164,8 @@ class LaunchFile:
             name = "config" if first else node.config
             if not Path(values[name]).is_file():
                 raise SettingsError(f"the launch argument {name}:={values[name]}: there is no such file.")
-            given = [p for p in node.readers if values[p] and (first or p != "autostart")]
-            parameters = {p: node.readers[p](values[p]) for p in given}
+            rows = parameters_of(config)[node.executable]
+            parameters = {p: value_of(p, values[p], rows[p]) for p in rows if values[p] and (first or p != "autostart")}
             parameters |= {"use_sim_time": flag("use_sim_time", values["use_sim_time"])} | dict(told.get(node.executable, {}))
             longs = {topic: _LONG_NAMES.get(topic, topic) for topic in node.topics}
             remappings = {long: values[topic] for topic, long in longs.items() if values[topic] != long}
@@ -209,7 +179,7 @@ class LaunchFile:
             SysidError: a value is not one that the argument may have, or the URDF can't be read.
         """
         wanted = {name: flag(name, values[name]) for name, (default, _) in viewers.ARGUMENTS.items() if default}
-        robots = [plan for plan in self.plan(values) if plan.executable == ROBOT.executable]
+        robots = [plan for plan in self.plan(values, config) if plan.executable == ROBOT.executable]
         arm = bool(robots) and values.get("robot", "") in ("", "arm")
         found = [*(ros2_control.programs(values) if self.around else ()), *viewers.viewers(wanted, values, config, arm)]
         clock = {"use_sim_time": flag("use_sim_time", values["use_sim_time"])}
@@ -259,18 +229,30 @@ def flag(name: str, text: str) -> bool:
     return text.lower() in _TRUE
 
 
-def _typed(name: str, text: str, kind: Parameter.Type) -> Any:
-    """The value of an argument; lists are written [a, b] or a,b."""
-    if kind == Parameter.Type.STRING:
+def value_of(name: str, text: str, row: Mapping[str, Any]) -> Any:
+    """The value of an argument as its row of the table says; lists are written [a, b] or a,b.
+
+    Raises:
+        SettingsError: it is not one that the parameter may have.
+    """
+    kind, where = row["kind"], f"the launch argument {name}:={text}"
+    if kind == "string":
+        if text not in row.get("choices", (text,)):
+            raise SettingsError(f"{where}: it must be one of {', '.join(row['choices'])}.")
         return text
-    if kind == Parameter.Type.BOOL:
+    if kind == "bool":
         return flag(name, text)
-    if kind == Parameter.Type.DOUBLE:
-        return _number(name, text)
     items = [item.strip().strip("\"'") for item in text.strip().removeprefix("[").removesuffix("]").split(",")]
-    if items == [""]:
-        raise SettingsError(f"the launch argument {name}:={text}: an empty list is what the configuration says; leave it out.")
-    return tuple(items) if kind == Parameter.Type.STRING_ARRAY else tuple(_number(name, item) for item in items)
+    if kind in ("numbers", "strings") and items == [""]:
+        raise SettingsError(f"{where}: an empty list is what the configuration says; leave it out.")
+    if kind == "strings":
+        return items
+    numbers = [_number(name, item) for item in (items if kind == "numbers" else [text])]
+    if any(not row.get("low", -math.inf) <= x <= row.get("high", math.inf) for x in numbers):
+        raise SettingsError(f"{where}: it must be {row['low']:g} to {row['high']:g}.")
+    if kind == "whole" and numbers[0] != int(numbers[0]):
+        raise SettingsError(f"{where}: it must be a whole number.")
+    return numbers if kind == "numbers" else int(numbers[0]) if kind == "whole" else numbers[0]
 
 
 def _number(name: str, text: str) -> float:

@@ -29,7 +29,7 @@ def describe(path: str) -> LaunchDescription:
         values = {a.name: LaunchConfiguration(a.name).perform(context) for a in arguments}
         views = file.programs(values, config)
         notes = [LogInfo(msg=view.note) for view in views if view.note]
-        return [*(action(plan) for plan in file.plan(values)), *map(program_action, views), *notes]
+        return [*(action(plan) for plan in file.plan(values, config)), *map(program_action, views), *notes]
 
     declared = [DeclareLaunchArgument(a.name, default_value=a.default, description=a.description) for a in arguments]
     return LaunchDescription([*declared, OpaqueFunction(function=start)])

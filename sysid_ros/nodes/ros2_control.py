@@ -9,8 +9,7 @@ from typing import Any
 import yaml
 
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.nodes.viewers import Program
-from sysid_ros.sources.source import urdf_text
+from sysid_ros.nodes.viewers import Program, read_urdf
 
 CONTROLLER = "effort_controller"
 BROADCASTER = "joint_state_broadcaster"
@@ -50,7 +49,7 @@ def programs(values: Mapping[str, str]) -> list[Program]:
         SysidError: the URDF can't be read.
     """
     namespace, controllers = values["namespace"], values["controllers"]
-    description = {"robot_description": urdf_text(values["urdf_path"])}
+    description = {"robot_description": read_urdf(values["urdf_path"])}
     # an absolute remapping would leave the namespace
     return [
         Program("robot_state_publisher", "robot_state_publisher", namespace, parameters=description),

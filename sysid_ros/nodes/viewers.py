@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from sysid_ros.exceptions import SysidError
-from sysid_ros.sources.source import urdf_text
 
 ARGUMENTS = {
     "rviz": ("false", "open RViz with config/payload.rviz"),
@@ -88,9 +87,25 @@ def root_link(urdf: str) -> str:
     return next((name for link in root.iterfind("link") if (name := link.get("name", "")) not in children), "")
 
 
+def read_urdf(path: str) -> str:
+    """The URDF in a file, made from a xacro or MJCF where that is in it and this interpreter has what that needs.
+
+    Raises:
+        SysidError: it can't be read.
+    """
+    try:
+        from sysid_ros.sources.source import urdf_text
+    except ImportError:
+        try:
+            return Path(path).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise SysidError(f"'{path}' can't be read ({error}).") from None
+    return urdf_text(path)
+
+
 def _urdf(path: str, simulated: bool) -> str:
     if path:
-        return urdf_text(path)
+        return read_urdf(path)
     if not simulated:
         return ""
     try:
