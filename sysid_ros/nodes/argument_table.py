@@ -1,7 +1,8 @@
 """Every parameter of the nodes as a table, ``config/launch_arguments.json``, for the launch files.
 
 ``ros2 launch`` runs in the interpreter of ROS, which need not have what the nodes calculate with; so the launch files read a
-table and not the settings. Made anew by ``python -m sysid_ros.nodes.argument_table > config/launch_arguments.json``; a test compares.
+table and not the settings. Made anew by ``python -m sysid_ros.nodes.argument_table > config/launch_arguments.json``; a test
+compares.
 """
 
 from __future__ import annotations
