@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -88,16 +89,16 @@ def test_a_node_that_compiles_says_so_and_ends_when_it_is_asked(number: int, tmp
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["online_payload_estimator", "adaptive_controller"])
 def test_no_interrupt_at_any_moment_prints_a_stack(name: str, tmp_path: Path) -> None:
-    """Fifty moments between the first import and a node that runs, drawn without pattern."""
+    """Moments between the first import and a node that runs, drawn without pattern; SYSID_STOPS makes them more."""
     rng = np.random.default_rng(3)
     with_stack = {}
-    for wait in rng.uniform(0.02, 4.0, 50):
+    for wait in rng.uniform(0.02, 4.0, int(os.environ.get("SYSID_STOPS", "8"))):
         process = start(name, tmp_path, "-p", "autostart:=true")
         time.sleep(float(wait))
         process.send_signal(signal.SIGINT)
         said = ended(process, 30.0)
-        # before the interpreter has read a line of ours, Python itself answers
-        if "Traceback" in said and "sysid_ros" in said:
+        # before the interpreter has come to a line of ours, Python itself answers
+        if "Traceback" in said and re.search(r'/sysid_ros/(\w+/)*\w+\.py"', said):
             with_stack[round(float(wait), 2)] = said[-600:]
     assert not with_stack
 
