@@ -9,7 +9,10 @@ from contextlib import contextmanager
 from sysid_ros.exceptions import SysidError
 
 _PATIENCE = 2.0
-COMPILES = "Compiling, which happens once after an install and takes about a minute; messages are not used until it is done."
+COMPILES = (
+    "Loading compiled code; after an install it is compiled, which takes about a minute, once. Messages are not used until it is "
+    "done."
+)
 
 
 @contextmanager
