@@ -14,6 +14,8 @@ from sysid_ros.sample import FloatArray
 
 _FREE, _BALL, _SLIDE = 0, 1, 2
 """Types of joints in MuJoCo, beside the hinge."""
+_TIES_JOINTS = 2
+"""Type of an equality in MuJoCo between the positions of two joints."""
 
 
 def is_mjcf(text: str) -> bool:
@@ -26,7 +28,9 @@ def urdf_of_mjcf(path: Path) -> str:
 
     Bodies keep their names, inertials and frames; a hinge or slide away from its body's origin gets a frame of its own.
     ``damping`` and ``frictionloss`` become ``<dynamics>``, ``armature`` its attribute of that name, which URDFs do not have and
-    this package reads. A free joint is left out: its body is the root, as of a robot on legs. Shapes are left out.
+    this package reads. Positions are MuJoCo's: a joint with ``ref`` is not at 0 where the file draws it. A joint that an
+    ``<equality>`` ties to another becomes its ``<mimic>``, as fingers are. A free joint is left out: its body is the root, as of
+    a robot on legs. Shapes are left out: see :func:`.mjcf_geoms`.
 
     Raises:
         RobotModelError: MuJoCo is not installed or can't read the file, or it has ball joints.
@@ -48,6 +52,7 @@ def urdf_of_mjcf(path: Path) -> str:
     links = {0: "world"}
     for body in range(1, model.nbody):
         links[body], shifts[body] = _body(root, model, body, links[int(model.body_parentid[body])], shifts)
+    _tied(root, model)
     _without_free_base(root)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode")
@@ -61,7 +66,7 @@ def without_log(mujoco: Any) -> None:
 
 def _body(root: ElementTree.Element, model: Any, body: int, parent: str, shifts: dict[int, FloatArray]) -> tuple[str, FloatArray]:
     """Add a body with its joints; its link, and where its origin is in that."""
-    name = model.body(body).name or f"body_{body}"
+    name = link_of(model, body)
     first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
     rotation = pin.Quaternion(*model.body_quat[body].tolist()).toRotationMatrix()
     at = shifts[int(model.body_parentid[body])] + model.body_pos[body]
@@ -72,7 +77,9 @@ def _body(root: ElementTree.Element, model: Any, body: int, parent: str, shifts:
         own = name if k == first + count - 1 else f"{name}_before_{model.joint(k + 1).name or k + 1}"
         free = int(model.jnt_type[k]) == _FREE
         place = np.zeros(3) if free else np.array(model.jnt_pos[k])
-        _joint(root, model, k, joint.name or f"joint_{k}", link, own, at + rotation @ (behind + place), rotation)
+        before, turn = (np.zeros(3), np.eye(3)) if free else _at_zero(model, k)
+        at_zero = at + rotation @ (behind + place + before)
+        _joint(root, model, k, joint.name or f"joint_{k}", link, own, at_zero, rotation @ turn)
         link, at, rotation, behind = own, np.zeros(3), np.eye(3), -place
     if count == 0:
         _joint(root, model, -1, f"{name}_fixed", parent, name, at, rotation)
@@ -82,6 +89,34 @@ def _body(root: ElementTree.Element, model: Any, body: int, parent: str, shifts:
     for k in range(first, first + count - 1):
         ElementTree.SubElement(root, "link", name=f"{name}_before_{model.joint(k + 1).name or k + 1}")
     return name, behind
+
+
+def link_of(model: Any, body: int) -> str:
+    """The link that a body of MuJoCo's becomes."""
+    return str(model.body(body).name) or f"body_{body}"
+
+
+def _at_zero(model: Any, k: int) -> tuple[FloatArray, FloatArray]:
+    """From where the file draws what a joint moves to where it is at position 0: a shift (3,) [m] and a rotation (3, 3)."""
+    drawn_at, axis = float(model.qpos0[model.jnt_qposadr[k]]), np.array(model.jnt_axis[k])
+    if int(model.jnt_type[k]) == _SLIDE:
+        return -drawn_at * axis, np.eye(3)
+    return np.zeros(3), np.array(pin.AngleAxis(-drawn_at, axis).toRotationMatrix())
+
+
+def _tied(root: ElementTree.Element, model: Any) -> None:
+    """``<mimic>`` of the joints that an active equality makes a line of another joint's position."""
+    joints = {str(joint.get("name")): joint for joint in root.findall("joint")}
+    for k in range(model.neq):
+        first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        offset, slope, *curved = model.eq_data[k, :5].tolist()
+        if int(model.eq_type[k]) != _TIES_JOINTS or not model.eq_active0[k] or second < 0 or any(curved) or not slope:
+            continue
+        drawn_at = [float(model.qpos0[model.jnt_qposadr[j]]) for j in (first, second)]
+        joint = joints[model.joint(first).name or f"joint_{first}"]
+        other = model.joint(second).name or f"joint_{second}"
+        shift = drawn_at[0] + offset - slope * drawn_at[1]
+        ElementTree.SubElement(joint, "mimic", joint=other, multiplier=repr(slope), offset=repr(shift))
 
 
 def _joint(
