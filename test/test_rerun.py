@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,19 +14,27 @@ import pinocchio as pin
 import pytest
 from robots import robot
 
+from sysid_ros.cli.main import run
 from sysid_ros.exceptions import SettingsError
-from sysid_ros.pages import check_plot_paths, rerun_renderer, write_plot
+from sysid_ros.pages import check_plot_paths, palette, rerun_renderer, write_plot
 from sysid_ros.pages.figure import Axis, Band, Curve, Figure, Mark, Panel, Stack
-from sysid_ros.pages.robot_view import Track, View, ellipsoid, view
+from sysid_ros.pages.rerun_renderer import write_recording
+from sysid_ros.pages.robot_view import Colouring, Ring, Track, View, ellipsoid, percentages, ring_radius, view
 
+BAGS = Path(__file__).parents[1] / "bags"
 T = np.linspace(0.0, 2.0, 21)
 MODEL = robot("small_arm")
+
+
+def response() -> Panel:
+    """Over frequency, which the clock of the page does not move."""
+    return Panel((Curve(T + 0.1, T, "gain"),), "Response", x=Axis("frequency [Hz]", log=True))
 
 
 def seen() -> tuple[Figure, View]:
     curve, band = Curve(T, np.sin(T), "mass"), Band(T, np.sin(T) - 0.1, np.sin(T) + 0.1, "95 %")
     panel = Panel((curve, band, Mark("x", 1.0, "pick")), "Mass [kg]", x=Axis("time [s]", clock=True))
-    other = Panel((Curve(T, T, "gain"),), "Response", x=Axis("frequency [Hz]", log=True))
+    other = response()
     q = np.outer(np.sin(T), np.linspace(0.3, 0.9, MODEL.n))
     body = ellipsoid(MODEL, MODEL.default_frame, 1.5, np.array([0.0, 0.0, 0.05]), "1.5 kg", span=(1.0, 1.5))
     found = view(MODEL, None, [Track("", T, q)], ellipsoids=(body,))
@@ -52,6 +61,9 @@ class Stand:
             self.static[path] = what
         self.words.append(what)
 
+    def send_blueprint(self, what: Any) -> None:
+        self.shown = what
+
     def send_columns(self, path: str, indexes: list[Any], columns: Any) -> None:
         self.over_time[path] = (indexes[0], columns)
 
@@ -70,7 +82,10 @@ def kept(kind: str) -> Any:
 @pytest.fixture
 def stand(monkeypatch: pytest.MonkeyPatch) -> None:
     names = ("Transform3D", "Mesh3D", "Ellipsoids3D", "SeriesLines", "Scalars", "TextLog", "Clear", "TimeColumn")
-    library = SimpleNamespace(**{name: kept(name) for name in names}, RecordingStream=Stand, new_entity_path="/".join)
+    others = ("LineStrips3D", "TextDocument", "EncodedImage")
+    library = SimpleNamespace(**{name: kept(name) for name in (*names, *others)}, RecordingStream=Stand, new_entity_path="/".join)
+    shown = ("Blueprint", "Horizontal", "Vertical", "Tabs", "Spatial2DView", "Spatial3DView", "TimeSeriesView", "TextLogView")
+    library.blueprint = SimpleNamespace(**{name: kept(name) for name in (*shown, "TextDocumentView")})
     library.ViewCoordinates = SimpleNamespace(RIGHT_HAND_Z_UP=None)
     monkeypatch.setattr(rerun_renderer, "rerun", lambda: library)
 
@@ -109,15 +124,75 @@ def test_what_has_the_clock_is_there_and_nothing_else(tmp_path: Path) -> None:
     assert kinds.count("Ellipsoids3D") == kinds.count("Clear") == 1
 
 
+@pytest.mark.usefixtures("stand")
+def test_each_way_to_colour_the_robot_is_a_tab(tmp_path: Path) -> None:
+    """Before and after: every shape once in each colour, seen in a tab that leaves the other ones out; a ring about a joint."""
+    figure, found = seen()
+    most, n = 4.0, MODEL.n
+    before, after = (
+        Colouring(name, values, tuple(f"{x:g} x" for x in values), most, ("0", "4"))
+        for name, values in (("as given", (4.0,) * n), ("with the causes", (0.0,) * n))
+    )
+    found = replace(found, colourings=(before, after), rings=(Ring((1,), "friction"),))
+    write_recording(tmp_path / "x.rrd", [figure], found)
+    stream = Stand.newest
+    meshes = {path: what.albedo_factor for path, what in stream.static.items() if what is not None and what.kind == "Mesh3D"}
+    moved = [shape for shape in found.looks.shapes if shape.joint >= 0]
+    for colouring, colour in ((before, palette.SCALE[-1]), (after, palette.SCALE[0])):
+        own = {path: c for path, c in meshes.items() if path.endswith(colouring.name)}
+        assert len(own) == len(found.looks.shapes)
+        assert list(own.values()).count(tuple(bytes.fromhex(colour[1:]))) == len(moved)
+        (tab,) = (tab for tab in stream.shown.args[0].args[0].args[0].args if tab.name == colouring.name)
+        assert tab.contents == ["+ /robot/**", *(f"- {path}" for path in meshes if path not in own)]
+    (ring,) = (what for what in stream.static.values() if what is not None and what.kind == "LineStrips3D")
+    (circle,) = ring.args[0]
+    np.testing.assert_allclose(circle @ found.looks.axis[1], 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(circle, axis=1), ring_radius(found.looks, 1))
+    (told,) = (what.args[0] for what in stream.static.values() if what is not None and what.kind == "TextDocument")
+    assert f"| {MODEL.joint_names[0]} | 4 x | 0 x |" in told
+
+
+@pytest.mark.usefixtures("stand")
+def test_a_figure_over_frequency_is_a_picture(tmp_path: Path) -> None:
+    write_plot(tmp_path / "x.rrd", Figure((Stack((response(),)),), "Bode"), view=None)
+    (picture,) = Stand.newest.static.items()
+    assert picture[0] == "pictures/Bode"
+    assert picture[1].contents.startswith(b"\x89PNG")
+    assert not Stand.newest.over_time
+
+
 def test_the_suffix_is_that_of_rerun() -> None:
     with pytest.raises(SettingsError, match=r"ends in \.rrd"):
         check_plot_paths(None, Path("x.png"))
 
 
+@pytest.mark.parametrize("command", ["identify", "diagnose", "frequency"])
+@pytest.mark.usefixtures("stand")
+def test_what_the_page_of_a_command_shows(command: str, tmp_path: Path) -> None:
+    """The same robot in the same colours, and the same curves over time, as on its page."""
+    out, bag = tmp_path / f"{command}.rrd", str(BAGS / "arm_empty")
+    results = [] if command == "frequency" else ["--out", str(tmp_path / "out")]
+    assert run([command, bag, *results, "--rerun", str(out)]) == 0
+    assert out.read_bytes() == b"recording"
+    stream = Stand.newest
+    lines = {path.split("/")[-1] for path in stream.over_time if path.startswith("figures")}
+    pictures = sum(path.startswith("pictures") for path in stream.static)
+    shapes = [path for path, what in stream.static.items() if what is not None and what.kind == "Mesh3D"]
+    tracking = {"nominal model", "noise alone", "extended model"}
+    told = {
+        "identify": ({"URDF alone", "measured", "predicted"}, 1, {"URDF alone", "with friction", "identified"}),
+        "diagnose": ({"model as given", "measured", "with the causes", *tracking}, 1, {"as given", "with the causes"}),
+        "frequency": (set(), 1, {"misfit"}),
+    }
+    assert (lines, pictures, {path.split(", ")[-1] for path in shapes}) == told[command]
+    assert any(path.startswith("robot") and path.endswith("moved") for path in stream.over_time)
+
+
 def test_rerun_reads_it(tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="Rerun is not installed: pip install 'sysid_ros[rerun]'")
     figure, found = seen()
-    write_plot(tmp_path / "x.rrd", figure, view=found)
+    found = replace(found, colourings=(percentages("misfit", [0.1] * MODEL.n),) * 2, rings=(Ring((0,), "spring"),))
+    write_recording(tmp_path / "x.rrd", [figure, Figure((Stack((response(),)),), "Bode: a/b (c)")], found)
     command = [sys.executable, "-m", "rerun", "rrd", "verify", str(tmp_path / "x.rrd")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr

@@ -51,6 +51,7 @@ Reading = tuple[str, Path | None]
 @opt.CONFIG
 @opt.TOPIC
 @opt.COLUMNS
+@opt.RERUN
 @opt.JSON
 @opt.FORCE
 def command(
@@ -65,6 +66,7 @@ def command(
     config_path: Path | None,
     topic: str,
     columns_path: Path | None,
+    rerun_path: Path | None,
     json_path: Path | None,
     force: bool,
 ) -> int:
@@ -93,7 +95,7 @@ def command(
     Exit codes: 0 done; 2 bad input or usage, also where the verdict is "refused".
     """
     started = time.monotonic()
-    check_results(out_path, json_path, force)
+    check_results(out_path, json_path, rerun_path, force)
     installed(simulator)
     settings = settings_from(read_config(config_path), joint_names=joint_names, effort_preset=effort_preset)
     known = ModelFile.read(model_path) if model_path else None
@@ -108,7 +110,7 @@ def command(
         result = with_ranking(_diagnosed(robot, fitted, judged, known, origin, simulator), ranked)
     except (DataError, RobotModelError) as error:
         result = Diagnosis("refused", robot.joint_names if robot else (), refusal=str(error))
-    write_files(result, robot, out_path, origin, json_path, chosen)
+    write_files(result, robot, out_path, origin, json_path, chosen, rerun_path)
     show(result)
     note(f"Written to {out_path} in {time.monotonic() - started:.0f} s.")
     return BAD_INPUT if result.verdict == "refused" else 0

@@ -15,6 +15,7 @@ from sysid_ros.diagnosis.result import TorqueRmse
 from sysid_ros.effects.wording import first_sentence, listed, percent
 from sysid_ros.exceptions import ModelFileError, RobotModelError
 from sysid_ros.files import check_folder, whole_files, write_text
+from sysid_ros.pages import check_plot_paths
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.torque.mjcf_export import export_mjcf
 from sysid_ros.torque.urdf_export import export_urdf
@@ -26,14 +27,15 @@ _SEEN = 5e-4
 """Part of the error from which it is shown, in tenths of a per cent."""
 
 
-def check_results(folder: Path, json_path: Path | None, force: bool) -> None:
+def check_results(folder: Path, json_path: Path | None, rerun_path: Path | None, force: bool) -> None:
     """Check, before the work, that the files can be written, and that none of before is overwritten.
 
     Raises:
-        OutputError: one can't be written or is there already.
+        OutputError: one can't be written or is there already. SettingsError: Rerun is not installed.
     """
     check_folder(folder, FILES, force, "--out")
-    check_outputs(force, json=json_path)
+    check_outputs(force, json=json_path, rerun=rerun_path)
+    check_plot_paths(None, rerun_path)
 
 
 def write_files(
@@ -43,9 +45,10 @@ def write_files(
     provenance: dict[str, object],
     json_path: Path | None = None,
     urdf: Path | None = None,
+    rerun_path: Path | None = None,
 ) -> None:
     """Write the report, the document for machines, the extended model and its predictions into a folder, all or none of them;
-    the document also where else it is asked for.
+    the document also where else it is asked for, and the recording of Rerun.
 
     Args:
         urdf: the robot's file, beside which meshes are looked for.
@@ -53,7 +56,7 @@ def write_files(
     Raises:
         OutputError: they can't be written.
     """
-    from sysid_ros.pages.diagnosis_page import diagnosis_page
+    from sysid_ros.pages.diagnosis_page import diagnosis_page, recording_of
 
     with whole_files(folder, FILES) as room:
         write_json(room / "diagnosis.json", result.as_dict())
@@ -74,6 +77,9 @@ def write_files(
                 note(sentence)
     if json_path:
         write_json(json_path, result.as_dict())
+    if rerun_path and result.predictions is not None:
+        recording_of(rerun_path, result, robot, urdf)
+        note(f"Recording written to {rerun_path}.")
 
 
 def _write_robots(result: Diagnosis, robot: RobotModel, room: Path) -> list[str]:

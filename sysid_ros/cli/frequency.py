@@ -17,7 +17,7 @@ from sysid_ros.cli.recordings import read_recordings, warn_of
 from sysid_ros.frequency_domain import FrequencyCheck, JointCheck, check_frequency
 from sysid_ros.frequency_domain.causes import Cause
 from sysid_ros.frequency_domain.tolerances import TOLERANCES
-from sysid_ros.pages import check_plot_path
+from sysid_ros.pages import check_plot_paths
 from sysid_ros.torque.model_file import ModelFile
 
 
@@ -32,6 +32,7 @@ from sysid_ros.torque.model_file import ModelFile
 @opt.TOPIC
 @opt.COLUMNS
 @opt.PLOT
+@opt.RERUN
 @opt.JSON
 @opt.FORCE
 def command(
@@ -45,6 +46,7 @@ def command(
     topic: str,
     columns_path: Path | None,
     plot_path: Path | None,
+    rerun_path: Path | None,
     json_path: Path | None,
     force: bool,
 ) -> None:
@@ -63,9 +65,8 @@ def command(
 
     Exit codes: 0 done; 2 bad input or usage.
     """
-    check_outputs(force, json=json_path, plot=plot_path)
-    if plot_path is not None:
-        check_plot_path(plot_path)
+    check_outputs(force, json=json_path, plot=plot_path, rerun=rerun_path)
+    check_plot_paths(plot_path, rerun_path)
     settings = settings_from(read_config(config_path), joint_names=joint_names, effort_preset=effort_preset)
     file = ModelFile.read(model_path) if model_path else None
     robot, recordings, problems = read_recordings(bags, urdf, topic, settings, columns_path)
@@ -80,14 +81,13 @@ def command(
         warn(sentence)
     if json_path:
         write_json(json_path, result.as_dict())
-    if plot_path:
-        from sysid_ros.pages.frequency_figure import write_frequency_plot
+    title = f"Measured torque over that of {model_path.name if model_path else 'the URDF'}: {', '.join(b.name for b in bags)}"
+    for what, path in (("Plot", plot_path), ("Recording", rerun_path)):
+        if path:
+            from sysid_ros.pages.frequency_figure import write_frequency_plot
 
-        model = f"{model_path.name}" if model_path else "the URDF"
-        write_frequency_plot(
-            plot_path, result, f"Measured torque over that of {model}: {', '.join(b.name for b in bags)}", robot, urdf
-        )
-        note(f"Plot written to {plot_path}.")
+            write_frequency_plot(path, result, title, robot, urdf)
+            note(f"{what} written to {path}.")
     show(result)
 
 

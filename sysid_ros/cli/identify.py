@@ -18,6 +18,7 @@ from sysid_ros.identification import Choices, Identification, identify_recording
 from sysid_ros.identification.free_effects import frictions
 from sysid_ros.identification.least_squares import METHODS
 from sysid_ros.identification.rows import FORMS
+from sysid_ros.pages import check_plot_paths
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.torque.urdf_export import check_model_file, export_urdf
 
@@ -78,6 +79,7 @@ from sysid_ros.torque.urdf_export import check_model_file, export_urdf
 @opt.TOPIC
 @opt.COLUMNS
 @opt.path("--report", "report_path", metavar="HTML", help="Write a report for people, one file.")
+@opt.RERUN
 @opt.JSON
 @opt.FORCE
 @click.option("--verbose", is_flag=True, help="Show the base parameters, the noise and the repeatability too.")
@@ -95,6 +97,7 @@ def command(
     topic: str,
     columns_path: Path | None,
     report_path: Path | None,
+    rerun_path: Path | None,
     json_path: Path | None,
     force: bool,
     verbose: bool,
@@ -112,7 +115,8 @@ def command(
 
     Exit codes: 0 done; 2 bad input or usage.
     """
-    check_outputs(force, out=out_path, urdf_out=urdf_out, report=report_path, json=json_path)
+    check_outputs(force, out=out_path, urdf_out=urdf_out, report=report_path, json=json_path, rerun=rerun_path)
+    check_plot_paths(None, rerun_path)
     settings = settings_from(read_config(config_path), joint_names=joint_names, effort_preset=effort_preset)
     robot, read, problems = read_recordings((*bags, *validate, *payload_bag), urdf, topic, settings, columns_path)
     origin = provenance(bags)
@@ -136,7 +140,7 @@ def command(
         # what was wrong with the messages may be the reason
         warn_of(problems)
         raise
-    _write((robot, urdf), result, origin, out_path, json_path, urdf_out, report_path, verbose)
+    _write((robot, urdf), result, origin, out_path, json_path, urdf_out, (report_path, rerun_path), verbose)
 
 
 def _write(
@@ -146,7 +150,7 @@ def _write(
     out_path: Path,
     json_path: Path | None,
     urdf_out: Path | None,
-    report_path: Path | None,
+    pages: tuple[Path | None, Path | None],
     verbose: bool,
 ) -> None:
     """Warnings, the files that were asked for, and the tables."""
@@ -160,11 +164,16 @@ def _write(
         write_json(json_path, as_json(result))
     for sentence in export_urdf(robot, result.model, urdf_out) if urdf_out else ():
         note(sentence)
+    report_path, rerun_path = pages
     if report_path:
         from sysid_ros.pages.identification_page import write_report
 
         write_report(report_path, result, provenance, robot, urdf)
+    if rerun_path:
+        from sysid_ros.pages.identification_page import recording_of
+
+        recording_of(rerun_path, result, robot, urdf)
     show(result, verbose=verbose)
-    for what, path in (("Model", out_path), ("URDF", urdf_out), ("Report", report_path)):
+    for what, path in (("Model", out_path), ("URDF", urdf_out), ("Report", report_path), ("Recording", rerun_path)):
         if path:
             note(f"{what} written to {path}.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +74,29 @@ def diagnosis_page(
         residual=residual_figure(p, units, floor) if p is not None else None,
         facts=[(key, ", ".join(map(str, v)) if isinstance(v, list) else str(v)) for key, v in provenance.items()],
     )
+
+
+def recording_of(path: Path, result: Diagnosis, robot: RobotModel | None, urdf: Path | None = None) -> None:
+    """Write the robot with what was found on it, the torques and the tracking error of the simulation over time, and what is
+    left, for the viewer of Rerun.
+
+    Args:
+        path: the .rrd file. robot, urdf: as of :func:`diagnosis_page`.
+
+    Raises:
+        SettingsError: Rerun is not installed. OutputError: it can't be written.
+    """
+    from sysid_ros.pages.rerun_renderer import write_recording
+
+    figures = []
+    if (p := result.predictions) is not None:
+        units = ["N m"] * len(result.joints)
+        figures.append(replace(torque_figure(p, units), title="Torque"))
+        if result.torque is not None:
+            figures.append(replace(residual_figure(p, units, result.torque.noise_floor), title="What is left"))
+    if result.tracking is not None:
+        figures.append(replace(tracking_error_figure(result.tracking), title="Tracking error"))
+    write_recording(path, figures, diagnosis_view(robot, urdf, result))
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from sysid_ros.files import write_text
 from sysid_ros.identification.payload_difference import PayloadDifference
 from sysid_ros.identification.result import Identification, Parameter, TorqueError
 from sysid_ros.pages import palette
+from sysid_ros.pages.figure import Figure
 from sysid_ros.pages.identification_figures import residual_figure, torque_figure
 from sysid_ros.pages.page import number, page
 from sysid_ros.pages.robot_view import Track, View, percentages, view
@@ -53,9 +55,8 @@ def report_page(
     """HTML of the report."""
     judged = result.validation or result.errors
     joints = result.joint_names
-    units = [next((p.unit for p in result.parameters if p.joint == j and p.unit in ("N", "N m")), "N m") for j in joints]
+    units = _torque_units(result)
     drawn = result.series[:_MOST_RECORDINGS]
-    left = residual_figure(result.series, joints, units, [u == "N" for u in units], result.cutoff.hz) if result.series else None
     return page(
         "identification.html",
         title=f"Identification of {result.model.robot_name or 'robot'}",
@@ -68,7 +69,7 @@ def report_page(
         models=_MODELS.values(),
         errors=_errors(joints, units, judged),
         torques=[(s, torque_figure(s, joints, units, 1.0 / len(drawn), i == 0)) for i, s in enumerate(drawn)],
-        residual=left,
+        residual=_left(result),
         joints=_joints(joints, [p for p in result.parameters if not EFFECTS[p.effect].replaces_links]),
         several=any(math.isfinite(p.between_bags) for p in result.parameters),
         payload=_payload(result.payload) if result.payload is not None else [],
@@ -77,6 +78,36 @@ def report_page(
         command=provenance.get("command"),
         version=provenance.get("version"),
     )
+
+
+def recording_of(path: Path, result: Identification, robot: RobotModel, urdf: Path | None = None) -> None:
+    """Write the robot and the torques of the first recording over time, and what is left of all, for the viewer of Rerun.
+
+    Args:
+        path: the .rrd file. robot, urdf: as of :func:`write_report`.
+
+    Raises:
+        SettingsError: Rerun is not installed. OutputError: it can't be written.
+    """
+    from sysid_ros.pages.rerun_renderer import write_recording
+
+    figures = [torque_figure(s, result.joint_names, _torque_units(result), 1.0, True) for s in result.series[:1]]
+    figures = [replace(figure, title=f"Torque in {Path(result.series[0].name).name}") for figure in figures]
+    if (left := _left(result)) is not None:
+        figures.append(replace(left, title="What is left"))
+    write_recording(path, figures, _view(robot, urdf, result, result.validation or result.errors))
+
+
+def _torque_units(result: Identification) -> list[str]:
+    """Of the effort of each joint."""
+    found = {p.joint: p.unit for p in reversed(result.parameters) if p.unit in ("N", "N m")}
+    return [found.get(joint, "N m") for joint in result.joint_names]
+
+
+def _left(result: Identification) -> Figure | None:
+    units = _torque_units(result)
+    slides = [unit == "N" for unit in units]
+    return residual_figure(result.series, result.joint_names, units, slides, result.cutoff.hz) if result.series else None
 
 
 def _view(robot: RobotModel | None, urdf: Path | None, result: Identification, judged: Sequence[TorqueError]) -> View | None:

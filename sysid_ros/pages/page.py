@@ -67,7 +67,7 @@ def write_plot(path: Path, figure: Figure, template: str = "figure.html", view: 
     elif path.suffix.lower() == RECORDING_SUFFIX:
         from sysid_ros.pages.rerun_renderer import write_recording
 
-        write_recording(path, figure, view)
+        write_recording(path, [figure], view)
     else:
         # takes a part of a second to import
         from sysid_ros.pages.matplotlib_renderer import drawn
