@@ -25,6 +25,8 @@ _LIMIT = 0.6
 """Width of the limits of a band beside its curve [px]."""
 _LONGEST = 60
 """Characters of a recording's name."""
+_ON_DARK = "#9A9A9A"
+"""Instead of ink: the viewer is dark or light as its reader likes."""
 _RING = 0.009
 """Half of the thickness of a ring about a joint, as a part of the robot's size."""
 
@@ -63,7 +65,7 @@ def write_recording(path: Path, figures: Sequence[Figure], view: View | None = N
         tabs = [_figure(library, stream, figure, f"figure {k}") for k, figure in enumerate(figures, 1)]
         parts = [] if view is None else [_robot(library, stream, view)]
         parts += [library.blueprint.Tabs(*tabs)] if tabs else []
-        stream.send_blueprint(library.blueprint.Blueprint(library.blueprint.Horizontal(*parts)))
+        stream.send_blueprint(library.blueprint.Blueprint(library.blueprint.Horizontal(*parts), collapse_panels=True))
         stream.flush()
         stream.disconnect()
 
@@ -82,7 +84,9 @@ def _figure(library: ModuleType, stream: Any, figure: Figure, other: str) -> Any
         _panel(library, stream, at, panel)
     series = library.blueprint.TimeSeriesView
     views = [series(origin=library.new_entity_path(at), name=at[-1]) for at, panel in on_the_clock]
-    return library.blueprint.Vertical(*views, library.blueprint.TextLogView(origin="events"), name=figure.title or other)
+    if any(isinstance(item, Mark) and item.axis == "x" and item.text for _, panel in on_the_clock for item in panel.items):
+        views.append(library.blueprint.TextLogView(origin="events"))
+    return library.blueprint.Vertical(*views, name=figure.title or other)
 
 
 def _picture(library: ModuleType, stream: Any, figure: Figure, name: str) -> Any:
@@ -115,7 +119,8 @@ def _line(library: ModuleType, stream: Any, at: list[str], x: FloatArray, y: Flo
     if not seen.any():
         return
     path = library.new_entity_path(at)
-    stream.log(path, library.SeriesLines(colors=_rgb(colour), names=at[-1], widths=width), static=True)
+    seen_on = _ON_DARK if colour == palette.INK else colour
+    stream.log(path, library.SeriesLines(colors=_rgb(seen_on), names=at[-1], widths=width), static=True)
     times = library.TimeColumn(_CLOCK, duration=np.asarray(x, dtype=float)[seen])
     stream.send_columns(path, [times], library.Scalars.columns(scalars=np.asarray(y, dtype=float)[seen]))
 
