@@ -13,6 +13,7 @@ import numpy as np
 from sysid_ros.pages import palette
 from sysid_ros.pages.figure import evenly
 from sysid_ros.robot.appearance import Appearance, appearance, files_of, in_joint
+from sysid_ros.robot.mjcf_geoms import mjcf_geoms
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
@@ -22,8 +23,8 @@ _MOST_POSTURES = 6000
 """Four minutes of these; of a longer motion the page holds fewer a second."""
 _LEVELS = 65535
 _SOURCES = {
-    "meshes": "Shapes are those of its URDF, simplified.",
-    "shapes": "Shapes are those of its URDF.",
+    "meshes": "Shapes are those of its description, simplified.",
+    "shapes": "Shapes are those of its description.",
     "lines": "No meshes of it are on this machine: links are drawn as lines between their joints.",
 }
 
@@ -129,7 +130,7 @@ def view(robot: RobotModel | None, urdf: Path | None, tracks: Sequence[Track], c
     moving = [track for track in tracks if len(track.t) > 1]
     if robot is None or not moving:
         return None
-    return View(appearance(robot, files_of(urdf)), tuple(map(thinned, moving)), caption, **what)
+    return View(appearance(robot, files_of(urdf), mjcf_geoms(urdf)), tuple(map(thinned, moving)), caption, **what)
 
 
 def thinned(track: Track) -> Track:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from sysid_ros.robot.mesh_files import MeshFiles
 from sysid_ros.robot.mesh_reduction import Mesh, Triangles, along, box, capsule, cone, cylinder, moved, reduced
+from sysid_ros.robot.mjcf_geoms import Geom
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.urdf import lock_joints, read_urdf
 from sysid_ros.sample import FloatArray
@@ -67,12 +68,13 @@ class Appearance:
     source: str
 
 
-def appearance(robot: RobotModel, files: MeshFiles | None = None) -> Appearance:
-    """How to draw a robot: the visual shapes of its URDF, meshes with fewer triangles; the collision shapes of links that have
-    no visual one on this machine; and capsules between the joints of those that have neither, or only small ones.
+def appearance(robot: RobotModel, files: MeshFiles | None = None, geoms: Sequence[Geom] = ()) -> Appearance:
+    """How to draw a robot: the visual shapes of its URDF, or the geoms of its MJCF, meshes with fewer triangles; the collision
+    shapes of links that have no visual one on this machine; and capsules between the joints of those that have neither, or only
+    small ones.
 
     Args:
-        files: where meshes are looked for.
+        files: where meshes are looked for. geoms: from :func:`.mjcf_geoms`.
     """
     model = robot.model
     data = model.createData()
@@ -81,8 +83,9 @@ def appearance(robot: RobotModel, files: MeshFiles | None = None) -> Appearance:
     shapes: list[Shape] = []
     sources: dict[int, str] = {}
     shown: set[int] = set()
-    for kind in ("visual", "collision"):
-        for shape, source in _stated(robot, files or MeshFiles(), kind, size, shown):
+    for kind in ("geom", "visual", "collision"):
+        found = _given(robot, geoms, size) if kind == "geom" else _stated(robot, files or MeshFiles(), kind, size, shown)
+        for shape, source in found:
             shapes.append(shape)
             sources[shape.joint] = max(source, sources.get(shape.joint, ""))
         shown |= {shape.joint for shape in shapes}
@@ -126,6 +129,15 @@ def _size(model: Any, data: Any) -> float:
     pin.updateFramePlacements(model, data)
     places = np.array([np.zeros(3), *(p.translation for p in data.oMf), *(p.translation for p in data.oMi)])
     return max(float(np.ptp(places, axis=0).max()), 0.1)
+
+
+def _given(robot: RobotModel, geoms: Sequence[Geom], size: float) -> Iterator[tuple[Shape, str]]:
+    """The geoms of an MJCF, and whether each is a mesh."""
+    for geom in geoms:
+        if geom.link in robot.frame_names:
+            joint, rotation, translation = in_joint(robot, geom.link)
+            mesh = reduced(geom.mesh, _FINENESS * size, _MOST_VERTICES) if geom.is_mesh else geom.mesh
+            yield Shape(joint, *moved(mesh, rotation, translation), geom.colour or _PLAIN), "meshes" if geom.is_mesh else "shapes"
 
 
 def _stated(robot: RobotModel, files: MeshFiles, kind: str, size: float, shown: set[int]) -> Iterator[tuple[Shape, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,26 @@ _TIES_JOINTS = 2
 
 
 def is_mjcf(text: str) -> bool:
-    """Whether a text describes a robot for MuJoCo."""
-    return "<mujoco" in text[:4000]
+    """Whether a text describes a robot for MuJoCo: its first element is that of an MJCF. URDFs may hold one further on."""
+    first = re.search(r"<(?=\w)(\w+)", re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL))
+    return first is not None and first[1] == "mujoco"
+
+
+def read_mjcf(path: Path) -> Any:
+    """The model that MuJoCo makes of an MJCF.
+
+    Raises:
+        RobotModelError: MuJoCo is not installed or can't read the file.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        raise RobotModelError(f"'{path}' is an MJCF, which MuJoCo reads: pip install 'sysid_ros[mujoco]'.") from None
+    without_log(mujoco)
+    try:
+        return mujoco.MjModel.from_xml_path(str(path))
+    except Exception as error:
+        raise RobotModelError(f"MuJoCo can't read '{path}': {in_a_line(error)}.") from error
 
 
 def urdf_of_mjcf(path: Path) -> str:
@@ -33,25 +52,15 @@ def urdf_of_mjcf(path: Path) -> str:
     a robot on legs. Shapes are left out: see :func:`.mjcf_geoms`.
 
     Raises:
-        RobotModelError: MuJoCo is not installed or can't read the file, or it has ball joints.
+        RobotModelError: as of :func:`read_mjcf`, or it has ball joints.
     """
-    try:
-        import mujoco
-    except ImportError:
-        raise RobotModelError(f"'{path}' is an MJCF, which MuJoCo reads: pip install 'sysid_ros[mujoco]'.") from None
-    without_log(mujoco)
-    try:
-        model = mujoco.MjModel.from_xml_path(str(path))
-    except Exception as error:
-        raise RobotModelError(f"MuJoCo can't read '{path}': {in_a_line(error)}.") from error
+    model = read_mjcf(path)
     if np.any(model.jnt_type == _BALL):
         raise RobotModelError(f"'{path}' has ball joints; only hinges and slides can be estimated.")
     root = ElementTree.Element("robot", name=bytes(model.names).split(b"\0", 1)[0].decode(errors="replace") or path.stem)
     ElementTree.SubElement(root, "link", name="world")
-    shifts = {0: np.zeros(3)}
-    links = {0: "world"}
     for body in range(1, model.nbody):
-        links[body], shifts[body] = _body(root, model, body, links[int(model.body_parentid[body])], shifts)
+        _body(root, model, body)
     _tied(root, model)
     _without_free_base(root)
     ElementTree.indent(root)
@@ -64,36 +73,41 @@ def without_log(mujoco: Any) -> None:
         mujoco.set_mju_user_warning(lambda text: None)
 
 
-def _body(root: ElementTree.Element, model: Any, body: int, parent: str, shifts: dict[int, FloatArray]) -> tuple[str, FloatArray]:
-    """Add a body with its joints; its link, and where its origin is in that."""
-    name = link_of(model, body)
+def _body(root: ElementTree.Element, model: Any, body: int) -> None:
+    """Add a body with its joints."""
+    name, before = link_of(model, body), int(model.body_parentid[body])
     first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
     rotation = pin.Quaternion(*model.body_quat[body].tolist()).toRotationMatrix()
-    at = shifts[int(model.body_parentid[body])] + model.body_pos[body]
+    at = shift_of_link(model, before) + model.body_pos[body]
     behind: FloatArray = np.zeros(3)  # the body's origin in the frame that the next joint starts from
-    link = parent
+    link = link_of(model, before)
     for k in range(first, first + count):
         joint = model.joint(k)
         own = name if k == first + count - 1 else f"{name}_before_{model.joint(k + 1).name or k + 1}"
         free = int(model.jnt_type[k]) == _FREE
         place = np.zeros(3) if free else np.array(model.jnt_pos[k])
-        before, turn = (np.zeros(3), np.eye(3)) if free else _at_zero(model, k)
-        at_zero = at + rotation @ (behind + place + before)
+        shift, turn = (np.zeros(3), np.eye(3)) if free else _at_zero(model, k)
+        at_zero = at + rotation @ (behind + place + shift)
         _joint(root, model, k, joint.name or f"joint_{k}", link, own, at_zero, rotation @ turn)
         link, at, rotation, behind = own, np.zeros(3), np.eye(3), -place
     if count == 0:
-        _joint(root, model, -1, f"{name}_fixed", parent, name, at, rotation)
-        behind = np.zeros(3)
+        _joint(root, model, -1, f"{name}_fixed", link, name, at, rotation)
     last = ElementTree.SubElement(root, "link", name=name)
-    _inertial(last, model, body, behind)
+    _inertial(last, model, body)
     for k in range(first, first + count - 1):
         ElementTree.SubElement(root, "link", name=f"{name}_before_{model.joint(k + 1).name or k + 1}")
-    return name, behind
 
 
 def link_of(model: Any, body: int) -> str:
     """The link that a body of MuJoCo's becomes."""
-    return str(model.body(body).name) or f"body_{body}"
+    return str(model.body(body).name) or f"body_{body}"  # "world" of body 0
+
+
+def shift_of_link(model: Any, body: int) -> FloatArray:
+    """Where the origin of a body of MuJoCo's is in the frame of its link, which is that of its last joint, shape (3,) [m]."""
+    last = int(model.body_jntadr[body]) + int(model.body_jntnum[body]) - 1
+    still = int(model.body_jntnum[body]) == 0 or int(model.jnt_type[last]) == _FREE
+    return np.zeros(3) if still else -np.array(model.jnt_pos[last])
 
 
 def _at_zero(model: Any, k: int) -> tuple[FloatArray, FloatArray]:
@@ -150,14 +164,14 @@ def _effort(model: Any, k: int) -> float:
     return min(found, default=0.0)
 
 
-def _inertial(link: ElementTree.Element, model: Any, body: int, behind: FloatArray) -> None:
+def _inertial(link: ElementTree.Element, model: Any, body: int) -> None:
     mass = float(model.body_mass[body])
     if mass <= 0.0:
         return
     element = ElementTree.SubElement(link, "inertial")
     turned = pin.Quaternion(*model.body_iquat[body].tolist()).toRotationMatrix()
     tensor = turned @ np.diag(model.body_inertia[body]) @ turned.T
-    _origin(element, behind + model.body_ipos[body], np.eye(3))
+    _origin(element, shift_of_link(model, body) + model.body_ipos[body], np.eye(3))
     ElementTree.SubElement(element, "mass", value=repr(mass))
     entries = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
     ElementTree.SubElement(element, "inertia", {key: repr(float(tensor[ij])) for key, ij in entries.items()})
