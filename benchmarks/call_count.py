@@ -86,7 +86,7 @@ def _calls_of_messages(record: ArmRecord) -> list[Calls]:
     from rclpy.parameter import Parameter
     from sensor_msgs.msg import JointState
 
-    from sysid_ros.nodes.messages import stamp_of
+    from sysid_ros.nodes.messages import record_of, stamp_of
     from sysid_ros.nodes.online_payload_estimator import OnlinePayloadEstimator
 
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -101,9 +101,9 @@ def _calls_of_messages(record: ArmRecord) -> list[Calls]:
             message = JointState(name=names, position=m.q.tolist(), velocity=m.v.tolist(), effort=m.tau.tolist())
             message.header.stamp = stamp_of(1.0 + m.t)
             if m.t < KNOWN:
-                node._on_joint_states(message)
+                node._on_joint_states(message, record_of)
             else:
-                counted.append(calls_of(lambda message=message: node._on_joint_states(message)))  # type: ignore[misc]
+                counted.append(calls_of(lambda message=message: node._on_joint_states(message, record_of)))  # type: ignore[misc]
         status = node.live.estimation.latest.status if node.live and node.live.estimation.latest else "none"
         if status != "ok":
             raise click.ClickException(f"the status of the estimate is {status}, not ok: this is not the usual way of a message.")

@@ -334,7 +334,7 @@ def test_quality_of_service_is_as_documented(carrying: Bench) -> None:
     }
     (subscribed,) = carrying.tester.get_subscriptions_info_by_topic(f"/{carrying.namespace}/joint_states")
     assert (subscribed.qos_profile.reliability, subscribed.qos_profile.durability) == (BEST_EFFORT, VOLATILE)
-    assert carrying.node._joint_states.qos_profile.depth == 100
+    assert carrying.node._joint_states.subscription.qos_profile.depth == 100
     assert carrying.node.has_parameter(f"qos_overrides./{carrying.namespace}/joint_states.subscription.depth")
 
 

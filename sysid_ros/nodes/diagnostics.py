@@ -29,7 +29,7 @@ class NodeState:
         problem: why the node could not be configured or has no model yet; empty where it has one.
         topic: resolved name of the joint states.
         publishers: how many publish there.
-        qos_problem: what is wrong with the quality of service; empty where nothing is.
+        input_problem: what is wrong with how joint states are published, quality of service or type; empty where nothing is.
         troubles: messages that the node could not handle, by kind.
         published: number of estimates.
     """
@@ -38,7 +38,7 @@ class NodeState:
     problem: str
     topic: str
     publishers: int
-    qos_problem: str = ""
+    input_problem: str = ""
     troubles: dict[str, int] = field(default_factory=dict)
     published: int = 0
 
@@ -60,8 +60,8 @@ def input_status(node: NodeState, live: LiveEstimation | None, health: GateHealt
             Level.ERROR,
             ["use_sim_time is set but nobody publishes /clock. Publish it, or unset it.", *texts],
         )
-    if node.qos_problem:
-        level, texts = Level.ERROR, [node.qos_problem, *texts]
+    if node.input_problem:
+        level, texts = Level.ERROR, [node.input_problem, *texts]
     values: dict[str, Any] = {"topic": node.topic, "publishers": node.publishers}
     if health is not None:
         values |= {

@@ -7,17 +7,14 @@ import time
 from pathlib import Path
 from typing import Any
 
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
-from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from sysid_ros.nodes import services
 from sysid_ros.nodes.diagnostics import NodeState
 from sysid_ros.nodes.drawings import PayloadFrame
-from sysid_ros.nodes.messages import LATCHED, Outputs, record_of, stamp_of
+from sysid_ros.nodes.joint_input import JointInput, Record
+from sysid_ros.nodes.messages import LATCHED, Outputs, stamp_of
 from sysid_ros.nodes.parameters import NodeParameters, NodeSettings
 from sysid_ros.nodes.reporter import Reporter
 from sysid_ros.nodes.slow_start import COMPILES, cause_of, said_if_slow
@@ -33,7 +30,6 @@ from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
 from sysid_ros.sources.source import urdf_text
 from sysid_ros.torque.model_file import ModelFile
 
-_INPUT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -55,7 +51,7 @@ class OnlinePayloadEstimator(LifecycleNode):
         super().__init__("online_payload_estimator", **options)
         self.live: LiveEstimation | None = None
         self._state = "unconfigured"
-        self._problem = self._qos_problem = ""
+        self._problem = ""
         self._description = ""
         self._troubles: dict[str, int] = {}
         self._trunk_inputs: TrunkInputs | None = None
@@ -63,14 +59,7 @@ class OnlinePayloadEstimator(LifecycleNode):
         self._parameter_source = NodeParameters(self, lambda: self._state != "unconfigured", self._on_parameters)
         self._outputs = Outputs(self)
         drains = self._parameter_source.read(NodeSettings).executor == "single"
-        self._joint_states = self.create_subscription(
-            JointState,
-            "joint_states",
-            self._on_many_joint_states if drains else self._on_joint_states,
-            _INPUT,
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible_qos),
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-        )
+        self._joint_states = JointInput(self, self._on_joint_states, drains)
         self._descriptions = self.create_subscription(String, "robot_description", self._on_description, LATCHED)
         services.create(self, self._live_or_refusal, self._publish_committed)
         self._reporter = Reporter(self, self._receive_clock, lambda: self.live, self._state_now, self._outputs.withdraw)
@@ -192,23 +181,16 @@ class OnlinePayloadEstimator(LifecycleNode):
             self._problem = f"{problem} A new robot_description will be tried."
             self.get_logger().error(f"{self._descriptions.topic_name}: {self._problem}")
 
-    def _on_joint_states(self, message: JointState) -> None:
+    def _on_joint_states(self, message: Any, record_of: Record) -> None:
         received = time.monotonic() + self._receive_clock.offset
-        record = record_of(message, received)
+        try:
+            record = record_of(message, received)
+        except ValueError as error:
+            self._trouble(error)
+            return
         self._take(record, message.header.stamp if record.stamp else None)
         done = time.monotonic() + self._receive_clock.offset
         self._reporter.timing.messages.append((done - (record.stamp or received), done - received))
-
-    def _on_many_joint_states(self, message: JointState) -> None:
-        """As :meth:`_on_joint_states`, and all that wait behind it: in the single-threaded executor a wake-up costs more than a
-        message."""
-        self._on_joint_states(message)
-        for _ in range(_INPUT.depth):
-            with self._joint_states.handle:
-                taken = self._joint_states.handle.take_message(JointState, False)
-            if taken is None:
-                return
-            self._on_joint_states(taken[0])
 
     def _take(self, record: JointStateRecord | ImuRecord | ContactRecord, stamp: Any = None) -> None:
         """Estimate, and publish what is due with a stamp, by default that of the estimate."""
@@ -228,9 +210,12 @@ class OnlinePayloadEstimator(LifecycleNode):
         except Exception as error:  # noqa: BLE001 - one message must not end the node; it is counted and shown
             if not self.context.ok():
                 return
-            kind = type(error).__name__
-            self._troubles[kind] = self._troubles.get(kind, 0) + 1
-            self.get_logger().error(f"A message was not handled: {kind}: {error}", throttle_duration_sec=5.0)
+            self._trouble(error)
+
+    def _trouble(self, error: Exception) -> None:
+        kind = type(error).__name__
+        self._troubles[kind] = self._troubles.get(kind, 0) + 1
+        self.get_logger().error(f"A message was not handled: {kind}: {error}", throttle_duration_sec=5.0)
 
     def _live_or_refusal(self) -> LiveEstimation | str:
         if not self.is_active:
@@ -247,21 +232,14 @@ class OnlinePayloadEstimator(LifecycleNode):
         if self._state != "unconfigured":
             self._commit.settings = self._parameter_source.read(CommitSettings)
 
-    def _on_incompatible_qos(self, event: Any) -> None:
-        self._qos_problem = (
-            f"A publisher on {self._joint_states.topic_name} offers less than is asked for (policy {event.last_policy_kind}). "
-            "Remove the qos_overrides of the subscription."
-        )
-        self.get_logger().error(self._qos_problem)
-
     def _state_now(self) -> NodeState:
-        topic = self._joint_states.topic_name
+        topic = self._joint_states.topic
         return NodeState(
             state=self._state,
             problem=self._problem,
             topic=topic,
             publishers=self.count_publishers(topic),
-            qos_problem=self._qos_problem,
+            input_problem=self._joint_states.problem,
             troubles=self._troubles,
             published=self._outputs.published,
         )

@@ -36,16 +36,69 @@ _INTERFACES = {"position": ("position",), "velocity": ("velocity",), "effort": (
 Kind = tuple[tuple[str, ...], ...]
 
 
-class DynamicJointStateDecoder(ByField):
-    """Each joint with the state interfaces that it has, in any order.
+class InterfaceReader:
+    """Joint states out of joints with the state interfaces that each has, in any order.
 
     Resources without a position (sensors, pins) are no joints. Where some joints have efforts, those without (a gripper) are left
     out, which is said; a velocity counts where all joints have one.
+
+    Attributes:
+        notes: what was left out, a sentence each.
     """
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+        self._layouts: dict[Kind, tuple[tuple[str, ...], list[list[int]]]] = {}
+
+    def record(self, names: Sequence[str], parts: Sequence[Any], stamp: float, receive_time: float) -> JointStateRecord:
+        """The joints with a position.
+
+        Args:
+            names: of the joints. parts: of each its ``interface_names`` and ``values``. stamp, receive_time: [s].
+
+        Raises:
+            ValueError: they are not as many as one another.
+        """
+        key = (tuple(names), *(tuple(part.interface_names) for part in parts))
+        if (layout := self._layouts.get(key)) is None:
+            layout = self._layouts[key] = self.layout(key)
+        sizes = [len(part.values) for part in parts]
+        if sizes != [len(interfaces) for interfaces in key[1:]]:
+            raise ValueError("a DynamicJointState whose values are not as many as its interfaces")
+        joints, index = layout
+        values: FloatArray = np.concatenate([part.values for part in parts]) if parts else np.empty(0)
+        q, v, tau = (values[some] for some in index)
+        return JointStateRecord(stamp, receive_time, joints, q, v, tau)
+
+    def layout(self, key: Kind) -> tuple[tuple[str, ...], list[list[int]]]:
+        """The joints, and where in all values together their positions, velocities and efforts stand."""
+        joints, *interfaces = key
+        if len(joints) != len(interfaces):
+            raise ValueError(f"a DynamicJointState with {len(joints)} joints and the interfaces of {len(interfaces)}")
+        starts = np.cumsum([0, *map(len, interfaces)]).tolist()
+        at: dict[str, dict[str, int]] = {quantity: {} for quantity in _INTERFACES}
+        for joint, start, names in zip(joints, starts, interfaces, strict=False):
+            for quantity, words in _INTERFACES.items():
+                word = next((word for word in words if word in names), None)
+                if word is not None:
+                    at[quantity][joint] = start + names.index(word)
+        held = [joint for joint in joints if joint in at["position"]]
+        measured = [joint for joint in held if joint in at["effort"]]
+        if measured and (silent := [joint for joint in held if joint not in measured]):
+            sentence = f"Joints without an effort are left out: {', '.join(silent)}."
+            self.notes += [sentence] if sentence not in self.notes else []
+        used = measured or held
+        columns = [[at[quantity].get(joint, -1) for joint in used] for quantity in _INTERFACES]
+        return tuple(used), [[] if -1 in column else column for column in columns]
+
+
+class DynamicJointStateDecoder(ByField):
+    """Messages in bags, see :class:`InterfaceReader`."""
 
     def __init__(self, definition: Any, kind: str) -> None:
         super().__init__(definition, kind, ("header", "joint_names", "interface_values"), DEFINITION)
-        self._layouts: dict[Kind, tuple[tuple[str, ...], list[list[int]]]] = {}
+        self._interfaces = InterfaceReader()
+        self.notes = self._interfaces.notes
         self._bulk = JointStateDecoder(self._bytes_of, self._one)
 
     @staticmethod
@@ -69,7 +122,7 @@ class DynamicJointStateDecoder(ByField):
         try:
             expected = self._one(message, 0.0)
             key, at = _values_in(message)
-            names, index = self._layout(key)
+            names, index = self._interfaces.layout(key)
         except (ValueError, struct.error):
             return None
         table = np.frombuffer(message, dtype=np.uint8)
@@ -82,38 +135,7 @@ class DynamicJointStateDecoder(ByField):
 
     def record(self, fields: Mapping[str, Any], stamp: float, receive_time: float) -> JointStateRecord:
         """The joints with a position; see :class:`ByField`."""
-        parts = fields["interface_values"]
-        key = (tuple(fields["joint_names"]), *(tuple(part.interface_names) for part in parts))
-        if (layout := self._layouts.get(key)) is None:
-            layout = self._layouts[key] = self._layout(key)
-        sizes = [len(part.values) for part in parts]
-        if sizes != [len(names) for names in key[1:]]:
-            raise ValueError(f"a {self.kind} whose values are not as many as its interfaces")
-        names, index = layout
-        values: FloatArray = np.concatenate([part.values for part in parts]) if parts else np.empty(0)
-        q, v, tau = (values[some] for some in index)
-        return JointStateRecord(stamp, receive_time, names, q, v, tau)
-
-    def _layout(self, key: Kind) -> tuple[tuple[str, ...], list[list[int]]]:
-        """The joints, and where in all values together their positions, velocities and efforts stand."""
-        joints, *interfaces = key
-        if len(joints) != len(interfaces):
-            raise ValueError(f"a {self.kind} with {len(joints)} joints and the interfaces of {len(interfaces)}")
-        starts = np.cumsum([0, *map(len, interfaces)]).tolist()
-        at: dict[str, dict[str, int]] = {quantity: {} for quantity in _INTERFACES}
-        for joint, start, names in zip(joints, starts, interfaces, strict=False):
-            for quantity, words in _INTERFACES.items():
-                word = next((word for word in words if word in names), None)
-                if word is not None:
-                    at[quantity][joint] = start + names.index(word)
-        held = [joint for joint in joints if joint in at["position"]]
-        measured = [joint for joint in held if joint in at["effort"]]
-        if measured and (silent := [joint for joint in held if joint not in measured]):
-            sentence = f"Joints without an effort are left out: {', '.join(silent)}."
-            self.notes += [sentence] if sentence not in self.notes else []
-        used = measured or held
-        columns = [[at[quantity].get(joint, -1) for joint in used] for quantity in _INTERFACES]
-        return tuple(used), [[] if -1 in column else column for column in columns]
+        return self._interfaces.record(fields["joint_names"], fields["interface_values"], stamp, receive_time)
 
 
 def _values_in(message: bytes) -> tuple[Kind, list[int]]:
