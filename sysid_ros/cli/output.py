@@ -12,10 +12,16 @@ from typing import Any
 import click
 from rich import box
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
+from rich.text import Text
 
 from sysid_ros.exceptions import OutputError
 from sysid_ros.files import check_file, is_stream, write_text
+
+_BESIDE = 3
+"""Blanks about a column and between it and the next."""
+_WORDS = 24
+"""Width of a column of words where there is no room for more."""
 
 
 class _Terminal(Console):
@@ -24,6 +30,42 @@ class _Terminal(Console):
     def on_broken_pipe(self) -> None:
         """Called in place of the error."""
         raise BrokenPipeError
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """As of rich, with tables in as many parts as keep every number whole."""
+        parts = [part for x in objects for part in (in_parts(x, self) if isinstance(x, Table) else [x])]
+        super().print(*parts, **options)
+
+
+def in_parts(whole: Table, console: Console) -> list[Table]:
+    """A table as it is where it fits the console, else its columns below one another, each part beginning with the first."""
+    widths = [_width(column, console) for column in whole.columns]
+    groups: list[list[int]] = [[0]]
+    for k in range(1, len(widths)):
+        taken = sum(widths[i] + _BESIDE for i in (*groups[-1], k)) + 1
+        if taken > console.width and len(groups[-1]) > 1:
+            groups.append([0])
+        groups[-1].append(k)
+    if len(groups) == 1:
+        return [whole]
+    out = []
+    for group in groups:
+        part = Table(title=whole.title if group is groups[0] else None, title_justify=whole.title_justify, box=whole.box)
+        for k in group:
+            of = whole.columns[k]
+            part.add_column(of.header, justify=of.justify, no_wrap=of.no_wrap)
+        cells = zip(*(whole.columns[k].cells for k in group), strict=True)
+        for row, texts in zip(whole.rows, cells, strict=True):
+            part.add_row(*texts, style=row.style, end_section=row.end_section)
+        out.append(part)
+    return out
+
+
+def _width(column: Column, console: Console) -> int:
+    """Of a column whose texts are whole; of words, which may wrap, a dozen or two of letters."""
+    texts = [x if isinstance(x, Text) else console.render_str(str(x)) for x in (column.header, *column.cells)]
+    whole = max((line.cell_len for text in texts for line in text.split("\n")), default=0)
+    return whole if column.no_wrap else min(whole, _WORDS)
 
 
 def report(width: int = 120) -> Console:
