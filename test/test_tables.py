@@ -13,7 +13,7 @@ import pytest
 from sysid_ros.cli.main import run
 from sysid_ros.exceptions import DataError
 from sysid_ros.sources import BagSource, TableSource, open_source
-from sysid_ros.sources.columns import columns_of
+from sysid_ros.sources.columns import columns_of, read_columns
 from sysid_ros.sources.table import of_frame, read_table, write_table
 
 BAG = Path(__file__).parents[1] / "bags" / "arm_pick_and_drop"
@@ -50,6 +50,25 @@ def test_a_bag_and_each_form_of_table_give_the_same_to_the_last_digit(tmp_path: 
         path = tmp_path / f"log{suffix}"
         write_table(path, table)
         assert replayed(tmp_path, path, "--urdf", urdf) == truth, suffix
+
+
+def test_columns_in_an_npz(tmp_path: Path, table: TableSource, urdf: Path) -> None:
+    """An array a column, an array a quantity, and whatever names a mapping gives: the same numbers."""
+    arrays = {"position": table.q, "effort": table.tau}
+    single: dict[str, Any] = {f"{j}_{what}": x[:, k] for what, x in arrays.items() for k, j in enumerate(table.joint_names)}
+    np.savez(tmp_path / "single.npz", time=table.t, **single)
+    np.savez(tmp_path / "joint.npz", time=table.t, joint_position=table.q, joint_effort=table.tau, rates=np.arange(3.0))
+    np.savez(tmp_path / "own.npz", clock=1e3 * table.t, a=table.q, b=table.tau)
+    mapping, n = tmp_path / "columns.yaml", table.q.shape[1]
+    mapping.write_text(
+        f"time: clock\ntime_unit: ms\nposition: {[f'a_{k}' for k in range(n)]}\neffort: {[f'b_{k}' for k in range(n)]}\n"
+    )
+    for name, columns in (("single", None), ("joint", None), ("own", mapping)):
+        found = read_table(tmp_path / f"{name}.npz", read_columns(columns) if columns else None)
+        np.testing.assert_array_equal(found.q, table.q)
+        np.testing.assert_array_equal(found.tau, table.tau)
+        np.testing.assert_allclose(found.t, table.t, atol=1e-6)
+        assert found.joint_names == (table.joint_names if name == "single" else ())
 
 
 def test_a_joint_that_is_called_a_joint_keeps_its_name() -> None:

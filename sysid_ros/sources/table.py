@@ -123,7 +123,7 @@ def read_table(path: Path, columns: Mapping[str, Any] | None = None) -> TableSou
     if not path.is_file():
         raise DataError(f"table '{path}' does not exist.")
     if path.suffix == ".npz":
-        source = _of_npz(path)
+        source = _of_npz(path, columns)
     else:
         names, values = _parquet(path) if path.suffix == ".parquet" else read_csv(path)
         source = of_columns(str(path), names, values, columns)
@@ -227,18 +227,31 @@ def _arrow(path: Path) -> tuple[Any, Any]:
     return pyarrow, parquet
 
 
-def _of_npz(path: Path) -> TableSource:
+def _of_npz(path: Path, columns: Mapping[str, Any] | None) -> TableSource:
+    """The arrays t, q, tau of a file, or its columns: arrays of one column each, or of several, which get numbers."""
     try:
         with np.load(path, allow_pickle=False) as file:
-            found = {key: next((file[name] for name in names if name in file), None) for key, names in _KEYS.items()}
-            joints = [str(name) for name in file["joint_names"]] if "joint_names" in file else []
-            held = list(file)
+            held = {name: file[name] for name in file}
     except Exception as error:
         reason = "it holds no arrays of numbers" if "pickle" in str(error) else in_a_line(error)
         raise DataError(f"table '{path}' can't be read as npz: {reason}. Write it again with numpy.savez.") from error
-    t, q, v, tau = found["t"], found["q"], found["v"], found["tau"]
-    if t is None or q is None or tau is None:
+    t, q, v, tau = (next((held[name] for name in names if name in held), None) for names in _KEYS.values())
+    if columns is None and t is not None and q is not None and tau is not None:
+        return TableSource(str(path), t, q, tau, v, [str(name) for name in held.get("joint_names", ())])
+    table = {name: values for name, values in held.items() if values.ndim in (1, 2) and values.dtype.kind in "fiu"}
+    rows = max((len(values) for values in table.values()), default=0)
+    flat = {
+        name if values.ndim == 1 else f"{name}_{k}": column
+        for name, values in table.items()
+        if len(values) == rows
+        for k, column in enumerate(values.reshape(rows, -1).T)
+    }
+    try:
+        return of_columns(str(path), list(flat), np.column_stack([np.asarray(x, dtype=float) for x in flat.values()]), columns)
+    except (DataError, ValueError) as error:
+        if columns is not None and isinstance(error, DataError):
+            raise
         raise DataError(
-            f"'{path}' holds {', '.join(held) or 'nothing'}; it must hold t (N,), q (N, n), tau (N, n), and may hold v."
-        )
-    return TableSource(str(path), t, q, tau, v, joints)
+            f"'{path}' holds {', '.join(held) or 'nothing'}; it must hold t (N,), q (N, n), tau (N, n), and may hold v; or "
+            "arrays with the names that the columns of a CSV would have, or --columns must name them."
+        ) from error
