@@ -66,8 +66,7 @@ def refused(
         # the page and the document of a refusal say why
         assert left == {"d/report.html", "d/diagnosis.json", "d.json"}
         return " ".join(captured.out.split())
-    # of a replay what was estimated, though it tells nothing
-    assert left <= ({"s.csv", "p.png"} if command == "replay" else set())
+    assert not left
     said = captured.err[captured.err.index("Error: ") :].removesuffix("\n")
     assert "\n" not in said
     assert said[-1] in ".]" or said.endswith(("xacro", ".urdf", "--dst x")), said

@@ -92,11 +92,13 @@ def command(
     if result.used == 0:
         worst = max(gate.counts, key=lambda reason: gate.counts[reason], default="joints_missing")
         raise BagError(f"bag '{bag}': no joint state of it can be used. {gate.last_texts.get(worst, '')}".rstrip())
-    _write(result, bag.name, robot, urdf, json_path, series_path, payloads_path, (plot_path, rerun_path))
+    tells = any(e.status != "warming_up" for e in result.series)
+    if tells:
+        _write(result, bag.name, robot, urdf, json_path, series_path, payloads_path, (plot_path, rerun_path))
     for sentence in result.warnings:
         warn(sentence)
     show_replay(result, bag.name)
-    if not any(e.status != "warming_up" for e in result.series):
+    if not tells:
         raise BagError(f"bag '{bag}' tells nothing of a payload: {_why_nothing(result, gate)}")
 
 
