@@ -188,7 +188,7 @@ def test_holds_follows_and_learns_what_is_picked_up(bench: Callable[..., Bench],
 
 
 def test_a_committed_payload_is_taken_over(bench: Callable[..., Bench]) -> None:
-    one = bench("told", law="certainty_equivalence")
+    one = bench("told", law="certainty_equivalence", payload_from="committed")
     one.run(0.1)
     body = one.arm.payload
     assert body is not None
@@ -212,6 +212,23 @@ def test_a_committed_payload_is_taken_over(bench: Callable[..., Bench]) -> None:
     one.payloads.publish(message)
     one.run(0.5)
     assert one.live.law.payload == pytest.approx(body.theta)
+
+
+def test_a_live_value_that_may_not_be_believed_is_not_heard(bench: Callable[..., Bench]) -> None:
+    one = bench("hears", law="certainty_equivalence")
+    one.run(0.1)
+    heard = one.tester.create_publisher(InertiaStamped, "online_payload_estimator/payload_valid", 1)
+    one.until(lambda: heard.get_subscription_count() > 0)
+    message = InertiaStamped()
+    message.header.frame_id = one.arm.frame
+    message.inertia.ixx = message.inertia.iyy = message.inertia.izz = 1e-4
+    for mass, believed in ((0.05, 0.05), (float("nan"), 0.05), (0.06, 0.06)):
+        message.inertia.m = mass
+        heard.publish(message)
+        for _ in range(20):
+            one.executor.spin_once(timeout_sec=0.01)
+        one.run(0.5)
+        assert one.live.law.payload[0] == pytest.approx(believed)
 
 
 @pytest.mark.slow

@@ -31,6 +31,7 @@ from sysid_ros.nodes.controller_status import Heard, control_status, idle, input
 from sysid_ros.nodes.diagnostics import diagnostic_array
 from sysid_ros.nodes.messages import LATCHED, inertia_of, record_of, stamp_of
 from sysid_ros.nodes.parameters import NodeParameters
+from sysid_ros.nodes.payload_inputs import payload_inputs
 from sysid_ros.nodes.slow_start import cause_of
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock
@@ -40,7 +41,7 @@ from sysid_ros.sources.source import urdf_text
 
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)
 _WATCH, _REPORT, _TELL, _SETTLES, _POLL = 0.005, 1.0, 0.1, 0.3, 0.0005
-_LAST_WORDS = 0.02  # for so long the torque of an arm at rest is repeated where no states come
+_LAST_WORDS = 0.02  # the torque of an arm at rest is repeated for so long where no states come
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -48,16 +49,15 @@ class AdaptiveController(LifecycleNode):
     """Reads ``joint_states`` and sends ``effort_commands`` (Float64MultiArray, one effort a joint) for each of them.
 
     Active, it holds the arm where it stands, and follows what comes on ``~/joint_trajectory`` or by :mod:`.trajectory_action`; an
-    empty trajectory or ``~/hold`` brings it to rest. What the arm carries it hears on ``online_payload_estimator/
-    payload_committed``, and learns by itself with the laws ``slotine_li`` and ``composite``. ``~/reference`` tells the wanted
-    motion with the efforts sent, ``~/payload`` what the law believes in, ``/diagnostics`` what is wrong.
+    empty trajectory or ``~/hold`` brings it to rest. What the arm carries it hears from ``online_payload_estimator``; the laws
+    ``slotine_li`` and ``composite`` learn it by themselves too. ``~/reference`` tells the wanted motion with the efforts sent,
+    ``~/payload`` what the law believes in, ``/diagnostics`` what is wrong.
 
     Where joint states stay away the arm is brought to rest on the model alone, and told the torque that holds it; then nothing is
     sent any more, so that the robot's own watch over its commands takes it. Before the node ends, is deactivated or cleaned up it
     brings the arm to rest.
 
-    Attributes:
-        live: the control, None without a model. now: the time that silence is measured by [s].
+    Attributes: live: the control, None without a model. now: the time that silence is measured by [s].
     """
 
     def __init__(self, **options: Any) -> None:
@@ -76,7 +76,7 @@ class AdaptiveController(LifecycleNode):
         self._kept = (
             self.create_subscription(String, "robot_description", self._on_description, LATCHED),
             self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, 1),
-            self.create_subscription(InertiaStamped, "online_payload_estimator/payload_committed", self._on_payload, LATCHED),
+            *payload_inputs(self, self._on_payload),
             self.create_service(Trigger, "~/hold", self._on_hold),
         )
         self._action = trajectory_action.offer(self, lambda: self.live if self._state == "active" else None)
@@ -158,8 +158,8 @@ class AdaptiveController(LifecycleNode):
     def _load(self, urdf: str, settings: ControllerSettings) -> None:
         gains, safety = self._parameter_source.read(ControlSettings), self._parameter_source.read(SafetySettings)
         live, arm, self._gate = make_control(urdf, settings, gains, safety, self.get_logger().info)
-        robot = arm.robot
-        self._arm, self._order = arm, in_order(robot.joint_names, settings.joint_names)
+        robot, self._arm = arm.robot, arm
+        self._order = in_order(robot.joint_names, settings.joint_names)
         self._names = [robot.joint_names[j] for j in self._order]
         self.live, self._problem, self._last, self._spoken = live, "", -np.inf, -np.inf
         self.get_logger().info(

@@ -18,5 +18,8 @@ class ControllerSettings(Settings):
     frame_id: str = setting("", "frame that the payload is fixed to; empty: the arm's flange")
     gravity: tuple[float, ...] = setting((0.0, 0.0, -9.81), "gravity in the base frame", "m/s^2", -30.0, 30.0)
     law: str = setting("composite", "the control law", choices=LAWS)
+    payload_from: str = setting(
+        "live", "of the estimator's values: each that may be believed, or those it commits", choices=("live", "committed")
+    )
     autostart: bool = setting(False, "configure and activate at the start: efforts are sent from the first state on")
     executor: str = setting("events", "as of the estimator", choices=("single", "events"))
