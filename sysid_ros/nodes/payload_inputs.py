@@ -17,7 +17,7 @@ _TOPICS = {"committed": ("payload_committed", LATCHED), "live": ("payload_valid"
 
 
 def payload_inputs(node: Node, hear: Callable[[InertiaStamped], None]) -> tuple[Any, ...]:
-    """Subscriptions to what ``online_payload_estimator`` tells; ``hear`` is given what comes from where the node's ``payload_from``
+    """Subscriptions to what ``online_payload_estimator`` tells; ``hear`` is given what comes from where its ``payload_from``
     says, and is known whole."""
     return tuple(
         node.create_subscription(InertiaStamped, f"online_payload_estimator/{name}", partial(_pass_on, node, hear, source), qos)
