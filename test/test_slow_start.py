@@ -28,7 +28,7 @@ from sensor_msgs.msg import JointState
 from sysid_ros.exceptions import DataError
 from sysid_ros.nodes import controller_parts, online_payload_estimator
 from sysid_ros.nodes.adaptive_controller import AdaptiveController
-from sysid_ros.nodes.messages import stamp_of
+from sysid_ros.nodes.messages import record_of, stamp_of
 from sysid_ros.nodes.online_payload_estimator import OnlinePayloadEstimator
 from sysid_ros.nodes.slow_start import cause_of, said_if_slow
 from sysid_ros.robot.robot_model import RobotModel
@@ -165,7 +165,7 @@ def test_a_robot_of_one_joint_is_configured_and_moved(ros: None, tmp_path: Path,
         q, v, a = (np.array([x]) for x in (0.5 * np.sin(2 * t), np.cos(2 * t), -2.0 * np.sin(2 * t)))
         message = JointState(name=["turn"], position=q.tolist(), velocity=v.tolist(), effort=robot.rnea(q, v, a).tolist())
         message.header.stamp = stamp_of(t0 + t)
-        node._on_joint_states(message)
+        node._on_joint_states(message, *([record_of] if kind is OnlinePayloadEstimator else []))
     if kind is OnlinePayloadEstimator:
         assert not node._troubles
         assert not node.live.troubles
