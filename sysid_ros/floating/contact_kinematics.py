@@ -19,12 +19,12 @@ class ContactKinematics:
             None: their origins.
 
     Attributes:
-        joints_above: number of joints between the base and each link. carriers: those that move each link, shape (k, n), bool.
+        offsets: as given. joints_above: number of joints between the base and each link. carriers: those that move each link, shape (k, n), bool.
     """
 
     def __init__(self, robot: RobotModel, frames: Sequence[str], offsets: FloatArray | None = None) -> None:
-        self._offsets = np.zeros((len(frames), 3)) if offsets is None else offsets
-        self._shifted = bool(self._offsets.any())
+        self.offsets = np.zeros((len(frames), 3)) if offsets is None else offsets
+        self._shifted = bool(self.offsets.any())
         self._model, self._data, self._n = robot.model, robot.model.createData(), robot.n
         self.frames = tuple(frames)
         self._ids = [robot.frame_id(name) for name in frames]
@@ -42,7 +42,7 @@ class ContactKinematics:
         origins = np.empty((len(self._ids), 3))
         for i, frame in enumerate(self._ids):
             placement = pin.updateFramePlacement(self._model, self._data, frame)
-            origins[i] = placement.act(self._offsets[i]) if self._shifted else placement.translation
+            origins[i] = placement.act(self.offsets[i]) if self._shifted else placement.translation
         return origins, np.ascontiguousarray(motions)
 
     def jacobians(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:

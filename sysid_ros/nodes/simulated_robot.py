@@ -30,7 +30,8 @@ from sysid_ros.simulation import ArmScenario, ArmSimulation
 from sysid_ros.simulation.description import IMU_LINK
 from sysid_ros.simulation.drives import HeldByDrives
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
-from sysid_ros.simulation.quadruped_simulation import QuadrupedSimulation, QuadrupedState
+from sysid_ros.simulation.quadruped_simulation import QuadrupedSimulation
+from sysid_ros.simulation.quadruped_state import QuadrupedState
 
 
 class TrunkOutputs:

@@ -7,8 +7,6 @@ from collections.abc import Collection, Sequence
 from functools import lru_cache
 from pathlib import Path
 
-import pybullet_data
-
 TIP_LINK = "lbr_iiwa_link_7"
 """The link that the last joint moves: the payload is fixed to it and expressed in its frame."""
 
@@ -72,6 +70,8 @@ def quadruped_description(imu_xyz: Sequence[float] = (0.0, 0.0, 0.0), imu_rpy: S
 def _plain(name: str, touching: Collection[str] = ()) -> ElementTree.Element:
     """A file of ``pybullet_data`` without what its links look like and, but for ``touching``, touch with, and without joint
     dynamics."""
+    import pybullet_data  # not needed where MuJoCo simulates
+
     root = ElementTree.parse(Path(pybullet_data.getDataPath()) / name).getroot()
     for tag in ("material", "transmission", "gazebo"):
         for element in root.findall(tag):

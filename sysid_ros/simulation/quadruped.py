@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,25 +11,7 @@ from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.bullet_world import STEP, BulletWorld
 from sysid_ros.simulation.carried_body import CarriedBody
 from sysid_ros.simulation.quiet_bullet import pybullet
-
-
-@dataclass(frozen=True, slots=True)
-class TrunkState:
-    """Where the trunk is and how it moves.
-
-    Attributes:
-        rotation: from the trunk's axes to the world's, shape (3, 3). position: of its origin, shape (3,) [m].
-        velocity: of its origin, in the world, shape (3,) [m/s]. omega: angular velocity in the world, shape (3,) [rad/s].
-    """
-
-    rotation: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    omega: FloatArray
-
-    def velocity_of(self, point: FloatArray) -> FloatArray:
-        """Velocity in the world of a point given in the trunk, shape (3,) [m/s]."""
-        return self.velocity + cross(self.omega, self.rotation @ point)
+from sysid_ros.simulation.trunk_state import TrunkState, cross
 
 
 class QuadrupedWorld(BulletWorld):
@@ -101,11 +82,6 @@ class QuadrupedWorld(BulletWorld):
                 i = self._feet.index(point[3])
                 forces[i] += point[9] * np.array(point[7]) + point[10] * np.array(point[11]) + point[12] * np.array(point[13])
         self.foot_forces = forces
-
-
-def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross product of two vectors (3,): numpy's own takes longer than a step of the physics allows."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def _matrix(quaternion: Sequence[float]) -> FloatArray:

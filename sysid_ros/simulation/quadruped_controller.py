@@ -8,8 +8,8 @@ import numpy as np
 
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.sample import FREE, FloatArray
-from sysid_ros.simulation.quadruped import TrunkState
 from sysid_ros.simulation.quadruped_motion import Trot, TrunkMotion
+from sysid_ros.simulation.trunk_state import TrunkState
 
 _STANCE_RAMP = 0.15
 _FRICTION = 0.6

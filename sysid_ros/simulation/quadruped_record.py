@@ -10,7 +10,8 @@ from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
 from sysid_ros.simulation.arm_record import Recorder
 from sysid_ros.simulation.description import IMU_LINK
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
-from sysid_ros.simulation.quadruped_simulation import QuadrupedSimulation, QuadrupedState
+from sysid_ros.simulation.quadruped_simulation import QuadrupedSimulation
+from sysid_ros.simulation.quadruped_state import QuadrupedState
 
 
 class QuadrupedRecorder(Recorder, Protocol):

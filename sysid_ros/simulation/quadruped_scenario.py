@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -57,23 +59,33 @@ class QuadrupedScenario(Scenario):
     accelerometer_bias: tuple[float, ...] = (0.0, 0.0, 0.0)
     contact_error: float = 0.0
 
+    gaits: ClassVar[Sequence[str]] = GAITS
+
     def __post_init__(self) -> None:
-        self.check_values(100, ("imu_xyz", "imu_rpy", "gyro_bias", "accelerometer_bias"))
-        self.require(self.gait in GAITS, "gait", f"one of {', '.join(GAITS)}")
-        self.require(0.0 <= self.extent <= 1.5, "extent", "from 0 to 1.5")
-        self.require(0.0 <= self.speed <= 0.4, "speed", "from 0 to 0.4 m/s")
-        self.require(0.0 <= self.slope <= 10.0, "slope", "from 0 to 10 degrees")
-        self.require(math.isfinite(self.slope_heading), "slope_heading", "a finite number of degrees")
+        self.check_motion()
         self.require(self.lifted_foot in ("", *FEET), "lifted_foot", f"one of {', '.join(FEET)}")
         self.require(not (self.lifted_foot and self.gait == "trot"), "lifted_foot", "empty in a trot")
         hoisted = self.hoist_time is None or (0.0 <= self.hoist_time < self.duration and self.gait != "trot")
         self.require(hoisted, "hoist_time", "from 0 s to before the end, and not in a trot")
         self.require(2.5 <= self.hoist_duration < math.inf, "hoist_duration", "2.5 s or more")
-        self.require(0.0 <= self.contact_error <= 0.5, "contact_error", "from 0 to 0.5")
         x, y, z = self.payload_com
         near = abs(x) <= 0.15 and abs(y) <= 0.08 and 0.0 <= z <= 0.4
         place = "on the back: x within 0.15 m, y within 0.08 m and z from 0 to 0.4 m of the trunk's origin"
         self.check_payload(6.0, "robot", near, place)
+
+    def check_motion(self) -> None:
+        """What robot, ground and sensors do is allowed.
+
+        Raises:
+            SettingsError: it is not.
+        """
+        self.check_values(100, ("imu_xyz", "imu_rpy", "gyro_bias", "accelerometer_bias"))
+        self.require(self.gait in self.gaits, "gait", f"one of {', '.join(self.gaits)}")
+        self.require(0.0 <= self.extent <= 1.5, "extent", "from 0 to 1.5")
+        self.require(0.0 <= self.speed <= 0.4, "speed", "from 0 to 0.4 m/s")
+        self.require(0.0 <= self.slope <= 10.0, "slope", "from 0 to 10 degrees")
+        self.require(math.isfinite(self.slope_heading), "slope_heading", "a finite number of degrees")
+        self.require(0.0 <= self.contact_error <= 0.5, "contact_error", "from 0 to 0.5")
 
     @property
     def ground(self) -> FloatArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,40 +17,20 @@ from sysid_ros.sample import FREE, FloatArray
 from sysid_ros.simulation.bullet_world import STEP
 from sysid_ros.simulation.description import FEET, IMU_LINK, TRUNK, quadruped_description
 from sysid_ros.simulation.payload import Payload
-from sysid_ros.simulation.quadruped import Hoist, QuadrupedWorld, TrunkState
+from sysid_ros.simulation.quadruped import Hoist, QuadrupedWorld
 from sysid_ros.simulation.quadruped_controller import QuadrupedController
 from sysid_ros.simulation.quadruped_motion import Trot, TrunkMotion
 from sysid_ros.simulation.quadruped_scenario import SETTLE_TIME, QuadrupedScenario
+from sysid_ros.simulation.quadruped_state import QuadrupedState
 from sysid_ros.simulation.scenario import CONTROL_RATE
 from sysid_ros.simulation.simulation import Simulation
+from sysid_ros.simulation.trunk_state import TrunkState
 
 HEIGHT = 0.27
 """Of the trunk's origin over the ground [m]."""
 _POSTURE = (0.0, 0.83, -1.66)
 _GRAVITY = np.array([0.0, 0.0, -9.81])
 _TOUCHES = 1.0
-
-
-@dataclass(frozen=True, slots=True)
-class QuadrupedState:
-    """What the sensors of the quadruped would tell at one instant.
-
-    Attributes:
-        t: [s]. q, v, tau: of the joints in the model's order, shape (n,).
-        orientation: of the IMU in the world, quaternion x, y, z, w. omega: shape (3,) [rad/s], specific_force: shape (3,)
-            [m/s^2], both in the axes of the IMU.
-        contacts: 1.0 for each foot that touches, shape (k,). forces: of the ground on the feet in the trunk's axes, (k, 3) [N].
-    """
-
-    t: float
-    q: FloatArray
-    v: FloatArray
-    tau: FloatArray
-    orientation: FloatArray
-    omega: FloatArray
-    specific_force: FloatArray
-    contacts: FloatArray
-    forces: FloatArray
 
 
 class QuadrupedSimulation(Simulation[QuadrupedState]):

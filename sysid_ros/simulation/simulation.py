@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.simulation.arm import ArmWorld
 from sysid_ros.simulation.payload import Payload, truth_of_payload
-from sysid_ros.simulation.quadruped import QuadrupedWorld
 from sysid_ros.simulation.scenario import CONTROL_RATE, Scenario
+
+if TYPE_CHECKING:  # each needs its own simulator
+    from sysid_ros.simulation.arm import ArmWorld
+    from sysid_ros.simulation.legged_world import LeggedWorld
+    from sysid_ros.simulation.quadruped import QuadrupedWorld
 
 Message = TypeVar("Message")
 """What the sensors tell at one instant."""
@@ -22,12 +25,12 @@ class Simulation(ABC, Generic[Message]):
 
     Attributes:
         robot: whose joints the messages hold. urdf: the description that belongs to them. frame: link that carries the payload.
-        payload: the body, or None. world: in PyBullet.
+        payload: the body, or None. world: in its simulator.
         events: (t [s], "pick" | "drop") of all that happened, t of the first message that shows it.
     """
 
     robot: RobotModel
-    world: ArmWorld | QuadrupedWorld
+    world: ArmWorld | QuadrupedWorld | LeggedWorld
     scenario: Scenario
 
     def __init__(self, scenario: Scenario, urdf: str, frame: str) -> None:
@@ -91,7 +94,7 @@ class Simulation(ABC, Generic[Message]):
     def _untie(self) -> None: ...
 
     def close(self) -> None:
-        """Free the PyBullet world."""
+        """Free the world."""
         self.world.close()
 
     def _truth(self, s: Scenario, start_time: float, **more: Any) -> dict[str, Any]:
