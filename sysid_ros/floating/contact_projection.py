@@ -12,6 +12,8 @@ from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.sample import FREE, FloatArray, Sample
 
 _G = 9.81
+_SHIFT = 1e-3
+"""Difference of radii over which a derivative is taken [m]."""
 
 
 @dataclass(slots=True)
@@ -69,6 +71,8 @@ class ContactProjection:
         k, n = len(base.contact_frames), base.robot.n
         self._radius = base.foot_radius
         self.matrix: FloatArray = np.zeros((FREE, n - FREE))
+        self._feet: tuple[FloatArray, FloatArray] = np.zeros((k, 3)), np.zeros((6, n))
+        self._shifted = np.zeros((k, 3, n)), np.zeros((FREE, n - FREE)), np.zeros((k, 3))
         self.points = np.zeros((k, 3, n))
         self.loads = np.zeros(k)
         self._nobody = np.zeros(0)
@@ -100,7 +104,7 @@ class ContactProjection:
             sample: of all n joints. rest: measured torque minus what is known, shape (n,). reported: contacts, (k,), or None.
         """
         stance = self._stance
-        origins, motions = self.base.contacts.origins(sample.q)
+        origins, motions = self._feet = self.base.contacts.origins(sample.q)
         fresh = not 0.0 < sample.t - self._t < 0.5
         dt = 0.0 if fresh else sample.t - self._t
         self._t = sample.t
@@ -136,9 +140,26 @@ class ContactProjection:
 
     def apply(self, rows: FloatArray, out: FloatArray) -> None:
         """``L^-1 N' rows`` for rows of shape (n, c), into ``out`` of shape (6, c)."""
+        self.multiply(rows, out)
+        self.whiten(out)
+
+    def multiply(self, rows: FloatArray, out: FloatArray) -> None:
+        """``N' rows`` for rows of shape (n, c), into ``out`` of shape (6, c)."""
         kernels.multiply(self.matrix, rows, out)
+
+    def whiten(self, rows: FloatArray) -> None:
+        """``L^-1 rows`` of shape (6, c), in place."""
         if self._noise is not None:
-            kernels.solve_unit_lower(self._factor, out)
+            kernels.solve_unit_lower(self._factor, rows)
+
+    def by_radius(self, rest: FloatArray) -> FloatArray:
+        """Derivative of ``N' rest`` by the radius of all feet, shape (6,) [N/m], [N], at the sample of the last update; ``rest``:
+        torque of the legs that is left for the contact forces, shape (n,)."""
+        points, matrix, forces = self._shifted
+        radius = self._radius + _SHIFT
+        kernels.touching(*self._feet, self.base.contacts.carriers, radius, self._stance.normal, points)
+        kernels.project(points, rest, kernels.DAMPING, matrix, forces)
+        return np.asarray((matrix - self.matrix) @ rest[FREE:] / _SHIFT)
 
     def wrench(self, rows: FloatArray) -> FloatArray:
         """Force and moment on the trunk from the six rows, shape (6,): the inverse of the last step of :meth:`apply`."""

@@ -16,6 +16,10 @@ from sysid_ros.sample import FREE, FloatArray
 LEAST_JOINTS = 3
 """Joints of a leg from whose torques the force on its foot is known."""
 
+_FOOT = 0.009
+"""Radius of a usual foot over the cube root of the robot's mass [m/kg^(1/3)]; quadrupeds from 2 to 90 kg have 0.005 to 0.013, and
+frames where the ground is touched 0."""
+
 _AXES = ("x", "y", "z")
 
 
@@ -40,7 +44,8 @@ class FloatingBase:
         robot: the model with n = 6 + number of leg joints; the first six rows are force [N] and moment [N m] on the trunk.
         trunk: name of the trunk's link. trunk_frames: links that are fixed to it, itself among them.
         contacts: kinematics of the feet. mass: of the whole robot [kg].
-        foot_radius: 0 of a foot that is taken as a point, shape (k,) [m].
+        foot_radius: of each foot, guessed where nothing tells it, shape (k,) [m]. radius_told: where something does, shape (k,).
+        radius_std: standard deviation of a guess [m].
 
     Raises:
         RobotModelError: a contact frame is no link of the URDF or no leg carries it.
@@ -63,6 +68,7 @@ class FloatingBase:
         self.foot_radius, centres = _spheres(root, frames)
         if foot_radius > 0.0:
             self.foot_radius = np.full(len(frames), foot_radius)
+        self.radius_told = self.foot_radius > 0.0
         self.contacts = ContactKinematics(self.robot, frames, centres)
         for frame, joints in zip(frames, self.contacts.joints_above, strict=True):
             if joints < FREE + LEAST_JOINTS:
@@ -71,6 +77,8 @@ class FloatingBase:
                     f"torques of at least {LEAST_JOINTS}. Name the feet in contact_frames."
                 )
         self.mass = float(self.robot.pi[::10].sum())
+        self.radius_std = _FOOT * self.mass ** (1.0 / 3.0)
+        self.foot_radius = np.where(self.radius_told, self.foot_radius, self.radius_std)
         above = ContactKinematics(self.robot, legs.frame_names).joints_above
         self.trunk_frames: tuple[str, ...] = tuple(name for name, n in zip(legs.frame_names, above, strict=True) if n == FREE)
 
@@ -82,12 +90,12 @@ class FloatingBase:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know, a sentence each."""
-        points = [name for name, radius in zip(self.contact_frames, self.foot_radius, strict=True) if radius == 0.0]
+        points = [name for name, told in zip(self.contact_frames, self.radius_told, strict=True) if not told]
         if not points:
             return ()
         return (
-            f"The URDF gives {', '.join(points)} no sphere in <collision>: they are taken to touch the ground at their origin. "
-            "On slopes and in motion the payload is wrong by what they are thick: set foot_radius.",
+            f"The URDF gives {', '.join(points)} no sphere in <collision>: how far below their origin they touch the ground is "
+            f"guessed, {1e3 * self.radius_std:.0f} mm to within as much, and estimated beside the payload. Set foot_radius.",
         )
 
     def state(

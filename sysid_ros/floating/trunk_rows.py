@@ -28,10 +28,11 @@ class TrunkRows:
             how far each joint is from moving, and what is considered. p: see there. payload: where its columns stand.
         cutoff_hz, rate: of the low-pass [Hz]. period: between rows [s]. standstill: velocity below which it stands [rad/s].
         stances: takes note of what the feet do. gravity: at the place [m/s^2], by which a free bias is distinguished from a load.
-        bias: where it stands among the free parameters, None where it is not free.
+        bias: where it stands among the free parameters, None where it is not free. radius, delay: of the feet and of the IMU, as
+            ``bias``: see :meth:`ContactProjection.by_radius` and :meth:`_late`.
 
     Attributes:
-        projection: the step before the low-pass. bank: the low-pass. rows: of an update.
+        load: the payload's parameters, shape (10,), as they are known. projection: the step before the low-pass. bank: the low-pass. rows: of an update.
     """
 
     def __init__(
@@ -47,10 +48,17 @@ class TrunkRows:
         stances: StanceLog | None = None,
         gravity: float = 9.81,
         bias: slice | None = None,
+        radius: slice | None = None,
+        delay: slice | None = None,
     ) -> None:
         self._p, self._payload, self._bias, self._stances = p, payload, bias, stances
+        self._robot, self._radius, self._delay, self._period = base.robot, radius, delay, period
         self.projection = ContactProjection(base)
-        self._projected, self._beside = np.zeros((FREE, channels)), np.zeros((base.robot.n + 1, 2))
+        # the last channel is what the motion of the trunk alone costs
+        self._projected, self._beside = np.zeros((FREE, channels + 1)), np.zeros((base.robot.n + 1, 2))
+        self._raw = np.zeros((base.robot.n, channels + 1))
+        self._moved: tuple[FloatArray, float] = np.zeros((FREE, 11)), 0.0
+        self.load = np.zeros(10)
         self.bank = LowPassBank(self._projected.shape, cutoff_hz, rate)
         self._beside_bank = LowPassBank(self._beside.shape, cutoff_hz, rate)
         self._standing = StandingColumns(period, standstill)
@@ -64,7 +72,13 @@ class TrunkRows:
         if self._stances is not None:
             self._stances.add(stance, sample.t)
         if stance.trusted:
-            projection.apply(raw, self._projected)
+            self._raw[:, :-1] = raw
+            if self._delay is not None:
+                self._raw[:, -1] = self._trunk_alone(sample)
+            projection.multiply(self._raw, self._projected)
+            if self._radius is not None:
+                self._projected[:, self._radius.start] = -projection.by_radius(raw[:, self._p])
+            projection.whiten(self._projected)
         else:
             self._projected[:] = 0.0
         self._gravity.push(sample, projection.points, projection.loads)
@@ -82,12 +96,30 @@ class TrunkRows:
         Y, y, tau = np.zeros((self.rows, p)), np.zeros(self.rows), np.zeros(self.rows)
         Y[:FREE], y[:FREE], tau[:FREE] = out[:, :p], out[:, p], out[:, p + 3]
         Y[:FREE, self._payload] = self._standing.push(np.ascontiguousarray(out[:, self._payload]), speed, trust > _TRUSTED)
+        if self._delay is not None:
+            Y[:FREE, self._delay.start] = self._late(out, trust)
         if self._bias is not None and trust > _TRUSTED:
             Y[FREE, self._bias], y[FREE] = vertical, excess
-        considered = np.zeros((self.rows, out.shape[1] - p - 6))
-        considered[:FREE] = out[:, p + 6 :]
+        considered = np.zeros((self.rows, out.shape[1] - p - 7))
+        considered[:FREE] = out[:, p + 6 : -1]
         values = {"Y": Y, "y": y, "speed": speed, "slow": np.zeros(self.rows), "tau": tau, "considered": considered}
         return values | {"acceleration": other[:-1, 1].copy(), "trust": trust}
+
+
+    def _trunk_alone(self, sample: Sample) -> FloatArray:
+        """Generalised forces that the measured acceleration of the trunk alone costs, shape (n,)."""
+        still, moved = np.zeros_like(sample.v), np.zeros_like(sample.a)
+        moved[:FREE] = sample.a[:FREE]
+        return self._robot.rnea(sample.q, still, moved)
+
+    def _late(self, out: FloatArray, trust: float) -> FloatArray:
+        """What a second of delay of the IMU does to the six rows: ``a(t) = a'(t + d) = a' + d da'/dt``, so that the rows hold
+        ``d`` times the slope of what the trunk's acceleration costs robot and load, shape (6,)."""
+        now = np.column_stack([out[:, -1], out[:, self._payload]])
+        (before, trusted), self._moved = self._moved, (now, trust)
+        if min(trust, trusted) < _TRUSTED:
+            return np.zeros(FREE)
+        return np.asarray((now - before) @ np.append(1.0, self.load) / self._period)
 
 
 class GravityRow:

@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
-from sysid_ros.effects import AccelerometerBias, Effect, Payload
+from sysid_ros.effects import Effect, Payload
 from sysid_ros.estimators import Estimator, JumpRule, Problem, make_estimator
 from sysid_ros.exceptions import RobotModelError, SettingsError
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.online.friction_correction import FrictionCorrection
 from sysid_ros.online.front_end import FrontEnd
+from sysid_ros.online.leg_parameters import LegParameters
 from sysid_ros.online.link_inexactness import link_inexactness
 from sysid_ros.online.rows import Rows
 from sysid_ros.online.small_tilt import SmallTilt
@@ -49,7 +50,8 @@ class FreeParameters:
     Attributes:
         payload: the effect whose columns come first. bias: where that of the accelerometer stands, None where it is not free.
         tilt: of an arm's base, where it is free. tilt_slice: where its two parameters stand. tilt_is_open: whether that is to be
-            asked still. friction_slice: where those of friction stand. carried: whether an effect needs to know the payload.
+            asked still. friction_slice: where those of friction stand.
+        legs: what is not known of a robot on legs beside its payload, None of an arm.
         friction: of an arm; its parameters, if they are free, come after the payload's. None of a floating base.
         model: known and free effects.
         extra_colour: as of :class:`.Problem`, of the estimator that was made last.
@@ -89,13 +91,12 @@ class FreeParameters:
             self.tilt = SmallTilt(robot, settings.base_tilt_std)
             effects.append(self.tilt)
             prior_std.append(np.full(2, settings.base_tilt_std))
-        self._bias: AccelerometerBias | None = None
         self.extra_colour = 1.0
         self.trunk_noise: tuple[FloatArray, FloatArray] | None = None
-        if base is not None and settings.accelerometer_bias_std > 0.0:
-            self._bias = AccelerometerBias(whole, frame=self.payload.frame)
-            effects.append(self._bias)
-            prior_std.append(np.full(3, settings.accelerometer_bias_std))
+        self.legs = LegParameters(base, self.payload.frame, settings, known is not None) if base else None
+        if self.legs is not None:
+            effects += self.legs.effects
+            prior_std.append(self.legs.prior_std)
         inexact = None
         if base is None and known is None and settings.effort_type == "total":
             inexact = link_inexactness(robot, settings.link_mass_error, settings.link_com_error)
@@ -108,8 +109,7 @@ class FreeParameters:
             inexact=inexact,
         )
         self.tilt_is_open = self.tilt is not None
-        self.carried = self._bias is not None
-        self.bias = self.model.slices[-1] if self._bias else None
+        self.bias = self.legs.bias if self.legs else None
         self.tilt_slice = self.model.slices[effects.index(self.tilt)] if self.tilt else slice(0, 0)
         self.friction_slice = self.model.slices[1] if self.friction in effects else slice(0, 0)
         self.prior_std = np.concatenate(prior_std)
@@ -137,10 +137,14 @@ class FreeParameters:
             self.tilt_is_open = False
         return turned
 
-    def carry(self, theta: FloatArray) -> None:
-        """Take in what is known of the free parameters now, shape (p,): a bias of the accelerometer concerns the payload too."""
-        if self._bias is not None:
-            self._bias.load = theta[PAYLOAD].copy()
+    def carry(self, estimator: Estimator, front_end: FrontEnd) -> None:
+        """Take in what is known of the free parameters of a robot on legs now."""
+        assert self.legs is not None
+        theta, variance = estimator.marginal(slice(0, self.model.p))
+        load = theta[PAYLOAD].copy()
+        self.legs.carry(load)
+        self.legs.know(theta, variance)
+        front_end.carry(load)
 
     def extra_variance(self, rows: Rows, estimator: Estimator, passed: float) -> FloatArray | None:
         """Variance of the rows beside their noise, shape (n,): what dry friction hides; and of rows soon after a change as if
@@ -184,7 +188,7 @@ class FreeParameters:
         beside = np.append(base.mass**2 * felt, np.zeros(3))
         self.trunk_noise = density.copy(), beside
         rows = ContactProjection(base).variance_at(Sample(first.t, *state, np.zeros(base.robot.n)), density, beside)
-        return np.append(rows, np.max(felt) + _GRAVITY_DENSITY) if self._bias else rows
+        return np.append(rows, np.max(felt) + _GRAVITY_DENSITY) if self.bias is not None else rows
 
     def make_estimator(self, front_end: FrontEnd, floor: FloatArray) -> Estimator:
         """The estimator that the settings name, for rows of at least the variance ``floor``, shape (n,)."""

@@ -11,8 +11,10 @@ from sysid_ros.estimators.estimator import Noise
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.stance_log import StanceLog
 from sysid_ros.floating.trunk_rows import TrunkRows
+from sysid_ros.online.leg_parameters import LegParameters
 from sysid_ros.online.row_history import RowHistory
 from sysid_ros.online.rows import Rows
+from sysid_ros.robot.smoothed_sign import TURNS
 from sysid_ros.sample import FloatArray, Measurement, Sample
 from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank, fill_beside
 from sysid_ros.signals.cutoff import acceleration_variance, default_cutoff, position_noise, window_half_width
@@ -202,6 +204,7 @@ class FrontEnd:
         cutoff_hz: of the low-pass [Hz]; 0 for what suits rate and noise of the positions.
         noise: of the positions, root mean square over the joints [rad].
         use_message_velocity: velocity from the messages instead of from the positions.
+        legs: where what is not known of legs and IMU stands among the free parameters of a floating base.
         base: the robot of ``model`` where it floats. standstill, stances, gravity, bias: as of :class:`TrunkRows`.
 
     Attributes:
@@ -226,6 +229,7 @@ class FrontEnd:
         gravity: float = 9.81,
         bias: slice | None = None,
         noise: float = 0.0,
+        legs: LegParameters | None = None,
     ) -> None:
         self._model = model
         self.rate = 1.0 / period
@@ -245,8 +249,10 @@ class FrontEnd:
             n, p = model.robot.n, model.p
             self._floating = FloatingDerivative(n, period, window_half_width(self.rate), use_message_velocity)
             self.derivative = self._floating
-            self._raw = np.zeros((n, p + BESIDE + model.error.c))
-            about = (cutoff, self.rate, self.period, standstill, stances, gravity, bias)
+            assert legs is not None
+            self._legs, self._hidden = legs.drives, p + BESIDE + model.error.c
+            self._raw = np.zeros((n, self._hidden + (self._legs.considered if self._legs else 0)))
+            about = (cutoff, self.rate, self.period, standstill, stances, gravity, bias, legs.radius, legs.delay)
             self._trunk = TrunkRows(base, self._raw.shape[1], p, model.slices[0], *about)
             bank, self.rows, self.projection = self._trunk.bank, self._trunk.rows, self._trunk.projection
         self.makes_anew = self._arm is not None
@@ -268,13 +274,20 @@ class FrontEnd:
         due: list[Rows] = []
         raw, p = self._raw, self._model.p
         for sample in self._floating.push(measurement):
-            self._model.split_into(sample, raw[:, :p], raw[:, p], raw[:, p + BESIDE :])
+            self._model.split_into(sample, raw[:, :p], raw[:, p], raw[:, p + BESIDE : self._hidden])
+            if self._legs is not None:
+                self._legs.fill(sample.v, sample.tau, TURNS, raw[:, self._hidden :])
             fill_beside(raw, p + 1, sample.v, sample.a, sample.tau)
             self._trunk.push(sample, raw, self._floating.contacts(sample.t))
             self._tick += 1
             if self._tick >= 0 and self._tick % self._every == 0:
                 due.append(Rows(**self._trunk.due(), sample=sample))
         return due
+
+    def carry(self, load: FloatArray) -> None:
+        """Take in the ten parameters of what is carried, of a floating base."""
+        if self._trunk is not None:
+            self._trunk.load = load
 
     def rest(self) -> None:
         """Rows to come hold nothing of what has been; not of a floating base."""

@@ -167,7 +167,7 @@ class OnlineEstimation:
         noise = position_noise(np.array([m.q for m in measurements])) if self._noise is None else self._noise
         front_end = FrontEnd(
             self._free.model, self._cadence.period, s.update_rate, s.cutoff_hz, s.velocity_source == "message", self.base,
-            s.standstill_velocity, self._stances, self._gravity, self._free.bias, noise,
+            s.standstill_velocity, self._stances, self._gravity, self._free.bias, noise, self._free.legs,
         )  # fmt: skip
         if front_end.rate < 20.0:
             said = f"The joint states come at {front_end.rate:.1f} Hz; below 20 Hz the accelerations are lost."
@@ -194,8 +194,8 @@ class OnlineEstimation:
             return self._held(rows, self._ground) if due and self._ground.lifted else None
         self._still = self._still + front_end.period if max(rows.speed.tolist()) < self.settings.standstill_velocity else 0.0
         hold = self._still > _STANDS and self.base is None
-        if self._free.carried:
-            self._free.carry(estimator.theta)
+        if self.base is not None:
+            self._free.carry(estimator, front_end)
         known, jumps, extra, friction = estimator.noise_known, estimator.jumps, None, self._free.friction
         if self._changes.trial is not None:
             self.estimator, estimate = self._changes.take(rows, hold, estimator, front_end)

@@ -71,7 +71,7 @@ class LeggedRobot:
         legs = [np.flatnonzero(carried[FREE:]) for carried in base.contacts.carriers]
         if not is_legged(bare) or len(legs) != 4 or any(leg.size != 3 for leg in legs):
             raise SettingsError(f"robot is {name}; it must stand on four legs of three joints, it has {bare.n} joints.")
-        radius = np.where(base.foot_radius > 0.0, base.foot_radius, _SMALL_FOOT)
+        radius = np.where(base.radius_told, base.foot_radius, _SMALL_FOOT)
         _only_feet_touch(root, base, radius if spheres else np.zeros(4))
         _place_imu(root, base.trunk, imu_xyz, imu_rpy)
         urdf = ElementTree.tostring(root, encoding="unicode")

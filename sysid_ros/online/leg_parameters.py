@@ -1,0 +1,74 @@
+"""LegParameters: what is not known of a robot on legs beside its payload, and where it stands among the free parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid_ros.effects import AccelerometerBias, Effect
+from sysid_ros.floating.floating_base import FloatingBase
+from sysid_ros.online.leg_drives import LegDrives
+from sysid_ros.online.trunk_errors import FootRadius, ImuDelay, ImuPlacement
+from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.sample import FloatArray
+
+_KNOWN_RADIUS = 1.5e-3
+"""By how much feet are pressed together [m]."""
+
+
+class LegParameters:
+    """Rotors and friction of the legs, radius of the feet, and where and when the IMU measures, each with what is expected of it.
+
+    Args:
+        base: the robot. frame: of the payload. settings: how well the IMU's place is known, and whether its bias and the legs'
+            friction are estimated. known: a model of the legs is given.
+
+    Attributes:
+        drives: of the legs, None where they are known. effects: free ones beside the payload, in order.
+        prior_std: of their parameters, shape (p,).
+        dry: where those of the drives stand among all free parameters. radius, delay, placement, bias: the same of these; None
+            where it is not free.
+    """
+
+    def __init__(self, base: FloatingBase, frame: str, settings: OnlineSettings, known: bool) -> None:
+        robot = base.robot
+        s = settings
+        self.effects: list[Effect] = []
+        self._prior: list[FloatArray] = []
+        self.drives = LegDrives(base) if s.estimate_friction and not known else None
+        self.dry: slice | None = None
+        if self.drives is not None:
+            where = [self._add(e, std) for e, std in zip(self.drives.effects, np.split(self.drives.prior_std, 3), strict=True)]
+            self.dry = slice(where[0].start, where[-1].stop)
+        unsure = np.where(base.radius_told, _KNOWN_RADIUS, base.radius_std)
+        self.radius: slice | None = self._add(FootRadius(robot), [float(np.sqrt(np.mean(unsure**2)))])
+        self._imu = ImuPlacement(robot, frame)
+        self.placement: slice | None = None
+        if s.imu_tilt_std > 0.0 or s.imu_lever_std > 0.0:
+            self.placement = self._add(self._imu, [s.imu_tilt_std] * 3 + [s.imu_lever_std] * 3)
+        self.delay: slice | None = None
+        if s.imu_delay_std > 0.0:
+            self.delay = self._add(ImuDelay(robot), [s.imu_delay_std])
+        self._bias = AccelerometerBias(robot, frame=frame) if s.accelerometer_bias_std > 0.0 else None
+        self.bias = self._add(self._bias, [s.accelerometer_bias_std] * 3) if self._bias else None
+
+    @property
+    def prior_std(self) -> FloatArray:
+        """Before any data, shape (p,)."""
+        return np.concatenate(self._prior)
+
+    def carry(self, load: FloatArray) -> None:
+        """Take in the ten parameters of what is carried: what the IMU gets wrong concerns it too."""
+        self._imu.load = load
+        if self._bias is not None:
+            self._bias.load = load
+
+    def know(self, theta: FloatArray, variance: FloatArray) -> None:
+        """Take in the free parameters as they are known now, and their variances, shape (p,) each."""
+        if self.drives is not None:
+            self.drives.know(theta[self.dry], variance[self.dry])
+
+    def _add(self, effect: Effect, std: FloatArray | list[float]) -> slice:
+        start = 10 + sum(e.p for e in self.effects)
+        self.effects.append(effect)
+        self._prior.append(np.maximum(np.asarray(std, dtype=float), 1e-9))
+        return slice(start, start + effect.p)
