@@ -22,11 +22,13 @@ class JumpRule:
         memory: time after a jump during which old data are still in the rows [s]; 0 where whoever gives the rows takes care of
             it: with the row that shows the jump the estimator goes back to before the run that it ends, and is left so; who calls
             may let it :meth:`.Estimator.forget`, and gives it rows that hold nothing of the time before.
+        lasts: a jump must explain rows of twice this time, see :class:`.LastingJumpSearch` [s]; 0: a run of a few rows.
     """
 
     block: slice
     least: FloatArray
     memory: float
+    lasts: float = 0.0
 
 
 class JumpSearch:

@@ -9,6 +9,7 @@ import numpy as np
 from sysid_ros.estimators import kernels, variable_update
 from sysid_ros.estimators.estimator import Estimate, Estimator, Noise, Problem
 from sysid_ros.estimators.jump_search import JumpSearch
+from sysid_ros.estimators.lasting_jump import LastingJumpSearch
 from sysid_ros.estimators.long_run_variance import BlockInnovations, LongRunVariance
 from sysid_ros.estimators.row_sums import RowSums
 from sysid_ros.estimators.variable_update import BLOCK_FULL, BROKEN_DOWN, NOT_ORDINARY, SAID, TAKEN_IN
@@ -66,6 +67,10 @@ class VariableForgetting(Estimator):
         self._blocks = BlockInnovations(self.noise.lengths, self.m, self.p)
         self._sums = RowSums(self._prior_variance, self.m)
         self._search = JumpSearch(self._jump, self._prior_variance)
+        self._lasting: LastingJumpSearch | None = None
+        if self._jump.lasts > 0.0:
+            self._lasting = LastingJumpSearch(self._jump, self._prior_variance, self.m, self._period)
+            self.found_after = self._lasting.found_after  # type: ignore[misc]
         self._early, self._early_jump = list[tuple[FloatArray, FloatArray, FloatArray]](), False
         self._kept: tuple[FloatArray, ...] = ()
         self.before_jump = self.last_jump = np.zeros(self._jump.least.size)
@@ -88,6 +93,8 @@ class VariableForgetting(Estimator):
         if Z.shape[1] != self._sensitivity.shape[1]:
             self._consider(Z.shape[1])
         innovation, outlier, done = np.empty(self.m), False, NOT_ORDINARY
+        if self._lasting is not None and self.noise.known and not self._settling:
+            self._look_back(self._lasting, Y, tau)
         if not (hold or self._settling or self._burst or self._search.hits):
             done = self._take_in(Y, tau, extra, Z, innovation, self.THRESHOLD)
         if done == NOT_ORDINARY and kernels.innovate(Y, tau, self._theta, innovation):
@@ -206,7 +213,7 @@ class VariableForgetting(Estimator):
 
     def _watch(self, Y: FloatArray, innovation: FloatArray, extra: FloatArray, z: float) -> bool:
         """Collect innovations that are too large; True where a jump explains them."""
-        if self.settling or self._spread_count == 0 or (self._early_jump and not self.noise.known):
+        if self._lasting is not None or self.settling or self._spread_count == 0 or (self._early_jump and not self.noise.known):
             return False
         if not z > self.THRESHOLD:
             self._search.miss()
@@ -220,13 +227,24 @@ class VariableForgetting(Estimator):
         if change is None:
             return False
         self.undo_misfits()
+        self._take_jump(change)
+        return True
+
+    def _look_back(self, lasting: LastingJumpSearch, Y: FloatArray, tau: FloatArray) -> None:
+        """Look for a jump that lasts in the rows to come and those before them."""
+        if np.isfinite(tau).all() and np.isfinite(Y).all():
+            change = lasting.add(Y, tau, self._theta, self._P)
+            if change is not None:
+                self._take_jump(change)
+
+    def _take_jump(self, change: FloatArray) -> None:
+        """The block has jumped by ``change``."""
         self.jumps += 1
         self.before_jump, self.last_jump = self._theta[self._jump.block].copy(), change
         if self._jump.memory > 0.0:
             self._settling = max(round(self._jump.memory / self._period), 1)
             self._interrupt_noise()
             self._begin_again()
-        return True
 
     def _coloured_variance(self) -> FloatArray:
         """Long-run variance of the rows; while it is not known, as if what is left kept its value for a block, shape (m,)."""
@@ -296,3 +314,5 @@ class VariableForgetting(Estimator):
         """Residuals to come do not follow the ones before."""
         self.noise.interrupt()
         self._blocks.interrupt()
+        if self._lasting is not None:
+            self._lasting.restart()

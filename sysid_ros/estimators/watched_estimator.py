@@ -32,6 +32,7 @@ class WatchedEstimator(Estimator):
         self._inner, self._floor, self._colour = inner, problem.floor, problem.extra_colour
         self._clean = problem.jump.memory == 0.0
         self._watch = VariableForgetting.of(problem)
+        self.found_after = self._watch.found_after  # type: ignore[misc]
         self._see()
 
     def _see(self) -> None:

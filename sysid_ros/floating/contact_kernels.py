@@ -27,7 +27,7 @@ _SLIP = 0.15
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def _turn_normal(normal: FloatArray, omega: FloatArray, dt: float) -> None:
+def turn_direction(normal: FloatArray, omega: FloatArray, dt: float) -> None:
     """A direction that rests in the world, seen from the trunk that turns: ``dn/dt = n x w``."""
     x, y, z = normal[0], normal[1], normal[2]
     normal[0] += dt * (y * omega[2] - z * omega[1])
@@ -234,7 +234,7 @@ def follow(
         for c in range(3):
             normal[c] = a[c] / size
         loaded[:] = True
-    _turn_normal(normal, v[3:6], dt)
+    turn_direction(normal, v[3:6], dt)
     for i in range(k):
         stands[i] = loaded[i] and (reported.size == 0 or reported[i] > 0.5)
     for _ in range(50 if fresh else 1):

@@ -7,12 +7,15 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from sysid_ros.floating.contact_kernels import turn_direction
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.stance_log import StanceLog
 from sysid_ros.sample import FREE, FloatArray, Sample
 from sysid_ros.signals.causal_filters import LowPassBank
 
+_FOLLOWS = 2.0
+"""Time in which the vertical follows the accelerometer [s]: some steps."""
 _TRUSTED = 0.99
 """Part of a row that is from when the feet carried the robot, from which on their velocity is that of the trunk."""
 
@@ -132,6 +135,9 @@ class GravityRow:
     derivative of v is that of the low-passed v, so its error has no mean however often feet change (Bloesch et al. 2013 fuse the
     same measurements in a filter).
 
+    The vertical u follows the gyro, and the direction of ``g u`` itself only within seconds (a complementary filter: Mahony et al.
+    2008). Along it noise has no mean either, whereas the size of a noisy vector is always too large.
+
     Args:
         gravity: at the place [m/s^2]. cutoff_hz, rate: of the low-pass [Hz]. period: between rows [s].
     """
@@ -141,11 +147,17 @@ class GravityRow:
         self._raw = np.zeros((2, 3))
         self._bank = LowPassBank(self._raw.shape, cutoff_hz, rate)
         self._before: FloatArray | None = None
+        self._vertical: FloatArray = np.zeros(3)
+        self._t, self._seen = -np.inf, 0.0
 
     def push(self, sample: Sample, points: FloatArray, load: FloatArray) -> None:
         """Take in a sample, with the Jacobians (k, 3, n) of the points that touch and the force on each, shape (k,)."""
         _observe(sample.v, sample.a, points, load, self._raw)
         self._bank.push(self._raw)
+        dt = sample.t - self._t
+        if 0.0 < dt < 0.5:
+            turn_direction(self._vertical, sample.v[3:6], dt)
+        self._t = sample.t
 
     def row(self) -> tuple[FloatArray, float]:
         """u, shape (3,), and ``u' b`` [m/s^2], of the time since the row before."""
@@ -154,8 +166,12 @@ class GravityRow:
         if before is None:
             before = now
         gravity = 0.5 * (now[0] + before[0]) - (now[1] - before[1]) / self._period
-        size = float(np.linalg.norm(gravity))
-        return gravity / max(size, 1e-9), size - self._gravity
+        self._seen += self._period
+        share = max(self._period / self._seen, self._period / _FOLLOWS)
+        # the low-passed vector is of a while ago; over the seconds of the average that is nothing
+        vertical = self._vertical + share * (gravity / max(float(np.linalg.norm(gravity)), 1e-9) - self._vertical)
+        self._vertical = vertical / max(float(np.linalg.norm(vertical)), 1e-9)
+        return self._vertical.copy(), float(self._vertical @ gravity) - self._gravity
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]

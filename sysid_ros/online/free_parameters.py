@@ -30,6 +30,8 @@ LEAST_JUMP = (0.03, 5e-3, 5e-3, 5e-3) + (math.inf,) * 6
 """Change of mass [kg] or first moment [kg m] of which one must be exceeded to count as a change of the payload."""
 _STAYS = 0.5
 """For so long dry friction at standstill is wrong by the same torque [s]."""
+_STEP = 0.25
+"""A robot on legs takes about a step in so long [s]: what an impact does to the rows has passed in the next one."""
 _LEVEL = 1e-4
 """What a base is tilted by that is level, as a part of the prior standard deviation."""
 _CARRIED = 0.16
@@ -194,7 +196,7 @@ class FreeParameters:
         """The estimator that the settings name, for rows of at least the variance ``floor``, shape (n,)."""
         s = self._settings
         # an arm's rows are made anew after a change, see RowHistory
-        jump = JumpRule(PAYLOAD, np.array(LEAST_JUMP), front_end.memory if self._base else 0.0)
+        jump = JumpRule(PAYLOAD, np.array(LEAST_JUMP), front_end.memory if self._base else 0.0, _STEP if self._base else 0.0)
         part = 1.0 if self._base is None else front_end.passed
         self.extra_colour = 1.0 if self._base else max(_STAYS / front_end.period, 1.0)
         if self.tilt is not None:  # nothing is known of it any more

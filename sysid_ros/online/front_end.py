@@ -14,7 +14,6 @@ from sysid_ros.floating.trunk_rows import TrunkRows
 from sysid_ros.online.leg_parameters import LegParameters
 from sysid_ros.online.row_history import RowHistory
 from sysid_ros.online.rows import Rows
-from sysid_ros.robot.smoothed_sign import TURNS
 from sysid_ros.sample import FloatArray, Measurement, Sample
 from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank, fill_beside
 from sysid_ros.signals.cutoff import acceleration_variance, default_cutoff, position_noise, window_half_width
@@ -250,8 +249,8 @@ class FrontEnd:
             self._floating = FloatingDerivative(n, period, window_half_width(self.rate), use_message_velocity)
             self.derivative = self._floating
             assert legs is not None
-            self._legs, self._hidden = legs.drives, p + BESIDE + model.error.c
-            self._raw = np.zeros((n, self._hidden + (self._legs.considered if self._legs else 0)))
+            self._legs, self._hidden = legs, p + BESIDE + model.error.c
+            self._raw = np.zeros((n, self._hidden + legs.considered))
             about = (cutoff, self.rate, self.period, standstill, stances, gravity, bias, legs.radius, legs.delay)
             self._trunk = TrunkRows(base, self._raw.shape[1], p, model.slices[0], *about)
             bank, self.rows, self.projection = self._trunk.bank, self._trunk.rows, self._trunk.projection
@@ -275,8 +274,7 @@ class FrontEnd:
         raw, p = self._raw, self._model.p
         for sample in self._floating.push(measurement):
             self._model.split_into(sample, raw[:, :p], raw[:, p], raw[:, p + BESIDE : self._hidden])
-            if self._legs is not None:
-                self._legs.fill(sample.v, sample.tau, TURNS, raw[:, self._hidden :])
+            self._legs.fill(sample, raw[:, self._hidden :])
             fill_beside(raw, p + 1, sample.v, sample.a, sample.tau)
             self._trunk.push(sample, raw, self._floating.contacts(sample.t))
             self._tick += 1

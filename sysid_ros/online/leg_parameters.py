@@ -9,8 +9,12 @@ from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.online.leg_drives import LegDrives
 from sysid_ros.online.trunk_errors import FootRadius, ImuDelay, ImuPlacement
 from sysid_ros.online_settings import OnlineSettings
-from sysid_ros.sample import FloatArray
+from sysid_ros.robot.smoothed_sign import TURNS
+from sysid_ros.sample import FloatArray, Sample
 
+_BIAS = 0.02
+"""Standard deviation of a bias of the accelerometer that is not estimated [m/s^2]; above half as much again it shows, see
+:class:`.StanceLog`."""
 _KNOWN_RADIUS = 1.5e-3
 """By how much feet are pressed together [m]."""
 
@@ -61,6 +65,20 @@ class LegParameters:
         self._imu.load = load
         if self._bias is not None:
             self._bias.load = load
+
+    @property
+    def considered(self) -> int:
+        """Number of errors that :meth:`fill` writes."""
+        return (self.drives.considered if self.drives else 0) + (self._bias is None)
+
+    def fill(self, sample: Sample, out: FloatArray) -> None:
+        """Write the considered torques of a sample into the rows (n, c) of the whole robot."""
+        if self.drives is not None:
+            self.drives.fill(sample.v, sample.tau, TURNS, out)
+        if self._bias is None:
+            force = sample.a[:3]
+            along = force / max(float(np.linalg.norm(force)), 1e-9)
+            out[:, -1] = _BIAS * (self._imu.mass(sample.q) @ along)
 
     def know(self, theta: FloatArray, variance: FloatArray) -> None:
         """Take in the free parameters as they are known now, and their variances, shape (p,) each."""

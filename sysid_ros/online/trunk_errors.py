@@ -32,18 +32,27 @@ class ImuPlacement(Effect):
         super().__init__(robot)
         self._frame = robot.frame_id(frame)
         self.load: FloatArray = np.zeros(10)
+        self._at: FloatArray | None = None
+        self._mass: FloatArray = np.zeros((robot.n, 3))
         self.parameter_names = tuple(f"{what}_{axis}" for what in ("tilt", "lever") for axis in "xyz")
         self.units = ("rad",) * 3 + ("m",) * 3
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
-        mass = self.robot.base_acceleration_columns(sample.q)
-        if self.load.any():
-            mass = mass + self.robot.base_acceleration_columns_of(sample.q, self._frame, self.load)
+        mass = self.mass(sample.q)
         w, s = sample.v[3:FREE], sample.a[:3]
         dw = sample.a[3:FREE] + np.array([w[1] * w[2], -w[0] * w[2], w[0] * w[1]])
         turn = _cross(w)
         out[:, :3] = -mass @ _cross(s)
         out[:, 3:] = -mass @ (_cross(dw) + turn @ turn)
+
+
+    def mass(self, q: FloatArray) -> FloatArray:
+        """M_b, of robot and load, shape (n, 3)."""
+        if q is not self._at:
+            self._at, self._mass = q, self.robot.base_acceleration_columns(q)
+            if self.load.any():
+                self._mass = self._mass + self.robot.base_acceleration_columns_of(q, self._frame, self.load)
+        return self._mass
 
 
 class RowEffect(Effect):
