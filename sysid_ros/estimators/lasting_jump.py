@@ -16,8 +16,8 @@ _TAILS = 4.0
 """Degrees of freedom of the blocks' distribution: between a Gaussian's and a Cauchy's tails, as impacts have them."""
 _MEMORY = 40.0
 """Blocks after which what was learned of their noise has faded to a third."""
-_FEWEST = 8
-"""Blocks from which on their noise is known."""
+_SUPPOSED = 2.0
+"""For so many blocks counts what is supposed of their noise: that rows of a block have it in common."""
 _SELDOM = 600.0
 """A change is expected once in this time, before any data [s]."""
 _MOST = 9.0
@@ -74,9 +74,11 @@ class LastingJumpSearch:
         self._tick = 0
         self._before = None
 
-    def add(self, Y: FloatArray, tau: FloatArray, theta: FloatArray, P: FloatArray) -> FloatArray | None:
+    def add(
+        self, Y: FloatArray, tau: FloatArray, theta: FloatArray, P: FloatArray, spread: FloatArray
+    ) -> FloatArray | None:
         """Take in the rows Y (m, p), tau (m,) of an update, before which theta (p,) and P (p, p) were known: the jump of the
-        block that lasts, or None."""
+        block that lasts, or None. ``spread``: variance of a single row, shape (m,)."""
         if self._tick % self._every == 0:
             self._runs.append(_Run(theta.copy(), P.copy()))
         self._tick += 1
@@ -89,20 +91,19 @@ class LastingJumpSearch:
         if self._runs[0].count < self.rows:
             return None
         run = self._runs.pop(0)
-        change = self._judge(run)
+        noise = (self._weight * self._variance + _SUPPOSED * spread) / (self._weight + _SUPPOSED)
+        change = self._judge(run, noise)
         if change is None and (self._tick - self.rows) % self._length == 0:
-            self._learn(run)
+            self._learn(run, noise)
         return change
 
-    def _judge(self, run: _Run) -> FloatArray | None:
-        if self._weight < _FEWEST:
-            return None
+    def _judge(self, run: _Run, noise: FloatArray) -> FloatArray | None:
         rho = np.clip(self._product / np.maximum(self._variance, 1e-300), 0.0, 0.9)
         u, W, covariance = [], [], []
         for Y, tau in zip(run.Y, run.tau, strict=True):
             u.append(tau - Y @ run.theta)
             W.append(Y[:, self._rule.block])
-            covariance.append(np.diag(self._variance * (1.0 + 4.0 / self._weight)) + Y @ run.P @ Y.T)
+            covariance.append(np.diag(noise) + Y @ run.P @ Y.T)
         # the second block, less what of the first one's noise is still in it
         u[1], W[1] = u[1] - rho * u[0], W[1] - rho[:, None] * W[0]
         covariance[1] = covariance[1] * np.outer(np.sqrt(1.0 - rho**2), np.sqrt(1.0 - rho**2))
@@ -127,20 +128,18 @@ class LastingJumpSearch:
             return None
         return np.asarray(change)
 
-    def _learn(self, run: _Run) -> None:
+    def _learn(self, run: _Run, noise: FloatArray) -> None:
         """What the first block of a row without a jump says of the noise."""
         u, Y = run.tau[0] - run.Y[0] @ run.theta, run.Y[0]
         known = ((Y @ run.P) * Y).sum(axis=1)
+        share = noise / (noise + known)
+        squared = np.minimum(u * u, _MOST * (noise + known)) * share
         self._weight = min(self._weight + 1.0, _MEMORY)
-        rate = 1.0 / self._weight
-        squared = u * u
-        if self._weight > _FEWEST:
-            squared = np.minimum(squared, _MOST * (self._variance + known))
-        share = np.where(self._variance > 0.0, self._variance / (self._variance + known), 1.0)
-        self._variance += rate * (squared * share - self._variance)
+        self._variance += (squared - self._variance) / self._weight
+        now = np.clip(u * np.sqrt(share), -3.0 * np.sqrt(noise), 3.0 * np.sqrt(noise))
         if self._before is not None:
-            self._product += rate * (np.sqrt(share) * self._before * np.clip(u, -3.0 * (v := np.sqrt(self._variance)), 3.0 * v) - self._product)
-        self._before = np.clip(u, -3.0 * np.sqrt(self._variance), 3.0 * np.sqrt(self._variance))
+            self._product += (self._before * now - self._product) / self._weight
+        self._before = now
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]

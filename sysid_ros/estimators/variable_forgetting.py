@@ -93,7 +93,7 @@ class VariableForgetting(Estimator):
         if Z.shape[1] != self._sensitivity.shape[1]:
             self._consider(Z.shape[1])
         innovation, outlier, done = np.empty(self.m), False, NOT_ORDINARY
-        if self._lasting is not None and self.noise.known and not self._settling:
+        if self._lasting is not None and self._spread_count and not self._settling and (self.noise.known or not self._early_jump):
             self._look_back(self._lasting, Y, tau)
         if not (hold or self._settling or self._burst or self._search.hits):
             done = self._take_in(Y, tau, extra, Z, innovation, self.THRESHOLD)
@@ -233,7 +233,7 @@ class VariableForgetting(Estimator):
     def _look_back(self, lasting: LastingJumpSearch, Y: FloatArray, tau: FloatArray) -> None:
         """Look for a jump that lasts in the rows to come and those before them."""
         if np.isfinite(tau).all() and np.isfinite(Y).all():
-            change = lasting.add(Y, tau, self._theta, self._P)
+            change = lasting.add(Y, tau, self._theta, self._P, self._levels[variable_update.SPREAD])
             if change is not None:
                 self._take_jump(change)
 
