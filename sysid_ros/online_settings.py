@@ -115,13 +115,13 @@ class OnlineSettings(Settings):
         (0.0, 0.0, 0.0), "how the IMU is turned in the trunk, in place of imu_frame", "rad", -7.0, 7.0
     )
     imu_tilt_std: float = setting(
-        0.02, "how well the IMU's axes in the trunk are known, a standard deviation; 0: exactly", "rad", 0.0, 0.5
+        0.03, "how well the IMU's axes in the trunk are known, a standard deviation; 0: exactly", "rad", 0.0, 0.5
     )
     imu_lever_std: float = setting(
-        0.01, "how well the IMU's place in the trunk is known, a standard deviation; 0: exactly", "m", 0.0, 1.0
+        0.02, "how well the IMU's place in the trunk is known, a standard deviation; 0: exactly", "m", 0.0, 1.0
     )
     imu_delay_std: float = setting(
-        0.002, "by how much the IMU's stamps may be late against those of the joints, a standard deviation; 0: not", "s", 0.0, 0.1
+        0.005, "by how much the IMU's stamps may be late against those of the joints, a standard deviation; 0: not", "s", 0.0, 0.1
     )
     accelerometer_bias_std: float = setting(
         0.0, "prior standard deviation of the IMU's bias, which is then estimated; 0: it has none", "m/s^2", 0.0, 2.0

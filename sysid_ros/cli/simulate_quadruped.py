@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from sysid_ros.cli import options as opt
+from sysid_ros.cli.simulate_legged import legged_options, record_legged, without_own
 from sysid_ros.cli.simulate_output import conclude, payload_rows, prepare, recorder_of, simulated
 from sysid_ros.simulation.quadruped_record import simulate_quadruped, write_quadruped
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
@@ -20,7 +21,19 @@ from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 @opt.number("--rate", default=500, help="Messages a second, a divisor of 1000. [Hz]")
 @opt.SEED
 @opt.STORAGE
-@click.option("--gait", default="stand", show_default=True, help="stand, sway (the trunk over planted feet) or trot.")
+@click.option(
+    "--simulator",
+    type=click.Choice(["pybullet", "mujoco"]),
+    default="pybullet",
+    show_default=True,
+    help="PyBullet: torques are controlled, an A1; MuJoCo: joints hold positions, any robot, hard impacts.",
+)
+@click.option(
+    "--gait",
+    default="stand",
+    show_default=True,
+    help="stand, sway (the trunk over planted feet) or trot; in MuJoCo also step and flying_trot.",
+)
 @opt.number("--extent", default=1.0, help="Factor on the sway's amplitudes.")
 @opt.number("--speed", default=0.2, help="Of the trot. [m/s]")
 @opt.number("--slope", default=0.0, help="Of the ground, up to 10. [deg]")
@@ -52,21 +65,29 @@ from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 @opt.number("--contact-error", default=0.0, help="Share of messages that tell one foot's contact wrong.")
 @click.option("--imu/--no-imu", default=True, show_default=True, help="Record /imu.")
 @click.option("--contacts/--no-contacts", default=True, show_default=True, help="Record /contacts.")
+@legged_options
 @opt.JSON
 @opt.FORCE
-def quadruped(bag: Path, storage: str, json_path: Path | None, force: bool, imu: bool, contacts: bool, **options: Any) -> None:
-    """Record a quadruped (Unitree A1 in PyBullet) that stands, sways or trots, with a box put on its back and taken off.
+def quadruped(
+    bag: Path, storage: str, json_path: Path | None, force: bool, imu: bool, contacts: bool, simulator: str, **options: Any
+) -> None:
+    """Record a quadruped that stands, sways or trots, with a box put on its back and taken off.
 
     The bag holds /joint_states, /imu, /contacts and /robot_description; BAG.truth.json tells the box, the times and the noise.
 
     \b
     Examples:
       sysid simulate quadruped --bag stand --payload-mass 3 --pick 4 --drop 8
+      sysid simulate quadruped --bag hard --simulator mujoco --robot go2 --gait trot --payload-mass 2 --leg-friction 0.2
       sysid simulate quadruped --bag trot --gait trot --slope 8 --payload-mass 2 --payload-com 0.05 0.02 0.12 --duration 15
 
     Exit codes: 0 done; 2 bad input or usage.
     """
     prepare(bag, json_path, force)
+    if simulator == "mujoco":
+        record_legged(bag, storage, json_path, imu, contacts, options)
+        return
+    options = without_own(options)
     began = time.perf_counter()
     record = simulated(QuadrupedScenario, simulate_quadruped, options)
     truth = record.truth

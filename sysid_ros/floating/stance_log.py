@@ -13,6 +13,8 @@ _LONGER = 0.05
 """A contact that is reported otherwise than the leg's torques show for longer than this counts as wrong [s]."""
 _EXCESS = 0.03
 """Difference to gravity above which a warning is given; on Earth gravity itself differs by so much [m/s^2]."""
+_USUAL = 0.1
+"""Bias of an accelerometer that is nothing unusual [m/s^2]."""
 _TOGETHER, _MOST = 100, 300
 """Rows whose excess over gravity is averaged, some steps of a gait, and averages that are kept."""
 _SHARE = 0.02
@@ -109,17 +111,26 @@ class StanceLog:
 
     @property
     def excess(self) -> float:
-        """By how much more than gravity the accelerometer shows [m/s^2]; 0 where it may be noise, or gravity at another place."""
+        """By how much more than gravity the accelerometer shows, as far as that is no noise [m/s^2]."""
+        excess, std = self._average()
+        return excess * _USUAL**2 / (_USUAL**2 + std**2)
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether that is neither noise nor gravity at another place."""
+        excess, std = self._average()
+        return abs(excess) > max(_EXCESS, 4.0 * std)
+
+    def _average(self) -> tuple[float, float]:
         count = len(self._seconds)
         if count < 3:
-            return 0.0
-        excess, std = float(np.mean(self._seconds)), float(np.std(self._seconds)) / np.sqrt(count - 1)
-        return 0.0 if abs(excess) < max(_EXCESS, 4.0 * std) else excess
+            return 0.0, 1.0
+        return float(np.mean(self._seconds)), float(np.std(self._seconds)) / np.sqrt(count - 1)
 
     def _doubts_gravity(self) -> list[str]:
-        excess = self.excess
-        if not excess or self.bias_is_free:
+        if not self.is_doubtful or self.bias_is_free:
             return []
+        excess = self._average()[0]
         return [
             f"Beside its motion the accelerometer shows {self._gravity + excess:.3f} m/s^2; gravity is {self._gravity:.3f}. "
             f"If that is a bias, the mass is wrong by {100 * abs(excess) / self._gravity:.1f} % of robot and load: set "

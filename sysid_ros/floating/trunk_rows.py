@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,8 @@ class TrunkRows:
         cutoff_hz, rate: of the low-pass [Hz]. period: between rows [s]. standstill: velocity below which it stands [rad/s].
         stances: takes note of what the feet do. gravity: at the place [m/s^2], by which a free bias is distinguished from a load.
         bias: where it stands among the free parameters, None where it is not free. radius, delay: of the feet and of the IMU, as
-            ``bias``: see :meth:`ContactProjection.by_radius` and :meth:`_late`.
+            ``bias``: see :meth:`ContactProjection.by_radius` and :meth:`_late`. moving: columns that nothing but motion makes: at
+            rest they are noise, that of the rows themselves, and left out.
 
     Attributes:
         load: the payload's parameters, shape (10,), as they are known. projection: the step before the low-pass. bank: the low-pass. rows: of an update.
@@ -53,9 +55,11 @@ class TrunkRows:
         bias: slice | None = None,
         radius: slice | None = None,
         delay: slice | None = None,
+        moving: Sequence[slice] = (),
     ) -> None:
         self._p, self._payload, self._bias, self._stances = p, payload, bias, stances
         self._robot, self._radius, self._delay, self._period = base.robot, radius, delay, period
+        self._moving = moving
         self.projection = ContactProjection(base)
         # the last channel is what the motion of the trunk alone costs
         self._projected, self._beside = np.zeros((FREE, channels + 1)), np.zeros((base.robot.n + 1, 2))
@@ -98,9 +102,12 @@ class TrunkRows:
             self._stances.add_gravity(excess)
         Y, y, tau = np.zeros((self.rows, p)), np.zeros(self.rows), np.zeros(self.rows)
         Y[:FREE], y[:FREE], tau[:FREE] = out[:, :p], out[:, p], out[:, p + 3]
-        Y[:FREE, self._payload] = self._standing.push(np.ascontiguousarray(out[:, self._payload]), speed, trust > _TRUSTED)
+        Y[:FREE] = self._standing.push(Y[:FREE], speed, trust > _TRUSTED)
         if self._delay is not None:
             Y[:FREE, self._delay.start] = self._late(out, trust)
+        if self._standing.stands:
+            for where in self._moving:
+                Y[:, where] = 0.0
         if self._bias is not None and trust > _TRUSTED:
             Y[FREE, self._bias], y[FREE] = vertical, excess
         considered = np.zeros((self.rows, out.shape[1] - p - 7))
@@ -214,6 +221,11 @@ class StandingColumns:
         self._still = 0.0
         self._count = 0
         self._mean: FloatArray = np.zeros((0, 0))
+
+    @property
+    def stands(self) -> bool:
+        """Whether it has stood for a while."""
+        return self._still > _STANDS
 
     def push(self, columns: FloatArray, speed: FloatArray, whole: bool = True) -> FloatArray:
         """The columns (m, p) to use, given the velocities of the joints, shape (n,); ``whole`` is False where a part of what was

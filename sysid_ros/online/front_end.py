@@ -251,7 +251,7 @@ class FrontEnd:
             assert legs is not None
             self._legs, self._hidden = legs, p + BESIDE + model.error.c
             self._raw = np.zeros((n, self._hidden + legs.considered))
-            about = (cutoff, self.rate, self.period, standstill, stances, gravity, bias, legs.radius, legs.delay)
+            about = (cutoff, self.rate, self.period, standstill, stances, gravity, bias, legs.radius, legs.delay, legs.moving)
             self._trunk = TrunkRows(base, self._raw.shape[1], p, model.slices[0], *about)
             bank, self.rows, self.projection = self._trunk.bank, self._trunk.rows, self._trunk.projection
         self.makes_anew = self._arm is not None

@@ -56,9 +56,46 @@ class LegParameters:
         self.bias = self._add(self._bias, [s.accelerometer_bias_std] * 3) if self._bias else None
 
     @property
+    def moving(self) -> tuple[slice, ...]:
+        """Where the parameters stand whose columns are zero at rest."""
+        lever = slice(self.placement.start + 3, self.placement.stop) if self.placement else None
+        return tuple(where for where in (self.dry, lever, self.delay) if where is not None)
+
+    @property
     def prior_std(self) -> FloatArray:
         """Before any data, shape (p,)."""
         return np.concatenate(self._prior)
+
+    def told(self, theta: FloatArray, std: FloatArray) -> list[str]:
+        """What was found to be otherwise than it is said of IMU and feet, a sentence each.
+
+        Args:
+            theta, std: free parameters and their standard deviations, shape (p,) each.
+        """
+        sentences = []
+        if self.placement is not None:
+            (tilt, lever), sure = np.split(theta[self.placement], 2), self._is_sure(self.placement, theta, std)
+            if sure[:3].any():
+                angles = ", ".join(f"{x:.1f}" for x in np.degrees(tilt))
+                sentences.append(
+                    f"The IMU is turned by [{angles}] degrees about the trunk's axes against its frame; that is counted in. Correct "
+                    "imu_rpy, or the frame in the URDF."
+                )
+            if sure[3:].any():
+                place = ", ".join(f"{1e3 * x:.0f}" for x in lever)
+                sentences.append(f"The IMU sits [{place}] mm from where its frame is; that is counted in. Correct imu_xyz, or the URDF.")
+        if self.delay is not None and self._is_sure(self.delay, theta, std)[0]:
+            late = 1e3 * float(theta[self.delay][0])
+            sentences.append(
+                f"The IMU is {abs(late):.1f} ms {'late' if late > 0.0 else 'early'} against the joints; that is counted in as far as a "
+                "slope can. Synchronise the clocks, or stamp messages when they are measured."
+            )
+        return sentences
+
+    def _is_sure(self, where: slice, theta: FloatArray, std: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Which parameters are larger than expected, and surely so."""
+        prior = np.concatenate(self._prior)[where.start - 10 : where.stop - 10]
+        return np.asarray((np.abs(theta[where]) > prior) & (np.abs(theta[where]) > 4.0 * std[where]))
 
     def carry(self, load: FloatArray) -> None:
         """Take in the ten parameters of what is carried: what the IMU gets wrong concerns it too."""

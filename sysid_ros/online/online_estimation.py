@@ -262,6 +262,8 @@ class OnlineEstimation:
             self._front_end.rest()
             self._warnings["tilt"] = self._free.tilt.told
         status, reason = judgement.status(estimate, self.estimator, float(theta[0]), float(std[0]))
+        if self._free.legs is not None:
+            reason = self._name_imu(status, reason, std[0])
         self._warnings.pop("inconsistent", None)
         if status == "inconsistent":
             self._warnings["inconsistent"] = reason
@@ -291,6 +293,20 @@ class OnlineEstimation:
             residual = projection.leg_torque(projection.wrench(residual[:FREE]))
         observable = std < self._observable_std
         return PayloadEstimate(t, self.frame, theta, covariance, status, reason, observable, residual, effort)
+
+    def _name_imu(self, status: str, reason: str, std: float) -> str:
+        """The reason of a status, with what is wrong with the IMU where that is why."""
+        assert self.estimator is not None and self._free.legs is not None and self.base is not None
+        found = self._free.legs.told(*(x if k == 0 else np.sqrt(x) for k, x in enumerate(self.estimator.marginal(slice(0, None)))))
+        self._warnings.pop("imu", None)
+        if found and self.estimator.noise_known:
+            self._warnings["imu"] = " ".join(found)
+        if status in ("ok", "no_payload") or self._stances is None:
+            return reason
+        if 2.0 * self._doubt(0.0, self.base) ** 2 > std**2 or self._stances.is_doubtful:
+            excess = self._stances.excess
+            found = [f"The IMU shows {excess:+.2f} m/s^2 beside gravity and motion: a bias, or impacts that its rate misses.", *found]
+        return " ".join([reason, *found])
 
     def _doubt(self, mass: float, base: FloatingBase) -> float:
         """By how much the mass is wrong if what the accelerometer shows beyond gravity is a bias that is not estimated [kg]."""

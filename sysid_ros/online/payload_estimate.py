@@ -17,6 +17,8 @@ from sysid_ros.sample import FloatArray
 
 STATUSES = ("ok", "warming_up", "not_excited", "not_physical", "stale", "no_payload", "inconsistent")
 _FORCE = "external_force"
+_IDENTIFY = "Identify the arm without a payload ('sysid identify') and give the model with --model."
+_LOOK = "Check the URDF's legs and feet, and that the IMU is low-passed before it is published and stamped like the joints."
 _STAYS_KNOWN = 1.5
 """A mass that was known stays known up to so many times the limit, or the status would flicker at it."""
 
@@ -163,6 +165,7 @@ class ModelCheck:
 
     def __init__(self, robot: RobotModel, memory: float = 3000.0, rows: int | None = None) -> None:
         n = robot.n if rows is None else rows
+        self._cure = _IDENTIFY if rows in (None, robot.n) else _LOOK
         self._names = robot.joint_names[:n]
         self._weak = 0.005 * np.where(np.isfinite(robot.effort_limit), robot.effort_limit, 50.0)[:n]
         self._memory = memory
@@ -205,7 +208,7 @@ class ModelCheck:
         return (
             f"The residual is far above any noise that it could be ({times} times): rms {listed}. "
             "The robot's model does not explain these torques; the payload can't be trusted. "
-            "Identify the arm without a payload ('sysid identify') and give the model with --model."
+            + self._cure
         )
 
 

@@ -36,6 +36,7 @@ def _resample(
     tau: FloatArray,
     period: float,
     gap: float,
+    alone: bool,
 ) -> FloatArray:
     """Take a measurement into the window; the points of an even grid of times that are known now, shape (k, 1 + 3 n).
 
@@ -55,7 +56,7 @@ def _resample(
     if clock[MEASUREMENTS] < 4.0:
         clock[NEXT] = t - period
         return np.empty((0, newest.size))
-    clock[SPIKES] += remove_spikes(window, 1 + 2 * n, usual)
+    clock[SPIKES] += remove_spikes(window, 1 + 2 * n, usual, alone)
     times = window[:, 0]
     step = times[2] - times[1]
     linear_from = 1 + n if step > gap * period else newest.size
@@ -119,6 +120,7 @@ def _advance(
     tau: FloatArray,
     period: float,
     use_measured: bool,
+    alone: bool,
     times: FloatArray,
     out: FloatArray,
 ) -> int:
@@ -129,7 +131,7 @@ def _advance(
         needed = int(np.floor((window[3, 0] + 1e-3 * period - clock[NEXT]) / period)) + 1
         if needed > times.size:
             return -needed
-    grid = _resample(window, clock, usual, t, q, v, tau, period, GAP)
+    grid = _resample(window, clock, usual, t, q, v, tau, period, GAP, alone)
     for point in range(len(grid)):
         newest = int(clock[POINTS]) % width
         ring[newest] = grid[point]
@@ -151,14 +153,17 @@ class CausalDerivative:
         n: number of joints. period: usual time between measurements [s].
         half_width: samples on each side; at least 2.
         use_message_velocity: take the velocity of the message, delayed alike, where it has one.
+        impacts: the robot suffers impacts, which are no spikes.
 
     Attributes:
         times, channels: of the samples that the last :meth:`advance` completed, shape (k,) and, of q, v, a, tau, (k, 4, n) with k
             large enough; overwritten by the next.
     """
 
-    def __init__(self, n: int, period: float, half_width: int, use_message_velocity: bool = False) -> None:
-        self.period = period
+    def __init__(
+        self, n: int, period: float, half_width: int, use_message_velocity: bool = False, impacts: bool = False
+    ) -> None:
+        self.period, self._alone = period, impacts
         self._window = np.zeros((4, 1 + 3 * n))
         self._clock, self._usual = np.zeros(5), np.zeros(n + 1)
         self._ring = np.zeros((2 * half_width + 1, 1 + 3 * n))
@@ -188,7 +193,7 @@ class CausalDerivative:
             _advance(
                 self._window, self._clock, self._usual, self._ring, self._weights, measurement.t, measurement.q,
                 self._no_velocity if measurement.v is None else measurement.v, measurement.tau, self.period,
-                self._use_message_velocity, self.times, self.channels,
+                self._use_message_velocity, self._alone, self.times, self.channels,
             )
         )  # fmt: skip
         if completed >= 0:

@@ -27,7 +27,7 @@ class FloatingDerivative:
 
     def __init__(self, n: int, period: float, half_width: int, use_message_velocity: bool = False) -> None:
         self._n = n
-        self._inner = CausalDerivative(n, period, half_width, use_message_velocity)
+        self._inner = CausalDerivative(n, period, half_width, use_message_velocity, impacts=True)
         self._turned = np.zeros(3)
         self._last: tuple[float, FloatArray] | None = None
         self._place = np.zeros(3)

@@ -10,12 +10,13 @@ from numba import njit
 from sysid_ros.sample import FloatArray
 
 _TIMES: Final = 12.0  # a spike is so many times farther from the middle of its neighbours than measurements are in the mean
+_STIRS: Final = 4.0  # and others so many times, where something has happened to the robot
 _CALM: Final = 0.01  # part of a measurement in that mean
 _FIRST: Final = 25.0  # measurements that are only looked at
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def remove_spikes(window: FloatArray, first: int, usual: FloatArray) -> int:
+def remove_spikes(window: FloatArray, first: int, usual: FloatArray, alone: bool) -> int:
     """Put the middle of its neighbours in place of a torque in the third of four measurements that is a spike; how many were.
 
     A step, as of a load that is picked up, is none: its neighbours differ by more than it does from their middle.
@@ -24,14 +25,19 @@ def remove_spikes(window: FloatArray, first: int, usual: FloatArray) -> int:
         window: the newest measurements, a row each, shape (4, c). first: column of the first torque.
         usual: mean distance from the middle of the neighbours of each torque, and the number of measurements so far, shape
             (c - first + 1,).
+        alone: a spike is in one torque alone: what shows in others too is an impact, as when a foot lands.
     """
-    found = 0
+    found = stirred = 0
+    if alone:
+        for j in range(usual.size - 1):
+            before, at, after = window[1, first + j], window[2, first + j], window[3, first + j]
+            stirred += abs(at - 0.5 * (before + after)) > _STIRS * usual[j]
     count = usual[-1] = usual[-1] + 1.0
     for j in range(usual.size - 1):
         before, at, after = window[1, first + j], window[2, first + j], window[3, first + j]
         middle = 0.5 * (before + after)
         far = abs(at - middle)
-        if count > _FIRST and usual[j] > 0.0 and far > _TIMES * usual[j] and abs(after - before) < 0.5 * far:
+        if stirred <= 1 and count > _FIRST and usual[j] > 0.0 and far > _TIMES * usual[j] and abs(after - before) < 0.5 * far:
             window[2, first + j] = middle
             found += 1
         elif np.isfinite(far):

@@ -11,7 +11,7 @@ from sysid_ros.simulation.legged_scenario import LeggedScenario
 from sysid_ros.simulation.legged_simulation import LeggedSimulation
 from sysid_ros.simulation.quadruped_state import QuadrupedState
 
-Record = JointStateRecord | ImuRecord | ContactRecord
+
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class LeggedRecord:
     truth: dict[str, Any]
     urdf: str
 
-    def records(self, imu: bool = True, contacts: bool = True) -> Iterator[Record]:
+    def records(self, imu: bool = True, contacts: bool = True) -> Iterator[JointStateRecord | ImuRecord | ContactRecord]:
         """The messages in the order in which they are received: contacts, IMU, joints of each instant.
 
         Args:

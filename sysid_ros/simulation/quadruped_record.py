@@ -85,7 +85,19 @@ def simulate_quadruped(
     return QuadrupedRecord(measured, exact, start_time, truth, simulation.urdf)
 
 
-def write_quadruped(record: QuadrupedRecord, recorder: QuadrupedRecorder, imu: bool = True, contacts: bool = True) -> None:
+class Recorded(Protocol):
+    """A simulated recording of a robot on legs, in memory."""
+
+    @property
+    def urdf(self) -> str: ...
+
+    @property
+    def start_time(self) -> float: ...
+
+    def records(self, imu: bool = True, contacts: bool = True) -> Iterator[JointStateRecord | ImuRecord | ContactRecord]: ...
+
+
+def write_quadruped(record: Recorded, recorder: QuadrupedRecorder, imu: bool = True, contacts: bool = True) -> None:
     """Write the description and the messages into an open recorder."""
     recorder.write_robot_description(record.urdf, record.start_time)
     for message in record.records(imu, contacts):
