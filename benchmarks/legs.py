@@ -1,11 +1,10 @@
-"""What the live estimator says of robots on legs that are not as their description says: accuracy, coverage, and wrong answers it is
-sure of, in MuJoCo and in PyBullet.
+"""What the live estimator says of robots on legs that are not as their description says, in MuJoCo and in PyBullet.
 
-Each recording is of a robot whose joints hold positions (MuJoCo: hard impacts) or whose torques are controlled (PyBullet): a load
+Each recording is of a robot whose joints hold positions (MuJoCo: hard impacts) or whose torques are controlled (PyBullet); a load
 is carried, from the start or put on and taken off. In MuJoCo legs have dry friction of 0.1 to 0.5 N m (on 16 kg; more on larger
 ones), viscous friction and rotors that nobody tells, encoders have steps of 1e-4 rad, and the IMU has its own rate and a bias.
-Conditions add what else is wrong: feet that no description tells, an IMU that is tilted, elsewhere, late or aliased, contact flags
-that are late, wrong or absent, links of other mass, a push.
+Conditions add what else is wrong: feet that no description tells, an IMU that is tilted, elsewhere, late or aliased, contact
+flags that are late, wrong or absent, links of other mass, a push.
 
 A row of the table is one recording, or with --summary one condition. ``bad ok`` are estimates more than 3 s after the begin, and
 1 s after a change, whose status is ok and whose mass is beyond 3 standard deviations.
@@ -110,7 +109,9 @@ def legged(robot: str, gait: str, seed: int, **more: Any) -> LeggedRecord:
         }
         settings = {"duration": 12.0, "encoder_step": 1e-4, "imu_rate": 250} | values | more
         try:
-            return simulate_legged(LeggedScenario(robot=robot, gait=gait, seed=seed + 10_000 * attempt, **settings), start_time=START)
+            return simulate_legged(
+                LeggedScenario(robot=robot, gait=gait, seed=seed + 10_000 * attempt, **settings), start_time=START
+            )
         except SettingsError as error:
             fallen = error
     raise fallen
@@ -196,9 +197,7 @@ def _row(name: str, trials: list[Trial]) -> tuple[str, ...]:
 @click.option("--seeds", type=click.IntRange(1), default=3, show_default=True, help="Recordings a row.")
 @click.option("--first-seed", type=int, default=0, show_default=True)
 @click.option("--json", "json_path", type=click.Path(path_type=Path, dir_okay=False), help="Write the results.")
-def main(
-    simulator: str, robots: str, gaits: str, conditions: str, seeds: int, first_seed: int, json_path: Path | None
-) -> int:
+def main(simulator: str, robots: str, gaits: str, conditions: str, seeds: int, first_seed: int, json_path: Path | None) -> int:
     """Robots on legs that are not as they are told to be; a recording takes 10 s.
 
     \b
@@ -210,7 +209,19 @@ def main(
         raise click.UsageError(f"conditions has {', '.join(unknown)}; it has some of {', '.join(CONDITIONS)}.")
     console = Console(width=150)
     table = Table(title="A load on a robot with legs", title_justify="left")
-    for column in ("", "mass %", "most", "std g", "com mm", "95 %", "ok %", "bad ok", "in runs", "events false/missed", "names IMU"):
+    for column in (
+        "",
+        "mass %",
+        "most",
+        "std g",
+        "com mm",
+        "95 %",
+        "ok %",
+        "bad ok",
+        "in runs",
+        "events false/missed",
+        "names IMU",
+    ):
         table.add_column(column, justify="left" if not column else "right")
     rows: dict[str, list[Trial]] = {}
     for condition in conditions.split(","):
@@ -237,7 +248,11 @@ def main(
     console.print(table)
     every = [t for trials in rows.values() for t in trials]
     targets = [
-        Target("estimates that are ok and beyond 3 std, of all that are ok", sum(t.bad for t in every) / max(sum(t.ok for t in every), 1), high=0.01),
+        Target(
+            "estimates that are ok and beyond 3 std, of all that are ok",
+            sum(t.bad for t in every) / max(sum(t.ok for t in every), 1),
+            high=0.01,
+        ),
         Target("false events a recording", sum(t.false for t in every) / len(every), high=0.05),
         Target("changes that were missed", float(sum(t.missed for t in every)), high=0.05 * len(every)),
         Target("masses inside their 95 % intervals", float(np.mean([t.inside for t in every])), low=0.9),
@@ -247,11 +262,11 @@ def main(
 
 def _show(console: Console, name: str, rows: dict[str, list[Trial]]) -> None:
     for t in rows.get(name, []):
-        console.print(
-            f"{name:36} seed {t.seed:4}: {t.mass:6.2f} kg {100 * t.error / t.mass:+6.2f} % std {1e3 * t.std:5.0f} g com {1e3 * t.com:5.1f} mm "
-            f"{'inside ' if t.inside else 'OUTSIDE'} {t.status:12} bad ok {t.bad}/{t.ok} events false {t.false} missed {t.missed} {t.named[:60]}",
-            highlight=False, soft_wrap=True,
-        )  # fmt: skip
+        mass = f"{t.mass:6.2f} kg {100 * t.error / t.mass:+6.2f} % std {1e3 * t.std:5.0f} g com {1e3 * t.com:5.1f} mm"
+        events = f"events false {t.false} missed {t.missed}"
+        inside = "inside " if t.inside else "OUTSIDE"
+        text = f"{name:36} seed {t.seed:4}: {mass} {inside} {t.status:12} bad ok {t.bad}/{t.ok} {events} {t.named[:60]}"
+        console.print(text, highlight=False, soft_wrap=True)
 
 
 if __name__ == "__main__":

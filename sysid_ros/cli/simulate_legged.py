@@ -52,9 +52,7 @@ def without_own(options: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in options.items() if name not in OWN}
 
 
-def record_legged(
-    bag: Path, storage: str, json_path: Path | None, imu: bool, contacts: bool, options: dict[str, Any]
-) -> None:
+def record_legged(bag: Path, storage: str, json_path: Path | None, imu: bool, contacts: bool, options: dict[str, Any]) -> None:
     """Simulate in MuJoCo, write the bag and its truth, and show what was simulated.
 
     Raises:

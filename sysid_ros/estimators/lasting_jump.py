@@ -1,4 +1,4 @@
-"""LastingJumpSearch: a change of the parameters that lasts, told from disturbances that come and go, as the impacts of feet do."""
+"""LastingJumpSearch: a change of the parameters that lasts, told from disturbances that come and go, as impacts of feet."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ class _Run:
 
 
 class LastingJumpSearch:
-    """Compares two explanations of the newest blocks of rows, each as long as a step of the robot: a jump of the parameters at their
-    beginning, which then stays, or noise as it has been.
+    """Compares two explanations of the newest blocks of rows, each as long as a step of the robot: a jump of the parameters at
+    their beginning, which then stays, or noise as it has been.
 
-    Of a block, ``u = mean(tau - Y theta_0)`` with theta_0 from before the blocks has the covariance ``C = V + Ym P_0 Ym'``, where V
-    is learned from blocks before, and a part rho of it is the same in the next block. It has heavy tails: a multivariate Student
-    distribution of few degrees of freedom n, ``log p(u) = -(n + m)/2 log(1 + u' C^-1 u / n)``. A jump d makes it ``u - Ym d``; its
-    evidence is the ratio of the likelihoods with the d that fits best, less what a prior of that width costs (Laplace; MacKay
-    2003, chapter 28), times the odds of a change at all (generalised likelihood ratio: Willsky, Jones 1976).
+    Of a block, ``u = mean(tau - Y theta_0)`` with theta_0 from before the blocks has the covariance ``C = V + Ym P_0 Ym'``, where
+    V is learned from blocks before, and a part rho of it is the same in the next block. It has heavy tails: a multivariate
+    Student distribution of few degrees of freedom n, ``log p(u) = -(n + m)/2 log(1 + u' C^-1 u / n)``. A jump d makes it
+    ``u - Ym d``; its evidence is the ratio of the likelihoods with the d that fits best, less what a prior of that width costs
+    (Laplace; MacKay 2003, chapter 28), times the odds of a change at all (generalised likelihood ratio: Willsky, Jones 1976).
 
     One strong impact can't be a jump: a d that explains one block of two is contradicted by the other as much.
 
@@ -74,9 +74,7 @@ class LastingJumpSearch:
         self._tick = 0
         self._before = None
 
-    def add(
-        self, Y: FloatArray, tau: FloatArray, theta: FloatArray, P: FloatArray, spread: FloatArray
-    ) -> FloatArray | None:
+    def add(self, Y: FloatArray, tau: FloatArray, theta: FloatArray, P: FloatArray, spread: FloatArray) -> FloatArray | None:
         """Take in the rows Y (m, p), tau (m,) of an update, before which theta (p,) and P (p, p) were known: the jump of the
         block that lasts, or None. ``spread``: variance of a single row, shape (m,)."""
         if self._tick % self._every == 0:
@@ -110,23 +108,25 @@ class LastingJumpSearch:
         inverse = [np.linalg.inv(c) for c in covariance]
         plain = [float(x @ i @ x) for x, i in zip(u, inverse, strict=True)]
         weights = [1.0] * _BLOCKS
-        change = np.zeros(self._prior.size)
+        change: FloatArray = np.zeros(self._prior.size)
         for _ in range(4):  # the most likely jump under heavy tails: least squares that are weighted anew (Lange et al. 1989)
             parts = list(zip(W, inverse, weights, strict=True))
             information = sum((w * a.T @ i @ a for a, i, w in parts), np.diag(1.0 / self._prior))
             score = sum((w * a.T @ i @ x for (a, i, w), x in zip(parts, u, strict=True)), np.zeros(self._prior.size))
-            change = np.linalg.solve(information, score)
+            change = np.asarray(np.linalg.solve(information, score))
             left = [float((x - a @ change) @ i @ (x - a @ change)) for x, a, i in zip(u, W, inverse, strict=True)]
             weights = [(_TAILS + self._m) / (_TAILS + x) for x in left]
-        gained = 0.5 * (_TAILS + self._m) * sum(
-            np.log1p(before / _TAILS) - np.log1p(after / _TAILS) for before, after in zip(plain, left, strict=True)
+        gained = (
+            0.5
+            * (_TAILS + self._m)
+            * sum(np.log1p(before / _TAILS) - np.log1p(after / _TAILS) for before, after in zip(plain, left, strict=True))
         )
         scale = np.sqrt(self._prior)
         width = 0.5 * float(np.linalg.slogdet(information * np.outer(scale, scale))[1])
         cost = width + 0.5 * float(change @ (change / self._prior))
         if gained - cost < self._odds or not bool(np.any(np.abs(change) > self._rule.least)):
             return None
-        return np.asarray(change)
+        return change
 
     def _learn(self, run: _Run, noise: FloatArray) -> None:
         """What the first block of a row without a jump says of the noise."""

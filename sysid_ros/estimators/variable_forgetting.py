@@ -8,6 +8,7 @@ import numpy as np
 
 from sysid_ros.estimators import kernels, variable_update
 from sysid_ros.estimators.estimator import Estimate, Estimator, Noise, Problem
+from sysid_ros.estimators.first_rows import learn_first
 from sysid_ros.estimators.jump_search import JumpSearch
 from sysid_ros.estimators.lasting_jump import LastingJumpSearch
 from sysid_ros.estimators.long_run_variance import BlockInnovations, LongRunVariance
@@ -19,8 +20,7 @@ from sysid_ros.sample import FloatArray
 class VariableForgetting(Estimator):
     """Joseph-form recursive least squares that remembers while the innovations fit and forgets when they do not.
 
-    - Measurement update: Joseph form, row by row, with the long-run variance of the residuals as noise
-      (:class:`LongRunVariance`).
+    - Measurement update: Joseph form, row by row, with the residuals' long-run variance as noise (:class:`LongRunVariance`).
     - Time update: exponential resetting towards the prior (Salgado, Goodwin, Middleton 1988), which bounds P by P0 in every
       direction, only while something excites the parameters.
     - Change: a run of innovations too large for ``Y P Y' + Rd`` is fitted with a jump of the block that may jump
@@ -67,9 +67,8 @@ class VariableForgetting(Estimator):
         self._blocks = BlockInnovations(self.noise.lengths, self.m, self.p)
         self._sums = RowSums(self._prior_variance, self.m)
         self._search = JumpSearch(self._jump, self._prior_variance)
-        self._lasting: LastingJumpSearch | None = None
-        if self._jump.lasts > 0.0:
-            self._lasting = LastingJumpSearch(self._jump, self._prior_variance, self.m, self._period)
+        self._lasting = LastingJumpSearch(self._jump, self._prior_variance, self.m, self._period) if self._jump.lasts else None
+        if self._lasting is not None:
             self.found_after = self._lasting.found_after  # type: ignore[misc]
         self._early, self._early_jump = list[tuple[FloatArray, FloatArray, FloatArray]](), False
         self._kept: tuple[FloatArray, ...] = ()
@@ -93,8 +92,7 @@ class VariableForgetting(Estimator):
         if Z.shape[1] != self._sensitivity.shape[1]:
             self._consider(Z.shape[1])
         innovation, outlier, done = np.empty(self.m), False, NOT_ORDINARY
-        if self._lasting is not None and self._spread_count and not self._settling and (self.noise.known or not self._early_jump):
-            self._look_back(self._lasting, Y, tau)
+        self._look_back(Y, tau)
         if not (hold or self._settling or self._burst or self._search.hits):
             done = self._take_in(Y, tau, extra, Z, innovation, self.THRESHOLD)
         if done == NOT_ORDINARY and kernels.innovate(Y, tau, self._theta, innovation):
@@ -195,18 +193,12 @@ class VariableForgetting(Estimator):
         count, fewest = len(self._early), self.noise.fewest_updates
         if count not in (fewest // 2, fewest):
             return
-        self._spread_count = 0
         freedom = max(1.0 - self.p / (self.m * count * self._period / self.INDEPENDENT), 0.25)
-        for rows, torque, more in self._early:
-            residual = (torque - rows @ self._theta) / np.sqrt(freedom)
-            spread = self._levels[variable_update.SPREAD]
-            weighted = residual * np.sqrt(spread / (spread + more))
-            rate = max(1.0 / (self._spread_count + 1), self._period / self.SPREAD_MEMORY)
-            clip = self._spread_count * self._period > self.CLIP_AFTER
-            variable_update.learn_spread(residual, more, self._levels, rate, clip)
-            self._spread_count += 1
+        about = self._levels, freedom, self._period, self.SPREAD_MEMORY, self.CLIP_AFTER
+        for residual in learn_first(self._early, self._theta, *about):
             if count == fewest:
-                self.noise.add(weighted)
+                self.noise.add(residual)
+        self._spread_count = count
         if count == fewest:
             self._early = []
             self._weigh_anew()
@@ -230,12 +222,14 @@ class VariableForgetting(Estimator):
         self._take_jump(change)
         return True
 
-    def _look_back(self, lasting: LastingJumpSearch, Y: FloatArray, tau: FloatArray) -> None:
+    def _look_back(self, Y: FloatArray, tau: FloatArray) -> None:
         """Look for a jump that lasts in the rows to come and those before them."""
-        if np.isfinite(tau).all() and np.isfinite(Y).all():
-            change = lasting.add(Y, tau, self._theta, self._P, self._levels[variable_update.SPREAD])
-            if change is not None:
-                self._take_jump(change)
+        lasting, too_early = self._lasting, self._early_jump and not self.noise.known
+        if lasting is None or self._settling or self._spread_count == 0 or too_early or not np.isfinite(Y.sum() + tau.sum()):
+            return
+        change = lasting.add(Y, tau, self._theta, self._P, self._levels[variable_update.SPREAD])
+        if change is not None:
+            self._take_jump(change)
 
     def _take_jump(self, change: FloatArray) -> None:
         """The block has jumped by ``change``."""
@@ -311,7 +305,7 @@ class VariableForgetting(Estimator):
         self._sums.start(self._P, self._theta, self._sensitivity)
 
     def _interrupt_noise(self) -> None:
-        """Residuals to come do not follow the ones before."""
+        """Residuals to come do not follow those before."""
         self.noise.interrupt()
         self._blocks.interrupt()
         if self._lasting is not None:

@@ -19,7 +19,8 @@ class ContactKinematics:
             None: their origins.
 
     Attributes:
-        offsets: as given. joints_above: number of joints between the base and each link. carriers: those that move each link, shape (k, n), bool.
+        offsets: as given. joints_above: number of joints between the base and each link.
+        carriers: those that move each link, shape (k, n), bool.
     """
 
     def __init__(self, robot: RobotModel, frames: Sequence[str], offsets: FloatArray | None = None) -> None:

@@ -32,12 +32,13 @@ class TrunkRows:
             how far each joint is from moving, and what is considered. p: see there. payload: where its columns stand.
         cutoff_hz, rate: of the low-pass [Hz]. period: between rows [s]. standstill: velocity below which it stands [rad/s].
         stances: takes note of what the feet do. gravity: at the place [m/s^2], by which a free bias is distinguished from a load.
-        bias: where it stands among the free parameters, None where it is not free. radius, delay: of the feet and of the IMU, as
-            ``bias``: see :meth:`ContactProjection.by_radius` and :meth:`_late`. moving: columns that nothing but motion makes: at
-            rest they are noise, that of the rows themselves, and left out.
+        bias: where it stands among the free parameters, None where it is not free.
+        radius, delay: of the feet and of the IMU, as ``bias``: see :meth:`ContactProjection.by_radius` and :meth:`_late`.
+        moving: columns that nothing but motion makes: at rest they are noise, that of the rows themselves, and left out.
 
     Attributes:
-        load: the payload's parameters, shape (10,), as they are known. projection: the step before the low-pass. bank: the low-pass. rows: of an update.
+        load: the payload's parameters, shape (10,), as they are known.
+        projection: the step before the low-pass. bank: the low-pass. rows: of an update.
     """
 
     def __init__(
@@ -115,7 +116,6 @@ class TrunkRows:
         values = {"Y": Y, "y": y, "speed": speed, "slow": np.zeros(self.rows), "tau": tau, "considered": considered}
         return values | {"acceleration": other[:-1, 1].copy(), "trust": trust}
 
-
     def _trunk_alone(self, sample: Sample) -> FloatArray:
         """Generalised forces that the measured acceleration of the trunk alone costs, shape (n,)."""
         still, moved = np.zeros_like(sample.v), np.zeros_like(sample.a)
@@ -142,8 +142,8 @@ class GravityRow:
     derivative of v is that of the low-passed v, so its error has no mean however often feet change (Bloesch et al. 2013 fuse the
     same measurements in a filter).
 
-    The vertical u follows the gyro, and the direction of ``g u`` itself only within seconds (a complementary filter: Mahony et al.
-    2008). Along it noise has no mean either, whereas the size of a noisy vector is always too large.
+    The vertical u follows the gyro, and the direction of ``g u`` itself only within seconds (a complementary filter: Mahony et
+    al. 2008). Along it noise has no mean either, whereas the size of a noisy vector is always too large.
 
     Args:
         gravity: at the place [m/s^2]. cutoff_hz, rate: of the low-pass [Hz]. period: between rows [s].

@@ -198,19 +198,16 @@ class FrontEnd:
 
     Args:
         model: what is known and what is free.
-        period: usual time between measurements [s].
-        update_rate: rows a second at most [Hz].
+        period: usual time between measurements [s]. update_rate: rows a second at most [Hz].
         cutoff_hz: of the low-pass [Hz]; 0 for what suits rate and noise of the positions.
         noise: of the positions, root mean square over the joints [rad].
         use_message_velocity: velocity from the messages instead of from the positions.
-        legs: where what is not known of legs and IMU stands among the free parameters of a floating base.
-        base: the robot of ``model`` where it floats. standstill, stances, gravity, bias: as of :class:`TrunkRows`.
+        base: the robot of ``model`` where it floats, legs: what is not known of it. standstill, stances, gravity, bias: as of :class:`TrunkRows`.
 
     Attributes:
         derivative: what makes samples of measurements. projection: of a floating base, else None. rows: of an update.
         passed: variance of a row over the long-run variance of the rows, for white noise.
-        rate: measurements a second [Hz]. period: time between rows [s].
-        makes_anew: whether rows can be made again since a change, as of an arm.
+        rate: measurements a second [Hz]. period: time between rows [s]. makes_anew: rows can be made again since a change.
         noise: of the positions, as it was last measured [rad]. too_fast: True where the low-pass lets too much of it pass.
         memory: time after which a measurement has left the rows [s]. delay: of the rows behind their sample [s].
     """
@@ -267,7 +264,6 @@ class FrontEnd:
                 self.noise, self._positions = position_noise(np.array(self._positions)), []
                 self.too_fast = self._adapts and default_cutoff(self.rate, self.noise) < _FINER * self._cutoff
                 self._arm.noise = self.noise
-        if self._arm is not None:
             return self._arm.push(measurement)
         assert self._trunk is not None
         due: list[Rows] = []

@@ -78,17 +78,17 @@ class LegParameters:
             if sure[:3].any():
                 angles = ", ".join(f"{x:.1f}" for x in np.degrees(tilt))
                 sentences.append(
-                    f"The IMU is turned by [{angles}] degrees about the trunk's axes against its frame; that is counted in. Correct "
-                    "imu_rpy, or the frame in the URDF."
+                    f"The IMU is turned by [{angles}] degrees about the trunk's axes against its frame; that is counted in. "
+                    "Correct imu_rpy, or the frame in the URDF."
                 )
             if sure[3:].any():
                 place = ", ".join(f"{1e3 * x:.0f}" for x in lever)
-                sentences.append(f"The IMU sits [{place}] mm from where its frame is; that is counted in. Correct imu_xyz, or the URDF.")
+                sentences.append(f"The IMU sits [{place}] mm from its frame; that is counted in. Correct imu_xyz.")
         if self.delay is not None and self._is_sure(self.delay, theta, std)[0]:
             late = 1e3 * float(theta[self.delay][0])
             sentences.append(
-                f"The IMU is {abs(late):.1f} ms {'late' if late > 0.0 else 'early'} against the joints; that is counted in as far as a "
-                "slope can. Synchronise the clocks, or stamp messages when they are measured."
+                f"The IMU is {abs(late):.1f} ms {'late' if late > 0.0 else 'early'} against the joints; that is counted in as "
+                "far as a slope can. Synchronise the clocks, or stamp messages when they are measured."
             )
         return sentences
 

@@ -12,11 +12,12 @@ import numpy as np
 
 from sysid_ros.estimators import Estimate, Estimator
 from sysid_ros.floating.contact_projection import ContactProjection
-from sysid_ros.floating.floating_base import FloatingBase, floating_base_of
+from sysid_ros.floating.floating_base import floating_base_of
 from sysid_ros.floating.stance_log import STANDS, STANDS_AGAIN, GroundContact, StanceLog
 from sysid_ros.online.change_watch import ChangeWatch
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
 from sysid_ros.online.front_end import Cadence, FrontEnd
+from sysid_ros.online.imu_doubts import name_imu
 from sysid_ros.online.payload_estimate import Judgement, PayloadEstimate, PayloadEvent
 from sysid_ros.online.payload_events import EventLog
 from sysid_ros.online.rows import Rows
@@ -39,8 +40,7 @@ _NOT_A_BODY = 29.6
 class OnlineEstimation:
     """Estimates the payload on an arm: ``F(tau - tau_known) = F(Y_payload) theta + F(Y_friction) phi + noise``.
 
-    A legged robot adds one step, see :class:`.contact_projection.ContactProjection`; standing still determines its
-    payload's mass, so it is updated at rest too.
+    A legged robot adds one step, see :class:`.contact_projection.ContactProjection`; it is updated at rest too.
 
     F is one low-pass, the same on both sides. Filters are made for the rate that the first measurements show, and again after a
     gap or a jump of time; nothing is updated while the robot stands.
@@ -52,8 +52,7 @@ class OnlineEstimation:
 
     Attributes:
         base: the robot on its floating base, None for an arm. latest: the last estimate given out, or None.
-        frame: that the payload is expressed in.
-        estimator: the recursion, once the first measurements are in. fault: why it started anew by itself, if it did.
+        frame: that the payload is expressed in. estimator: the recursion, once the first measurements are in. fault: why it started anew by itself, if it did.
 
     Raises:
         RobotModelError, ModelFileError, SettingsError: the frame, the model or a setting does not fit the robot.
@@ -103,8 +102,7 @@ class OnlineEstimation:
 
     @property
     def stance_counts(self) -> dict[str, int]:
-        """Of a floating base: samples by what was doubtful about its feet, and updates that did not fit the estimate
-        ('outlier')."""
+        """Of a floating base: samples by what was doubtful about its feet, and updates that did not fit ('outlier')."""
         return {} if self._stances is None else self._stances.counts | ({"outlier": self._outliers} if self._outliers else {})
 
     @property
@@ -194,7 +192,7 @@ class OnlineEstimation:
             return self._held(rows, self._ground) if due and self._ground.lifted else None
         self._still = self._still + front_end.period if max(rows.speed.tolist()) < self.settings.standstill_velocity else 0.0
         hold = self._still > _STANDS and self.base is None
-        if self.base is not None:
+        if self._free.legs is not None:
             self._free.carry(estimator, front_end)
         known, jumps, extra, friction = estimator.noise_known, estimator.jumps, None, self._free.friction
         if self._changes.trial is not None:
@@ -253,7 +251,7 @@ class OnlineEstimation:
         if self._changes.tare.taken:
             covariance = sum(self._changes.tare.covariances(self.estimator), np.zeros((10, 10)))
         if self.base is not None:
-            covariance[0, 0] += self._doubt(float(theta[0]), self.base) ** 2
+            covariance[0, 0] += self._doubt(float(theta[0])) ** 2
         std = np.sqrt(covariance.diagonal())
         asked = self._free.tilt_is_open and self.estimator.noise_known and self._changes.trial is None
         if asked and self._free.settle_tilt(self.estimator):
@@ -262,8 +260,9 @@ class OnlineEstimation:
             self._front_end.rest()
             self._warnings["tilt"] = self._free.tilt.told
         status, reason = judgement.status(estimate, self.estimator, float(theta[0]), float(std[0]))
-        if self._free.legs is not None:
-            reason = self._name_imu(status, reason, std[0])
+        if self._free.legs is not None and self._stances is not None:
+            doubt = self._doubt(0.0) / float(std[0])
+            reason = name_imu(self._free.legs, self._stances, self.estimator, status, reason, doubt, self._warnings)
         self._warnings.pop("inconsistent", None)
         if status == "inconsistent":
             self._warnings["inconsistent"] = reason
@@ -294,23 +293,8 @@ class OnlineEstimation:
         observable = std < self._observable_std
         return PayloadEstimate(t, self.frame, theta, covariance, status, reason, observable, residual, effort)
 
-    def _name_imu(self, status: str, reason: str, std: float) -> str:
-        """The reason of a status, with what is wrong with the IMU where that is why."""
-        assert self.estimator is not None and self._free.legs is not None and self.base is not None
-        found = self._free.legs.told(*(x if k == 0 else np.sqrt(x) for k, x in enumerate(self.estimator.marginal(slice(0, None)))))
-        self._warnings.pop("imu", None)
-        if found and self.estimator.noise_known:
-            self._warnings["imu"] = " ".join(found)
-        if status in ("ok", "no_payload") or self._stances is None:
-            return reason
-        if 2.0 * self._doubt(0.0, self.base) ** 2 > std**2 or self._stances.is_doubtful:
-            excess = self._stances.excess
-            found = [f"The IMU shows {excess:+.2f} m/s^2 beside gravity and motion: a bias, or impacts that its rate misses.", *found]
-        return " ".join([reason, *found])
-
-    def _doubt(self, mass: float, base: FloatingBase) -> float:
-        """By how much the mass is wrong if what the accelerometer shows beyond gravity is a bias that is not estimated [kg]."""
-        if self._stances is None or self._stances.bias_is_free:
+    def _doubt(self, mass: float) -> float:
+        """By how much the mass is wrong if the accelerometer's excess over gravity is a bias that is not estimated [kg]."""
+        if self._stances is None or self._stances.bias_is_free or self.base is None:
             return 0.0
-        own = 0.0 if self._changes.tare.taken else base.mass
-        return (own + max(mass, 0.0)) * self._stances.excess / self._gravity
+        return ((0.0 if self._changes.tare.taken else self.base.mass) + max(mass, 0.0)) * self._stances.excess / self._gravity

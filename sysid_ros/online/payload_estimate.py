@@ -207,8 +207,7 @@ class ModelCheck:
         times = f"{usual:.0f}" if usual < 1000.0 else "over a thousand"
         return (
             f"The residual is far above any noise that it could be ({times} times): rms {listed}. "
-            "The robot's model does not explain these torques; the payload can't be trusted. "
-            + self._cure
+            "The robot's model does not explain these torques; the payload can't be trusted. " + self._cure
         )
 
 

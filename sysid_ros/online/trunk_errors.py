@@ -12,11 +12,11 @@ from sysid_ros.sample import FREE, FloatArray, Sample
 
 
 class ImuPlacement(Effect):
-    """``tau = M_b(q) (phi x s - dw x p - w x (w x p))``: the IMU is turned by three small angles phi [rad] against what is said of
-    it, and sits p [m] away, in the axes of the trunk.
+    """``tau = M_b(q) (phi x s - dw x p - w x (w x p))``: the IMU is turned by three small angles phi [rad] against what is
+    said of it, and sits p [m] away, in the axes of the trunk.
 
-    With M_b (n, 3) the torque that a unit of specific force s of the trunk costs. What the IMU shows is the force of another place
-    in other axes, and that much less is the trunk's own.
+    With M_b (n, 3) the torque that a unit of specific force s of the trunk costs. What the IMU shows is the force of another
+    place in other axes, and that much less is the trunk's own.
 
     Args:
         robot: on its floating base. frame: of the payload, which is accelerated too.
@@ -44,7 +44,6 @@ class ImuPlacement(Effect):
         turn = _cross(w)
         out[:, :3] = -mass @ _cross(s)
         out[:, 3:] = -mass @ (_cross(dw) + turn @ turn)
-
 
     def mass(self, q: FloatArray) -> FloatArray:
         """M_b, of robot and load, shape (n, 3)."""

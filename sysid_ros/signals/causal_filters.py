@@ -160,9 +160,7 @@ class CausalDerivative:
             large enough; overwritten by the next.
     """
 
-    def __init__(
-        self, n: int, period: float, half_width: int, use_message_velocity: bool = False, impacts: bool = False
-    ) -> None:
+    def __init__(self, n: int, period: float, half_width: int, use_message_velocity: bool = False, impacts: bool = False) -> None:
         self.period, self._alone = period, impacts
         self._window = np.zeros((4, 1 + 3 * n))
         self._clock, self._usual = np.zeros(5), np.zeros(n + 1)

@@ -102,6 +102,10 @@ class ArmSimulation(Simulation[Measurement]):
         self.world: ArmWorld = ArmWorld(self.urdf, self.frame)
         self.world.reset(self.trajectory.centre, np.zeros(n))
 
+    @property
+    def carries(self) -> bool:
+        return self.world.body.tied
+
     def _tie(self, payload: Payload) -> None:
         self.world.pick(payload)
 

@@ -12,8 +12,6 @@ from sysid_ros.simulation.legged_simulation import LeggedSimulation
 from sysid_ros.simulation.quadruped_state import QuadrupedState
 
 
-
-
 @dataclass(frozen=True, slots=True)
 class LeggedRecord:
     """A simulated recording in memory.

@@ -12,8 +12,8 @@ from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 from sysid_ros.simulation.scenario import CONTROL_RATE
 
 OWN = (
-    "robot", "leg_friction", "leg_damping", "rotor_inertia", "mass_error", "foot_spheres", "encoder_step", "imu_rate", "imu_delay",
-    "imu_low_pass", "imu_tilt", "imu_lever", "contact_delay", "push_time",
+    "robot", "leg_friction", "leg_damping", "rotor_inertia", "mass_error", "foot_spheres", "encoder_step", "imu_rate",
+    "imu_delay", "imu_low_pass", "imu_tilt", "imu_lever", "contact_delay", "push_time",
 )  # fmt: skip
 """Settings that only this simulator has."""
 
@@ -63,7 +63,9 @@ class LeggedScenario(QuadrupedScenario):
         self.check_motion()
         self.require(self.lifted_foot == "", "lifted_foot", "empty with MuJoCo, whose gait 'step' lifts one foot after the other")
         self.require(self.hoist_time is None, "hoist_time", "left out with MuJoCo")
-        self.require(self.controller_knows_payload, "controller_knows_payload", "left out with MuJoCo, where joints hold positions")
+        self.require(
+            self.controller_knows_payload, "controller_knows_payload", "left out with MuJoCo, where joints hold positions"
+        )
         for name, most in (("leg_friction", 20.0), ("leg_damping", 20.0), ("rotor_inertia", 1.0), ("encoder_step", 0.1)):
             self.require(0.0 <= getattr(self, name) <= most, name, f"from 0 to {most:g}")
         self.require(0.0 <= self.mass_error <= 0.2, "mass_error", "from 0 to 0.2")

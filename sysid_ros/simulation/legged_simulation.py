@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import xml.etree.ElementTree as ElementTree
 from collections import deque
 from typing import Any
 
@@ -25,8 +26,8 @@ _GRAVITY = np.array([0.0, 0.0, -9.81])
 _BENDS = 0.06
 """By how much the weight on a leg bends it [rad]."""
 _DAMPED, _MOST_DAMPED = 0.02, 0.2
-"""Damping of the joints' controllers over their stiffness [s], and over the inertia of the joint times steps a second at most: with
-more a controller that works in steps chatters."""
+"""Damping of the joints' controllers over their stiffness [s], and at most over the inertia of the joint times steps a second:
+with more, a controller that works in steps chatters."""
 _TOUCHES = 1.0
 _GRIP = 0.8
 _PUSH, _PUSHED = 0.25, 0.3
@@ -57,10 +58,11 @@ class LeggedSimulation(Simulation[QuadrupedState]):
         self._noise = noise
         n = base.legs.n
         self.hidden: dict[str, FloatArray] = {
-            name: getattr(scenario, name) * hidden.uniform(0.7, 1.3, n) for name in ("leg_friction", "leg_damping", "rotor_inertia")
+            name: getattr(scenario, name) * hidden.uniform(0.7, 1.3, n)
+            for name in ("leg_friction", "leg_damping", "rotor_inertia")
         }
         scale = {name: 1.0 + scenario.mass_error * float(np.clip(hidden.normal(), -2.5, 2.5)) for name in _links(self.urdf)}
-        self.world = LeggedWorld(self.legged, scale, *self.hidden.values(), scenario.ground.T[:, 2], _GRIP)
+        self.world: LeggedWorld = LeggedWorld(self.legged, scale, tuple(self.hidden.values()), scenario.ground.T[:, 2], _GRIP)
         self._gait = LeggedGait(scenario.gait, self.legged.feet, motion, scenario.extent, scenario.speed)
         lift = np.abs(self.legged.feet[:, 2]).mean()
         self._stiffness = base.mass * 9.81 / 4.0 * 0.5 * lift / _BENDS
@@ -137,7 +139,9 @@ class LeggedSimulation(Simulation[QuadrupedState]):
         heading = math.atan2(trunk.rotation[1, 0], trunk.rotation[0, 0])
         c, d = math.cos(heading), math.sin(heading)
         ahead = np.array([c * trunk.velocity[0] + d * trunk.velocity[1], c * trunk.velocity[1] - d * trunk.velocity[0]])
-        tilt = np.array([math.atan2(trunk.rotation[2, 1], trunk.rotation[2, 2]), -math.asin(min(max(trunk.rotation[2, 0], -1), 1))])
+        tilt = np.array(
+            [math.atan2(trunk.rotation[2, 1], trunk.rotation[2, 2]), -math.asin(min(max(trunk.rotation[2, 0], -1), 1))]
+        )
         places = self._gait.places(max(t, 0.0), STEP if t > 0.0 else 0.0, ahead, tilt)
         goal = places + np.outer(self.legged.radius, [0.0, 0.0, 1.0])
         self._target, before = inverse(self.legged.base, self.legged.leg_joints, self._target, goal, steps=2), self._target
@@ -213,13 +217,8 @@ class LeggedSimulation(Simulation[QuadrupedState]):
             settings={name: value for name in OWN if isinstance(value := getattr(s, name), int | float | str | tuple | None)},
         )
 
-    def close(self) -> None:
-        """Nothing: MuJoCo frees itself."""
-
 
 def _links(urdf: str) -> list[str]:
-    import xml.etree.ElementTree as ElementTree
-
     links = ElementTree.fromstring(urdf).findall("link")
     return [str(link.get("name")) for link in links if link.find("inertial") is not None]
 

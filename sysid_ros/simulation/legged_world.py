@@ -29,8 +29,8 @@ class LeggedWorld:
 
     Args:
         robot: what stands there. scale: factor on the mass and inertia of every link, by name.
-        dry, viscous, rotor: friction of the joints [N m], [N m s/rad] and inertia of their rotors [kg m^2], shape (n,) each, in
-            the order of the model.
+        drives: of the joints, dry friction [N m], viscous friction [N m s/rad] and inertia of the rotors [kg m^2], shape (n,)
+            each, in the order of the model.
         normal: of the ground, shape (3,). slippery: Coulomb coefficient of the feet.
 
     Attributes:
@@ -46,9 +46,7 @@ class LeggedWorld:
         self,
         robot: LeggedRobot,
         scale: dict[str, float],
-        dry: FloatArray,
-        viscous: FloatArray,
-        rotor: FloatArray,
+        drives: tuple[FloatArray, ...],
         normal: FloatArray,
         slippery: float,
     ) -> None:
@@ -61,6 +59,7 @@ class LeggedWorld:
         model.opt.gravity[:] = -9.81 * normal
         joints = [model.joint(name).id for name in robot.base.legs.joint_names]
         self._at, self._dofs = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        dry, viscous, rotor = drives
         model.dof_frictionloss[self._dofs], model.dof_damping[self._dofs] = dry, viscous
         model.dof_armature[self._dofs] = rotor
         self._trunk = model.body(robot.base.trunk).id
@@ -120,6 +119,9 @@ class LeggedWorld:
         """Apply a force (3,) [N] at the trunk's centre of mass, in the world, until another is applied."""
         self._data.xfrc_applied[self._trunk, :3] = force
 
+    def close(self) -> None:
+        """Nothing: MuJoCo frees itself."""
+
     def _read(self) -> None:
         data, rotation = self._data, np.empty(9)
         mujoco.mju_quat2Mat(rotation, data.qpos[3:7])
@@ -154,7 +156,9 @@ def _compiled(robot: LeggedRobot, slippery: float) -> mujoco.MjModel:
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         spec.body(robot.base.trunk).add_freejoint()
         touch = {"solref": [float(x) for x in _HARD.split()], "solimp": [0.95, 0.995, 0.0005, 0.5, 2.0]}
-        spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0], friction=[slippery, 0, 0], **touch)
+        spec.worldbody.add_geom(
+            name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0], friction=[slippery, 0, 0], **touch
+        )
         centres = robot.base.contacts.offsets
         for name, radius, centre in zip(robot.base.contact_frames, robot.radius, centres, strict=True):
             spec.body(name).add_geom(

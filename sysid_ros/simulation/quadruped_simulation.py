@@ -103,6 +103,10 @@ class QuadrupedSimulation(Simulation[QuadrupedState]):
                 break
         return q
 
+    @property
+    def carries(self) -> bool:
+        return self.world.body.tied
+
     def _tie(self, payload: Payload) -> None:
         self.world.body.tie(payload)
         if self.scenario.controller_knows_payload:

@@ -45,9 +45,9 @@ class Simulation(ABC, Generic[Message]):
         return self._k / CONTROL_RATE
 
     @property
+    @abstractmethod
     def carries(self) -> bool:
         """True while the payload is tied to its link."""
-        return self.world.body.tied
 
     def pick(self) -> bool:
         """Tie the payload on now; False where there is none, or it is on already."""
