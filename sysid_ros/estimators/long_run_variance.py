@@ -82,6 +82,11 @@ class LongRunVariance:
         self.variance = np.maximum(chosen, self.floor)
         return True
 
+    def coloured(self, spread: FloatArray) -> FloatArray:
+        """Long-run variance of the rows; while it is not known, as if what is left, of variance ``spread`` (m,), kept its value
+        for a block, shape (m,)."""
+        return self.variance if self.known else np.asarray(np.maximum(self.variance, spread * self.BLOCKS[0] / self.period))
+
     def widen(self, factor: float) -> None:
         """What was learned so far counts as ``factor`` times as much."""
         self._power *= factor

@@ -24,11 +24,9 @@ class VariableForgetting(Estimator):
     - Time update: exponential resetting towards the prior (Salgado, Goodwin, Middleton 1988), which bounds P by P0 in every
       direction, only while something excites the parameters.
     - Change: a run of innovations too large for ``Y P Y' + Rd`` is fitted with a jump of the block that may jump
-      (:class:`JumpSearch`); if the jump explains it, that block's covariance goes back to the prior, and once more when the old
-      data have left the filters.
+      (:class:`JumpSearch`, :class:`LastingJumpSearch`); if the jump explains it, that block's covariance goes back to the prior,
+      and once more when the old data have left the filters.
     - Outlier: an innovation too large that no jump explains gets less weight.
-
-    Rows that fit, which nearly all do, are done in one call of :func:`variable_update.take_in`.
 
     Args:
         problem: what there is to estimate; forgotten is towards its prior.
@@ -56,8 +54,7 @@ class VariableForgetting(Estimator):
         return cls(problem)
 
     def reset(self) -> None:
-        self._theta = np.zeros(self.p)
-        self._P = np.diag(self._prior_variance)
+        self._theta, self._P = np.zeros(self.p), np.diag(self._prior_variance)
         self._sensitivity = np.zeros((self.p, 0))
         self.noise = LongRunVariance(self.m, self._period, self._floor)
         self._levels = np.stack([self._floor * self.noise.CAUTION, self._floor, self._part * self._floor])
@@ -68,8 +65,7 @@ class VariableForgetting(Estimator):
         self._sums = RowSums(self._prior_variance, self.m)
         self._search = JumpSearch(self._jump, self._prior_variance)
         self._lasting = LastingJumpSearch(self._jump, self._prior_variance, self.m, self._period) if self._jump.lasts else None
-        if self._lasting is not None:
-            self.found_after = self._lasting.found_after  # type: ignore[misc]
+        self.found_after = self._lasting.found_after if self._lasting else JumpSearch.HITS  # type: ignore[misc]
         self._early, self._early_jump = list[tuple[FloatArray, FloatArray, FloatArray]](), False
         self._kept: tuple[FloatArray, ...] = ()
         self.before_jump = self.last_jump = np.zeros(self._jump.least.size)
@@ -214,7 +210,8 @@ class VariableForgetting(Estimator):
         if self._search.hits == 0 and self._jump.memory == 0.0:
             self._kept = tuple(x.copy() for x in (self._theta, self._P, self._sensitivity, self._sums.known, self._sums.rows))
         self._search.weigh(z, self.m, self._spread_count * self._period / self.INDEPENDENT)
-        change = self._search.hit(Y, innovation, self._levels[variable_update.SPREAD] + extra, self._coloured_variance() + extra)
+        spread = self._levels[variable_update.SPREAD]
+        change = self._search.hit(Y, innovation, spread + extra, self.noise.coloured(spread) + extra)
         self.misfits = self._search.misfits
         if change is None:
             return False
@@ -227,8 +224,7 @@ class VariableForgetting(Estimator):
         lasting, too_early = self._lasting, self._early_jump and not self.noise.known
         if lasting is None or self._settling or self._spread_count == 0 or too_early or not np.isfinite(Y.sum() + tau.sum()):
             return
-        change = lasting.add(Y, tau, self._theta, self._P, self._levels[variable_update.SPREAD])
-        if change is not None:
+        if (change := lasting.add(Y, tau, self._theta, self._P, self._levels[variable_update.SPREAD])) is not None:
             self._take_jump(change)
 
     def _take_jump(self, change: FloatArray) -> None:
@@ -239,13 +235,6 @@ class VariableForgetting(Estimator):
             self._settling = max(round(self._jump.memory / self._period), 1)
             self._interrupt_noise()
             self._begin_again()
-
-    def _coloured_variance(self) -> FloatArray:
-        """Long-run variance of the rows; while it is not known, as if what is left kept its value for a block, shape (m,)."""
-        if self.noise.known:
-            return self.noise.variance
-        kept = self._levels[variable_update.SPREAD] * self.noise.BLOCKS[0] / self._period
-        return np.asarray(np.maximum(self.noise.variance, kept))
 
     def marginal(self, where: slice) -> tuple[FloatArray, FloatArray]:
         return self._theta[where], self._P.diagonal()[where]
@@ -297,8 +286,7 @@ class VariableForgetting(Estimator):
             self._P[:, block] = 0.0
             self._P[block, block] = np.diag(self._prior_variance[block])
         else:
-            self._theta = np.zeros(self.p)
-            self._P = np.diag(self._prior_variance)
+            self._theta, self._P = np.zeros(self.p), np.diag(self._prior_variance)
             self._sensitivity[:] = 0.0
             self._early = []
             self._early_jump = True

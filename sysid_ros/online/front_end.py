@@ -199,10 +199,10 @@ class FrontEnd:
     Args:
         model: what is known and what is free.
         period: usual time between measurements [s]. update_rate: rows a second at most [Hz].
-        cutoff_hz: of the low-pass [Hz]; 0 for what suits rate and noise of the positions.
-        noise: of the positions, root mean square over the joints [rad].
+        cutoff_hz: of the low-pass [Hz]; 0 for what suits rate and noise of the positions, which is ``noise`` [rad, rms].
         use_message_velocity: velocity from the messages instead of from the positions.
-        base: the robot of ``model`` where it floats, legs: what is not known of it. standstill, stances, gravity, bias: as of :class:`TrunkRows`.
+        base, legs: the robot of ``model`` where it floats, and what is not known of it.
+        standstill, stances, gravity, bias: as of :class:`TrunkRows`.
 
     Attributes:
         derivative: what makes samples of measurements. projection: of a floating base, else None. rows: of an update.

@@ -52,7 +52,7 @@ class OnlineEstimation:
 
     Attributes:
         base: the robot on its floating base, None for an arm. latest: the last estimate given out, or None.
-        frame: that the payload is expressed in. estimator: the recursion, once the first measurements are in. fault: why it started anew by itself, if it did.
+        frame: that the payload is expressed in. estimator: the recursion, once there is one. fault: why it began anew.
 
     Raises:
         RobotModelError, ModelFileError, SettingsError: the frame, the model or a setting does not fit the robot.
