@@ -65,7 +65,7 @@ def test_a_standing_robot_weighs_what_its_feet_carry() -> None:
     force = np.array([state.forces for state in record.exact]).sum(axis=1).mean(axis=0)
     mass = FloatingBase(RobotModel.from_urdf(record.urdf)).mass + 3.0
     assert np.linalg.norm(force) == pytest.approx(9.81 * mass, rel=2e-3)
-    felt = np.mean([reading.specific_force for reading in record.imu], axis=0)
+    felt = np.mean(np.array([reading.specific_force for reading in record.imu]), axis=0)
     assert np.linalg.norm(felt) == pytest.approx(9.81, abs=0.02)
 
 
