@@ -46,6 +46,8 @@ WARM, SETTLED, SEEN = 3.0, 1.0, 0.75
 LOADS = {"solo12": (0.1, 0.6, 0.06), "anymal": (3.0, 15.0, 0.2)}
 """Load from, to [kg] and how far from the middle of the back it is put [m]; others carry 0.5 to 5 kg at up to 0.12 m."""
 ROTORS = {"solo12": 5e-4, "anymal": 0.04}
+NAMED = ("IMU shows", "IMU is turned", "IMU sits", "ms late against", "ms early against")
+"""What a status says of the IMU where that is what is wrong, beside advice to check it."""
 PICKED = {"pick_time": 6.0, "drop_time": 10.0, "duration": 13.0}
 CONDITIONS: dict[str, tuple[dict[str, Any], bool]] = {
     # what is simulated otherwise, and whether contacts are told
@@ -167,7 +169,7 @@ def judged(record: LeggedRecord | QuadrupedRecord, seed: int, contacts: bool) ->
     com = float(np.abs(last.com[:2] - theta[1:3] / theta[0]).max())
     return Trial(
         seed, float(theta[0]), float(last.theta[0] - theta[0]), last.mass_std, com, last.status, len(counted), len(ok), len(bad),
-        false, missed, last.reason if "IMU" in last.reason else "",
+        false, missed, last.reason if any(x in last.reason for x in NAMED) else "",
     )  # fmt: skip
 
 
