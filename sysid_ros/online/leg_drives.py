@@ -12,8 +12,8 @@ _TORQUE = 0.06
 """What a leg's joint holds while the robot stands, over a quarter of the weight and the cube root of the mass [m/kg^(1/3)]: bent
 knees have a lever of 0.15 m on 16 kg."""
 _ROTOR, _DRY, _VISCOUS = 2e-3, 0.03, 0.01
-"""Prior standard deviations over that torque: of the rotors' inertia [s^2], of dry friction, and of viscous friction [s]: 0.012 kg
-m^2, 0.18 N m and 0.06 N m s/rad on 16 kg. Supposed, not measured on robots."""
+"""Prior standard deviations over that torque: of the rotors' inertia [s^2], of dry friction, and of viscous friction [s].
+That is 0.012 kg m^2, 0.18 N m and 0.06 N m s/rad on 16 kg; supposed, not measured on robots."""
 _UNIFORM = 3.0**-0.5
 """Standard deviation of what lies anywhere between minus and plus one."""
 
