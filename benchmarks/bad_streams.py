@@ -86,7 +86,7 @@ class Arm:
         holds = (t >= PICK) & ~((t >= BEGIN) & (t < OVER) & drops)
         self.carried = np.where(holds, MASS, 0.0)
         body = pin.Inertia(MASS, np.array([0.03, -0.02, 0.06]), 0.004 * np.diag([1.0, 1.4, 1.8]))
-        frame = model.frame_id(model.default_frame)
+        frame = model.frame_id(model.flange)
         pushed = np.zeros_like(q)
         self.tau = np.empty_like(q)
         for k in range(len(t)):

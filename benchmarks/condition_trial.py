@@ -246,7 +246,7 @@ def run(name: str, seed: int, settings: OnlineSettings | None = None, keep: bool
     size = 0.05
     body = pin.Inertia(mass, size * rng.uniform(-1.6, 1.6, 3), 2.0 * mass * size**2 * np.diag([0.5, 0.7, 0.9]))
     whole, half = body.toDynamicParameters(), 0.5 * body.toDynamicParameters()
-    frame = model.frame_id(model.default_frame)
+    frame = model.frame_id(model.flange)
     true = _true_arm(model, rng, c)
 
     def carried(at: float) -> FloatArray:

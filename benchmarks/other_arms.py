@@ -109,7 +109,7 @@ def trial(arm: str, seed: int, rate: float, torque_noise: float) -> Trial:
     mass = heaviest * rng.uniform(0.3, 1.0)
     size = 0.02 if heaviest < 1.0 else 0.05
     body = pin.Inertia(mass, size * rng.uniform(-1.6, 1.6, 3), 2.0 * mass * size**2 * np.diag([0.5, 0.7, 0.9]))
-    frame = model.model.frames[model.frame_id(model.default_frame)]
+    frame = model.model.frames[model.frame_id(model.flange)]
     loaded = model.model.copy()
     loaded.appendBodyToJoint(frame.parentJoint, body, frame.placement)
     empty, full = model.model.createData(), loaded.createData()

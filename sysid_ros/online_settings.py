@@ -186,7 +186,11 @@ class OnlineSettings(Settings):
     no_payload_mass: float = setting(0.15, "less mass than this is called no payload", "kg", 0.0, 100.0)
 
     mass_std_limit: float = setting(
-        0.1, "above this std (or 5 % of the mass, if more) the payload is not known yet", "kg", 1e-4, 100.0
+        0.1,
+        "above this std (or 5 % of the mass, or 3 % of a robot on legs) the payload is not known yet",
+        "kg",
+        1e-4,
+        100.0,
     )
 
     # output

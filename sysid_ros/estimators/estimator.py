@@ -68,6 +68,7 @@ class Estimator(ABC):
         watches_itself: True where it learns its noise and finds jumps by itself.
         jumps: how many jumps of the parameters it has found. found_after: updates from a jump until it is found.
         misfits: updates in a row, so far, that are too far from what is known, and that no jump explains.
+        disturbed: something acts that is neither noise as it has been nor a jump.
         noise_known: True once covariances rest on noise that the data have shown, or that was given.
         noise_variance: over a long run, of the residual of each row, shape (m,); NaN where nothing was learned of it.
         row_variance: of the residual of single rows, without what follows from their colour, shape (m,); NaN as above.
@@ -78,6 +79,7 @@ class Estimator(ABC):
     found_after: ClassVar[int] = 0
     jumps: int = 0
     misfits: int = 0
+    disturbed: bool = False
     before_jump: FloatArray = np.zeros(0)
     last_jump: FloatArray = np.zeros(0)
     _theta: FloatArray

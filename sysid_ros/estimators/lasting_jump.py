@@ -20,6 +20,8 @@ _SUPPOSED = 2.0
 """For so many blocks counts what is supposed of their noise: that rows of a block have it in common."""
 _SELDOM = 600.0
 """A change is expected once in this time, before any data [s]."""
+_DISTURBED = 8.0
+"""A disturbance is so many times the noise. By the tails of both, one block alone is never as much likelier as the odds ask."""
 _MOST = 9.0
 """A squared block counts as so many times its expectation at most in what is learned of the noise."""
 
@@ -45,7 +47,8 @@ class LastingJumpSearch:
     ``u - Ym d``; its evidence is the ratio of the likelihoods with the d that fits best, less what a prior of that width costs
     (Laplace; MacKay 2003, chapter 28), times the odds of a change at all (generalised likelihood ratio: Willsky, Jones 1976).
 
-    One strong impact can't be a jump: a d that explains one block of two is contradicted by the other as much.
+    One strong impact can't be a jump: a d that explains one block of two is contradicted by the other as much. Where no jump
+    explains them, but a noise that is many times larger does, something acts on the robot that is neither.
 
     Args:
         rule: which parameters may jump, and what counts; ``lasts`` is the length of a block [s].
@@ -53,6 +56,7 @@ class LastingJumpSearch:
 
     Attributes:
         found_after: updates from a jump until it is found, at the usual place of it in the first block.
+        disturbed: by the newest blocks, whether something acts that is neither noise as it has been nor a jump.
     """
 
     def __init__(self, rule: JumpRule, prior_variance: FloatArray, m: int, period: float) -> None:
@@ -66,6 +70,7 @@ class LastingJumpSearch:
         self._variance, self._product = np.zeros(m), np.zeros(m)
         self._weight = 0.0
         self._before: FloatArray | None = None
+        self.disturbed = False
         self.restart()
 
     def restart(self) -> None:
@@ -73,6 +78,7 @@ class LastingJumpSearch:
         self._runs: list[_Run] = []
         self._tick = 0
         self._before = None
+        self.disturbed = False
 
     def add(self, Y: FloatArray, tau: FloatArray, theta: FloatArray, P: FloatArray, spread: FloatArray) -> FloatArray | None:
         """Take in the rows Y (m, p), tau (m,) of an update, before which theta (p,) and P (p, p) were known: the jump of the
@@ -124,9 +130,15 @@ class LastingJumpSearch:
         scale = np.sqrt(self._prior)
         width = 0.5 * float(np.linalg.slogdet(information * np.outer(scale, scale))[1])
         cost = width + 0.5 * float(change @ (change / self._prior))
-        if gained - cost < self._odds or not bool(np.any(np.abs(change) > self._rule.least)):
-            return None
-        return change
+        found = gained - cost >= self._odds and bool(np.any(np.abs(change) > self._rule.least))
+        self.disturbed = not found and self._is_disturbed(plain)
+        return change if found else None
+
+    def _is_disturbed(self, plain: list[float]) -> bool:
+        """Whether squared blocks, over their covariances, are likelier where those are ``_DISTURBED`` squared times as large."""
+        wide = _TAILS * _DISTURBED**2
+        likelier = sum(0.5 * (_TAILS + self._m) * float(np.log1p(x / _TAILS) - np.log1p(x / wide)) for x in plain)
+        return likelier - len(plain) * self._m * float(np.log(_DISTURBED)) > self._odds
 
     def _learn(self, run: _Run, noise: FloatArray) -> None:
         """What the first block of a row without a jump says of the noise."""

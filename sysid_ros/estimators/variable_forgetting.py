@@ -54,8 +54,7 @@ class VariableForgetting(Estimator):
         return cls(problem)
 
     def reset(self) -> None:
-        self._theta, self._P = np.zeros(self.p), np.diag(self._prior_variance)
-        self._sensitivity = np.zeros((self.p, 0))
+        self._theta, self._P, self._sensitivity = np.zeros(self.p), np.diag(self._prior_variance), np.zeros((self.p, 0))
         self.noise = LongRunVariance(self.m, self._period, self._floor)
         self._levels = np.stack([self._floor * self.noise.CAUTION, self._floor, self._part * self._floor])
         self.row_variance = self._levels[variable_update.SPREAD]
@@ -222,6 +221,7 @@ class VariableForgetting(Estimator):
     def _look_back(self, Y: FloatArray, tau: FloatArray) -> None:
         """Look for a jump that lasts in the rows to come and those before them."""
         lasting, too_early = self._lasting, self._early_jump and not self.noise.known
+        self.disturbed = lasting is not None and lasting.disturbed
         if lasting is None or self._settling or self._spread_count == 0 or too_early or not np.isfinite(Y.sum() + tau.sum()):
             return
         if (change := lasting.add(Y, tau, self._theta, self._P, self._levels[variable_update.SPREAD])) is not None:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from sysid_ros.online.replay import Replay
     from sysid_ros.pages.figure import Figure
 
-_LINES = 12
+_LINES = 10
 _WIDTH = 100
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import array
 import time
 from collections.abc import Sequence
+from operator import methodcaller
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from sysid_ros.robot.inertial_parameters import MESSAGE_NAMES, TO_MESSAGE_ORDER
 from sysid_ros.sample import FloatArray, JointStateRecord
 
 _MARKER_PERIOD = 0.2
+_LISTENERS = methodcaller("get_subscription_count")
 _ORDER = np.ix_(TO_MESSAGE_ORDER, TO_MESSAGE_ORDER)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """For what is published once and kept for those who come later."""
@@ -89,6 +91,7 @@ class Outputs:
         self._estimate = create(DiagnosticArray, "~/estimate", _reliable(10))
         self._valid = create(InertiaStamped, "~/payload_valid", _reliable(10))
         self._effort_stamped = create(JointState, "~/payload_effort_stamped", _reliable(10))
+        self._believed = self._estimate, self._valid, self._effort_stamped
         self._residual = create(JointState, "~/residual_efforts", best_effort)
         self._markers = create(MarkerArray, "~/markers", _reliable(1))
         self._next_markers = 0.0
@@ -127,7 +130,8 @@ class Outputs:
         self._residual_message.header.stamp = stamp
         self._residual_message.effort = array.array("d", estimate.residual[self._order].tobytes())
         self._residual.publish(self._residual_message)
-        self._publish_believed(estimate, estimate.status, estimate.reason, stamp)
+        if any(map(_LISTENERS, self._believed)):
+            self._publish_believed(estimate, estimate.status, estimate.reason, stamp)
         self._last = estimate, stamp
         if self.frame is not None and is_believed(estimate.status):
             self.frame.publish(estimate, stamp)

@@ -100,8 +100,8 @@ class FreeParameters:
             effects += self.legs.effects
             prior_std.append(self.legs.prior_std)
         inexact = None
-        if base is None and known is None and settings.effort_type == "total":
-            inexact = link_inexactness(robot, settings.link_mass_error, settings.link_com_error)
+        if known is None and settings.effort_type == "total":
+            inexact = link_inexactness(whole, settings.link_mass_error, settings.link_com_error, base is not None)
         self.model = TorqueModel(
             whole,
             effects,

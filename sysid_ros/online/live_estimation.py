@@ -28,6 +28,10 @@ def explained(estimate: PayloadEstimate, gate: Gate | None) -> str:
     return f"{estimate.reason} {suspicion}".rstrip()
 
 
+_OTHER, _BETTER, _SAME = "other", "better", "same"
+"""What an estimate is beside one before: of another payload, of the same but known better, and of the same."""
+
+
 class CommitGate:
     """Passes an estimate on when it is known well, has held still for a while, and differs from the last one that passed or is
     known much better.
@@ -62,14 +66,15 @@ class CommitGate:
         if refusal := self._refusal(estimate):
             self.interrupt(refusal)
             return None
-        if self.committed is not None and not self._differ(estimate, self.committed):
-            if self._refines(estimate, self.committed):
-                return self._pass(estimate)
+        change = _OTHER if self.committed is None else self._change(estimate, self.committed)
+        if change == _BETTER:
+            return self._pass(estimate)
+        if change == _SAME:
             self._anchor = self.committed
             self.reason = "Committed; changes since are within the dead band."
             return None
         anchor = self._anchor
-        if anchor is None or estimate.t < anchor.t or self._differ(estimate, anchor):
+        if anchor is None or estimate.t < anchor.t or self._change(estimate, anchor) == _OTHER:
             self._anchor = anchor = estimate
         held = estimate.t - anchor.t
         if held < self.settings.dwell:
@@ -109,21 +114,19 @@ class CommitGate:
             return f"The std of the centre of mass is {com_std:.3g} m; at most {s.com_std:g} m is committed (commit.com_std)."
         return ""
 
-    def _refines(self, a: PayloadEstimate, b: PayloadEstimate) -> bool:
-        """Whether a knows mass or centre of mass so much better than b that b's errors are worth mending: none passes often."""
-        if a.is_empty or b.is_empty or self.settings.refinement == 0.0:
-            return False
-        better = b.covariance[0, 0] / a.covariance[0, 0], np.trace(b.body.com_covariance) / np.trace(a.body.com_covariance)
-        return bool(max(better) >= self.settings.refinement**2)
-
-    def _differ(self, a: PayloadEstimate, b: PayloadEstimate) -> bool:
+    def _change(self, a: PayloadEstimate, b: PayloadEstimate) -> str:
+        """Whether a is another payload than b, or knows mass or centre of mass so much better that b's errors are worth mending:
+        none passes often."""
         if a.is_empty or b.is_empty:
-            return a.is_empty != b.is_empty
-        return (
+            return _SAME if a.is_empty == b.is_empty else _OTHER
+        if (
             abs(a.body.mass - b.body.mass) > self.settings.mass_dead_band
             or math.dist(a.body.com, b.body.com) > self.settings.com_dead_band
             or a.frame != b.frame
-        )
+        ):
+            return _OTHER
+        better = b.covariance[0, 0] / a.covariance[0, 0], np.trace(b.body.com_covariance) / np.trace(a.body.com_covariance)
+        return _BETTER if max(better) >= self.settings.refinement**2 > 0.0 else _SAME
 
 
 class LiveEstimation:

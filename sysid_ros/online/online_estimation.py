@@ -179,8 +179,8 @@ class OnlineEstimation:
         return front_end
 
     def _make_judgement(self) -> None:
-        floor = self._floor[:FREE] if self.base else self._floor
-        self._judgement = Judgement(self.base.robot if self.base else self.robot, self.settings, floor)
+        base, s, floor = self.base, self.settings, self._floor
+        self._judgement = Judgement(base.robot, s, floor[:FREE], base.mass) if base else Judgement(self.robot, s, floor)
 
     def _take(self, rows: Rows, t: float) -> PayloadEstimate | None:
         """One update, and what it gives if that is due; ``t``: stamp of the newest measurement [s]."""
@@ -273,9 +273,7 @@ class OnlineEstimation:
             distance = project_into(theta, covariance, nearest)
             if distance > 0.0:  # what the noise explains is not laid on the considered errors, which would draw the mass along
                 noise = self.estimator.noise_covariance()[PAYLOAD, PAYLOAD] + self._changes.tare.noise
-                near = np.empty(10)
-                if project_into(theta, noise, near) <= _NOT_A_BODY:
-                    nearest = near
+                project_into(theta, noise, nearest)
             theta = nearest if distance > 0.0 else theta
             if not distance <= _NOT_A_BODY:
                 status, reason = "not_physical", "No body of positive density has these parameters, whatever the noise."

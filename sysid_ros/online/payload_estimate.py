@@ -19,6 +19,9 @@ STATUSES = ("ok", "warming_up", "not_excited", "not_physical", "stale", "no_payl
 _FORCE = "external_force"
 _IDENTIFY = "Identify the arm without a payload ('sysid identify') and give the model with --model."
 _LOOK = "Check the URDF's legs and feet, and that the IMU is low-passed before it is published and stamped like the joints."
+_OF_ROBOT = 0.03
+"""Part of the mass of a robot on legs that what it carries need not be known better to: its legs hold both."""
+_DISTURBED = "For two steps the torques have fitted neither what was known nor another payload: something pulls at the robot."
 _STAYS_KNOWN = 1.5
 """A mass that was known stays known up to so many times the limit, or the status would flicker at it."""
 
@@ -216,14 +219,15 @@ class Judgement:
 
     Args:
         robot: for the names of its joints. settings: the limits. floor: least variance of a row, shape (n,), of those
-            rows that are torques.
+            rows that are torques. carries_itself: mass of a robot on legs [kg]: a load counts against it; 0 for an arm.
 
     Attributes:
         check: takes in the rows of a moving robot.
     """
 
-    def __init__(self, robot: RobotModel, settings: OnlineSettings, floor: FloatArray) -> None:
+    def __init__(self, robot: RobotModel, settings: OnlineSettings, floor: FloatArray, carries_itself: float = 0.0) -> None:
         self._settings = settings
+        self._limit = max(settings.mass_std_limit, _OF_ROBOT * carries_itself)
         self._floor = floor
         self.check = ModelCheck(robot, rows=floor.size)
         self._known = False
@@ -235,12 +239,14 @@ class Judgement:
             wrong = self.check.verdict(estimator.noise_variance[:n], estimator.row_variance[:n], self._floor)
             if wrong:
                 return "inconsistent", wrong
-        limit = max(s.mass_std_limit, 0.05 * abs(mass))
+        limit = max(self._limit, 0.05 * abs(mass))
         self._known = mass_std <= (_STAYS_KNOWN if self._known else 1.0) * limit
         unknown = not self._known
         if estimate.status == "not_excited" and (unknown or not noise_known):
             known_to = f"the mass is known to {mass_std:.2g} kg only" if unknown else "the noise of the torques is not known yet"
             return "not_excited", f"The robot stands; {known_to}. Move the joints that carry the payload."
+        if estimator.disturbed:
+            return "inconsistent", _DISTURBED
         reason = f"{estimate.reason[0].upper()}{estimate.reason[1:]}." if estimate.reason else ""
         if not noise_known or estimate.status == "warming_up":
             return "warming_up", f"{reason or 'The noise of the torques is not known yet.'} Keep moving."

@@ -68,6 +68,7 @@ class CompiledRows:
                 columns.append(np.column_stack([simple, np.arange(where.start, where.stop)]))
             else:
                 self._asked.append((effect, where))
+        self._asked_ids = {id(effect) for effect, _ in self._asked}
         self._linear = np.ascontiguousarray(np.hstack(blocks))
         self._places, self._columns = np.concatenate(places), np.ascontiguousarray(np.vstack(columns))
         self._curves, self._spread = np.ascontiguousarray(curves), np.ascontiguousarray(spread)
@@ -75,15 +76,15 @@ class CompiledRows:
 
     def fill(self, t: float, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray, raw: FloatArray) -> None:
         """Write the row of a sample, shape (n,) each, over another one, or over :attr:`empty`."""
-        asked = [(effect, where) for effect, where in self._asked if id(effect) not in self._left_out] if self._asked else ()
-        if self._others or asked:
+        if self._others or not self._left_out.issuperset(self._asked_ids):
             sample = Sample(t, q, v, a, tau)
             self._robot.rnea(q, v, a)
             self._torque[:] = 0.0
             for k in self._others:
                 self._torque += k.effect.torque(sample, k.theta)
-            for effect, where in asked:
-                effect.fill(sample, raw[:, where])
+            for effect, where in self._asked:
+                if id(effect) not in self._left_out:
+                    effect.fill(sample, raw[:, where])
         regressor = self._robot.regressor(q, v, a)
         _fill(
             regressor, self._linear, self._places, self._columns, self._curves, self._spread, self._torque,
