@@ -64,6 +64,7 @@ class Bench:
         self.executor.add_node(self.node)
         self.executor.add_node(self.tester)
         self.effort: np.ndarray | None = None
+        self.adds_gravity = parameters.get("robot_adds", "nothing") != "nothing"
         self.commands = 0
         self.beliefs: list[float] = []
         self.statuses: dict[str, DiagnosticStatus] = {}
@@ -90,7 +91,7 @@ class Bench:
         if self.effort is None:
             still = np.zeros(7)
             return self.arm.own_command(q, v, Reference(self.centre, still, still))
-        return self.effort
+        return self.effort + (self.arm.robot.rnea(q, np.zeros(7), np.zeros(7)) if self.adds_gravity else 0.0)
 
     def _on_efforts(self, message: Float64MultiArray) -> None:
         self.effort = np.array(message.data)
@@ -185,6 +186,19 @@ def test_holds_follows_and_learns_what_is_picked_up(bench: Callable[..., Bench],
     else:
         assert sagged > 0.06
         assert one.live.law.payload[0] == 0.0
+
+
+@pytest.mark.parametrize("adds", ["gravity", "gravity_and_friction"])
+def test_an_arm_that_adds_gravity_is_sent_efforts_without_it(bench: Callable[..., Bench], adds: str) -> None:
+    one = bench(adds, robot_adds=adds)
+    goal = one.centre + 0.15
+    one.run(0.1)
+    one.send(t=[1.0], q=goal[None])
+    assert np.abs(one.run(1.5)[-1] - goal).max() < 2e-3
+    weight = one.arm.robot.rnea(goal, np.zeros(7), np.zeros(7))
+    assert np.abs(weight).max() > 20.0
+    assert one.effort is not None
+    assert np.abs(one.effort).max() < 2.0
 
 
 def test_a_committed_payload_is_taken_over(bench: Callable[..., Bench]) -> None:

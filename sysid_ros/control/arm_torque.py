@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid_ros.effects import CoulombFriction, LinkInertia, Payload, RotorInertia, ViscousFriction
+from sysid_ros.effects import Acts, CoulombFriction, LinkInertia, Payload, RotorInertia, ViscousFriction
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
@@ -25,7 +25,8 @@ class ArmTorque:
     Args:
         robot: the arm. known: the identified model; the URDF's links where there is no ``link_inertia`` among it, with the URDF's
             ``<dynamics>``.
-        frame: that the payload is fixed to; empty for the robot's default.
+        frame: that the payload is fixed to; empty for the robot's default. drives: False where what the drives lose (friction and
+            the like) is not to be added, as the robot does that itself.
 
     Attributes:
         payload: the effect whose ten parameters ``theta`` are.
@@ -34,7 +35,7 @@ class ArmTorque:
         RobotModelError: there is no such frame. ModelFileError: a payload is among what is known.
     """
 
-    def __init__(self, robot: RobotModel, known: Sequence[KnownEffect] = (), frame: str = "") -> None:
+    def __init__(self, robot: RobotModel, known: Sequence[KnownEffect] = (), frame: str = "", drives: bool = True) -> None:
         self.robot = robot
         self.payload = Payload(robot, frame=frame)
         if any(k.effect.carried for k in known):
@@ -51,6 +52,8 @@ class ArmTorque:
                 KnownEffect(ViscousFriction(robot), np.array(robot.damping)),
                 KnownEffect(CoulombFriction(robot), np.array(robot.friction)),
             ]
+        if not drives:
+            others = [k for k in others if k.effect.acts is not Acts.DRIVE]
         self._rigid = TorqueModel(robot, [self.payload], rigid)
         self._others = TorqueModel(robot, [], others, links=False)
         self._still = np.zeros(robot.n)

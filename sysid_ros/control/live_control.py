@@ -221,10 +221,21 @@ class LiveControl:
         """Torque that holds the posture where the arm is, or must be by now, shape (n,) [N m]; None before the first state."""
         if self._state is None:
             return None
-        q = self._state[0] if self._braking is None else self._braking[0].at(np.inf).q
+        q = self._place(self._state[0])
         still = np.zeros(self.robot.n)
         columns, rest = self._arm.split(q, still, still, still, still)
         return np.asarray(np.clip(rest + columns @ self.law.payload + self.unmodelled.mean, -self._limit, self._limit))
+
+    def gravity(self) -> FloatArray:
+        """Torque that the links' weight asks for where the arm is, or must be by now, by the URDF, shape (n,) [N m]."""
+        if self._state is None:
+            return np.zeros(self.robot.n)
+        still = np.zeros(self.robot.n)
+        return self.robot.rnea(self._place(self._state[0]), still, still)
+
+    def _place(self, q: FloatArray) -> FloatArray:
+        """Where the arm is that was last seen at q, or where it must have come to rest by now, shape (n,)."""
+        return q if self._braking is None else np.asarray(self._braking[0].at(np.inf).q)
 
     @property
     def rests(self) -> bool:

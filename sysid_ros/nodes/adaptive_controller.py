@@ -158,7 +158,7 @@ class AdaptiveController(LifecycleNode):
     def _load(self, urdf: str, settings: ControllerSettings) -> None:
         gains, safety = self._parameter_source.read(ControlSettings), self._parameter_source.read(SafetySettings)
         live, arm, self._gate = make_control(urdf, settings, gains, safety, self.get_logger().info)
-        robot, self._arm = arm.robot, arm
+        robot, self._arm, self._left_out = arm.robot, arm, float if settings.robot_adds == "nothing" else live.gravity
         self._order = in_order(robot.joint_names, settings.joint_names)
         self._names = [robot.joint_names[j] for j in self._order]
         self.live, self._problem, self._last, self._spoken = live, "", -np.inf, -np.inf
@@ -216,7 +216,7 @@ class AdaptiveController(LifecycleNode):
         self._reference.publish(wanted)
 
     def _command(self, tau: FloatArray) -> Any:
-        efforts = array.array("d", tau[self._order].tobytes())
+        efforts = array.array("d", (tau - self._left_out())[self._order].tobytes())
         self._commands.publish(Float64MultiArray(data=efforts))
         return efforts
 

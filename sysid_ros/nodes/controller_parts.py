@@ -29,7 +29,8 @@ def make_control(
     """
     known = ModelFile.read(Path(settings.model_path)) if settings.model_path else None
     robot = RobotModel.from_urdf(urdf, settings.joint_names or (known.joints if known else ()), settings.gravity)
-    arm = ArmTorque(robot, known.known_effects(robot) if known else (), settings.frame_id or robot.flange)
+    drives = settings.robot_adds != "gravity_and_friction"
+    arm = ArmTorque(robot, known.known_effects(robot) if known else (), settings.frame_id or robot.flange, drives)
     still = np.zeros(robot.n)
     # the law that is used has seen nothing
     with said_if_slow(say, COMPILES):

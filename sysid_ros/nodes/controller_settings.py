@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from sysid_ros.control import LAWS
 from sysid_ros.online_settings import Settings, setting
+
+ROBOT_ADDS: Final = ("nothing", "gravity", "gravity_and_friction")
+"""What a robot may add to the efforts that it is sent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,6 +24,9 @@ class ControllerSettings(Settings):
     law: str = setting("composite", "the control law", choices=LAWS)
     payload_from: str = setting(
         "live", "of the estimator's values: each that may be believed, or those it commits", choices=("live", "committed")
+    )
+    robot_adds: str = setting(
+        "nothing", "what the robot adds to the efforts by itself, so that they are sent without it", choices=ROBOT_ADDS
     )
     autostart: bool = setting(False, "configure and activate at the start: efforts are sent from the first state on")
     executor: str = setting("events", "as of the estimator", choices=("single", "events"))

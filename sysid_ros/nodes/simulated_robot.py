@@ -173,6 +173,7 @@ class SimulatedRobot(Node):
                 "pick_time": pick if pick >= 0.0 else math.inf,
                 "drop_time": drop if drop >= 0.0 else None,
             }
+        self._adds_gravity = bool(v.pop("adds_gravity"))
         legs = {name: v.pop(name) for name in ("gait", "slope")}
         self._commanded, self._command_timeout = bool(v.pop("commanded")) and robot == "arm", float(v.pop("command_timeout"))
         if robot == "arm":
@@ -190,6 +191,9 @@ class SimulatedRobot(Node):
             if self._held.engaged:
                 self._held.release()
                 self.get_logger().info("Commands come again; the drives let go of the arm.")
+            if self._adds_gravity:
+                still = np.zeros(len(q))
+                return self._effort + simulation.robot.rnea(q, still, still)
             return self._effort
         if self._effort is not None and not self._held.engaged:
             self.get_logger().warning(f"No command for {self._command_timeout:g} s: the drives brake and hold the arm.")

@@ -29,6 +29,7 @@ PARAMETERS: tuple[tuple[str, Any, str], ...] = (
     ("torque_offset", [0.0], "what the torque sensors show too much: one value for all joints or one a joint [N m]"),
     ("controller_knows_payload", False, "the controller's model has the payload while it is carried"),
     ("command_timeout", 0.05, "without a command for so long the drives of a commanded arm bring it to rest and hold it [s]"),
+    ("adds_gravity", False, "the arm adds the weight of its links to the commands by itself, as some makers' do"),
     ("commanded", False, "the arm obeys what comes on effort_commands; until then it holds its first posture"),
 )
 
@@ -40,6 +41,7 @@ ARM_ONLY = (
     "rotor_inertia",
     "torque_offset",
     "controller_knows_payload",
+    "adds_gravity",
     "commanded",
 )
 """Parameters that the quadruped does not have."""
