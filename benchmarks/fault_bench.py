@@ -132,7 +132,7 @@ class FaultBench:
         self._prepare()
         goal = np.array(HOME) + self._rng.uniform(-0.5, 0.5, self.robot.n)
         duration = max(1.2, 2.2 * float(np.abs(goal - self._seen[-1][1]).max()))
-        self._send(goal, duration)
+        self._begin_motion(goal, duration)
         at = float(self._rng.uniform(0.15, 0.85)) * duration
         self._spin(at)
         self._said.clear()
@@ -241,13 +241,23 @@ class FaultBench:
         message.points.append(point)
         self._motions.publish(message)
 
+    def _begin_motion(self, goal: FloatArray, duration: float) -> None:
+        """Send a motion until the controller follows it: one that comes before its subscription is known is lost."""
+        for _ in range(20):
+            self._send(goal, duration)
+            start = self._wanted
+            self._spin(0.1)
+            if start is not None and self._wanted is not None and np.any(self._wanted != start):
+                return
+        raise TimeoutError("the controller does not follow a motion: " + " ".join(self._said))
+
     def _prepare(self) -> None:
         """All three nodes run, the arm is held and empty, and no fault is left."""
         self._spoil, self._late = lambda message: message, []
         self._start("simulated_robot", "-p commanded:=true -p pick_time:=-1.0 -p payload_mass:=1.0", RATE)
         urdf = f"-p urdf_path:={self._folder}/arm.urdf"
         self._start("online_payload_estimator", urdf)
-        delay = f"-p loop_delay:=0.006 -p executor:={self._executor_name} -r joint_states:=relayed"
+        delay = f"-p loop_delay:=0.006 -p executor:={self._executor_name} -p payload_from:=committed -r joint_states:=relayed"
         self._start("adaptive_controller", f"-p autostart:=true {urdf} {delay}")
         self._wanted = None
         self._until(lambda: self._wanted is not None, "the controller's first reference")

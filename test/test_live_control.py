@@ -194,6 +194,23 @@ def test_a_state_is_as_old_as_it_is_later_than_the_fastest() -> None:
     assert age.of(5.0, offset) == 0.0
 
 
+@pytest.mark.parametrize("shift", [-3600.0, 1e6])
+def test_one_stamp_that_fits_none_is_left_out_and_a_clock_that_was_set_is_followed(shift: float) -> None:
+    age, offset = StateAge(), 1.7e9
+    for k in range(100):
+        assert age.of(0.01 * k, offset + 0.01 * k) == pytest.approx(0.0, abs=1e-6)
+    assert age.of(1.0 + shift, offset + 1.0) == np.inf
+    assert [age.of(0.01 * k, offset + 0.01 * k) for k in range(101, 110)] == pytest.approx([0.0] * 9, abs=1e-6)
+    assert age.of(1.1 + shift, offset + 1.1) == np.inf
+    assert [age.of(0.01 * k + shift, offset + 0.01 * k) for k in range(111, 120)] == pytest.approx([0.0] * 9, abs=1e-6)
+
+
+def test_states_of_long_ago_stay_old() -> None:
+    age = StateAge()
+    assert age.of(0.0, 10.0) == 0.0
+    assert min(age.of(0.01 * k, 13.0 + 0.01 * k) for k in range(1, 500)) > 2.9
+
+
 def test_what_the_feedback_adds_speaks_for_what_is_carried_and_against_what_is_not() -> None:
     torque = UnmodelledTorque(np.array([100.0, 100.0]))
     rng = np.random.default_rng(0)

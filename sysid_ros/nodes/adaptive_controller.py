@@ -22,7 +22,6 @@ from sysid_ros.control.control_settings import SafetySettings
 from sysid_ros.control.live_control import LiveControl
 from sysid_ros.control.state_age import StateAge
 from sysid_ros.exceptions import SysidError
-from sysid_ros.input_gate.rejections import Rejection
 from sysid_ros.nodes import trajectory_action
 from sysid_ros.nodes.controller_messages import MASSLESS, in_order, payload_of, points_of, poll, without_efforts
 from sysid_ros.nodes.controller_parts import make_control
@@ -36,7 +35,7 @@ from sysid_ros.nodes.slow_start import cause_of
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock
 from sysid_ros.robot.inertial_parameters import to_com
-from sysid_ros.sample import FloatArray
+from sysid_ros.sample import FloatArray, Measurement
 from sysid_ros.sources.source import urdf_text
 
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)
@@ -184,14 +183,12 @@ class AdaptiveController(LifecycleNode):
         live = self.live
         if live is None or self._state != "active":
             return
-        now, restarts = self._receive_clock.now(), self._gate.restarts
-        found = self._gate.accept(without_efforts(record_of(message, now)))
-        if isinstance(found, Rejection) or found.v is None:
-            return
-        if self._gate.restarts != restarts:
-            self._state_age.forget()
-        if self._state_age.of(found.t, now) > live.safety.state_timeout:
-            self._old += 1
+        now = self._receive_clock.now()
+        record = without_efforts(record_of(message, now))
+        age = self._state_age.of(record.stamp, now)
+        self._old += age > live.safety.state_timeout
+        found = self._gate.accept(record) if age < np.inf else None
+        if age > live.safety.state_timeout or not isinstance(found, Measurement) or found.v is None:
             return
         trouble = live.trouble
         try:

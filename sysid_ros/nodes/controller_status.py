@@ -16,7 +16,8 @@ class Heard(NamedTuple):
     """What a controller has heard.
 
     Attributes:
-        age: time since the last joint state that was used [s]. old: states since the last report that came too late to be used.
+        age: time since the last joint state that was used [s]. old: states since the last report that came too late
+            to be used, or with a stamp that fits none before it.
         refusal: why the last motion was refused, or "".
     """
 
@@ -64,7 +65,9 @@ def control_status(live: LiveControl, heard: Heard) -> DiagnosticStatus:
 
 
 def _no_states(live: LiveControl, heard: Heard) -> str:
-    late = f"{heard.old} came too late to be used (state_timeout); " if heard.old else ""
+    late = (
+        f"{heard.old} came too late to be used, or with a stamp that fits none before it (state_timeout); " if heard.old else ""
+    )
     if live.reference is None:
         return f"No usable joint states yet: {late}nothing is sent."
     return (
