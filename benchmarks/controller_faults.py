@@ -7,7 +7,7 @@ moment of it, and watches the arm itself for two seconds:
 - a limit passed: efforts beyond the URDF's, or a joint faster than it allows;
 - how far the joint that moved furthest went after the fault, and by how much a joint became faster than it was; where the motion
   may go on, how far the arm was from it instead;
-- whether it came to rest, or goes on as it should, within 2 s; and whether ``/diagnostics`` or a node's output name the cause.
+- whether it came to rest, where the motion leads or elsewhere, within 2 s, and whether it reached the end of its motion; and whether ``/diagnostics`` or a node's output name the cause.
 
 A histogram of the distances stands at the end. Exit codes: 0 every target held; 1 one was missed; 2 bad usage.
 
@@ -80,12 +80,12 @@ def targets(outcomes: list[Outcome]) -> list[Target]:
 def show(console: Console, outcomes: list[Outcome]) -> None:
     """A row a fault, and the histogram."""
     table = Table(title="Worst of each fault", title_justify="left")
-    for column in ("fault", "runs", "moved (rad)", "faster (rad/s)", "settled", "named", "said"):
+    for column in ("fault", "runs", "moved (rad)", "faster (rad/s)", "settled", "reached", "named", "said"):
         table.add_column(column, justify="left" if column in ("fault", "said") else "right", overflow="ellipsis")
     for name in dict.fromkeys(o.fault for o in outcomes):
         of = [o for o in outcomes if o.fault == name]
         counts = [str(len(of)), f"{max(o.moved for o in of):.3f}", f"{max(o.faster for o in of):.2f}"]
-        counts += [f"{sum(o.settled for o in of)}", f"{sum(o.named for o in of)}"]
+        counts += [f"{sum(o.settled for o in of)}", f"{sum(o.reached for o in of)}", f"{sum(o.named for o in of)}"]
         table.add_row(name, *counts, of[-1].said[:60])
     console.print(table)
     edges = np.arange(0.0, 0.21, 0.02)

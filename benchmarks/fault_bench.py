@@ -75,6 +75,7 @@ class Outcome(NamedTuple):
     moved: float
     faster: float
     settled: bool
+    reached: bool
     named: bool
     limit_passed: bool
     stacks: int
@@ -151,15 +152,16 @@ class FaultBench:
         passed = bool(np.any(np.abs(efforts) > self.robot.effort_limit + 1e-6) or np.any(np.abs(v) > self.robot.velocity_limit))
         if fault.goes_on:
             moved = float(np.max(self._away[begin:]))
-            faster, settled = 0.0, bool(np.abs(v[-1]).max() < 0.05 and np.abs(q[-1] - goal).max() < 0.05)
+            faster = 0.0
         else:
             moved = float(np.abs(q - q[0]).max())
-            faster, settled = float((np.abs(v) - before).max()), float(np.abs(v[-1]).max()) < 0.05
+            faster = float((np.abs(v) - before).max())
+        settled, reached = bool(np.abs(v[-1]).max() < 0.05), bool(np.abs(q[-1] - goal).max() < 0.05)
         words = " ".join(self._said).lower() + self._output().lower()
         named = not fault.words or any(word in words for word in fault.words)
         told = next((said for said in self._said if any(w in said.lower() for w in fault.words)), "")
         stacks = self._output().count("Traceback")
-        return Outcome(fault.name, self._executor_name, at, moved, faster, settled, named, passed, stacks, told)
+        return Outcome(fault.name, self._executor_name, at, moved, faster, settled, reached, named, passed, stacks, told)
 
     def _inject(self, fault: Fault) -> None:
         name, process = fault.name, self._processes["adaptive_controller"]

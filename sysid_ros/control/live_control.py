@@ -36,6 +36,9 @@ _GRID = 0.01
 """Shortest time of a motion that brakes [s]."""
 _GRACE = 3.0
 """Periods of the joint states after which one is missing."""
+_OLDEST = 2.0
+"""Age of a state in delays of the loop from which it counts as lost: with the delay itself that makes three, and from pi on what
+is damped as firmly as :class:`.Feedback` allows swings up."""
 _RESTS = 0.02
 """Speed below which a joint stands [rad/s or m/s]."""
 
@@ -81,6 +84,11 @@ class LiveControl:
     def motion(self) -> object:
         """The motion under way or at its end: another object for every new one, and where the arm comes to rest."""
         return self._motion
+
+    @property
+    def oldest(self) -> float:
+        """Age beyond that of the fastest up to which states may be answered [s]."""
+        return min(self.safety.state_timeout, _OLDEST * self.law.feedback.delay)
 
     def forget(self) -> None:
         """Hold the arm where the next state finds it."""

@@ -186,9 +186,9 @@ class AdaptiveController(LifecycleNode):
         now = self._receive_clock.now()
         record = without_efforts(record_of(message, now))
         age = self._state_age.of(record.stamp, now)
-        self._old += age > live.safety.state_timeout
+        self._old += age > live.oldest
         found = self._gate.accept(record) if age < np.inf else None
-        if age > live.safety.state_timeout or not isinstance(found, Measurement) or found.v is None:
+        if age > live.oldest or not isinstance(found, Measurement) or found.v is None:
             return
         trouble = live.trouble
         try:

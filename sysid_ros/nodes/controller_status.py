@@ -50,6 +50,8 @@ def control_status(live: LiveControl, heard: Heard) -> DiagnosticStatus:
     if live.clipped.any():
         where = ", ".join(name for name, k in zip(live.robot.joint_names, live.clipped, strict=True) if k)
         level, texts = Level.WARN, [*texts, f"Efforts reached their limit since the last report on {where}."]
+    if heard.old:
+        level, texts = Level.WARN, [*texts, f"Since the last report {_too_late(live, heard)}."]
     if heard.refusal:
         level, texts = Level.WARN, [*texts, heard.refusal]
     if live.told.refused:
@@ -64,10 +66,15 @@ def control_status(live: LiveControl, heard: Heard) -> DiagnosticStatus:
     return status_message("controller", level, " ".join(texts), values)
 
 
-def _no_states(live: LiveControl, heard: Heard) -> str:
-    late = (
-        f"{heard.old} came too late to be used, or with a stamp that fits none before it (state_timeout); " if heard.old else ""
+def _too_late(live: LiveControl, heard: Heard) -> str:
+    return (
+        f"{heard.old} came too late to be used, more than {1e3 * live.oldest:.0f} ms after the fastest (twice loop_delay, "
+        "state_timeout), or with a stamp that fits none before"
     )
+
+
+def _no_states(live: LiveControl, heard: Heard) -> str:
+    late = f"{_too_late(live, heard)}; " if heard.old else ""
     if live.reference is None:
         return f"No usable joint states yet: {late}nothing is sent."
     return (
