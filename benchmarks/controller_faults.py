@@ -7,7 +7,8 @@ moment of it, and watches the arm itself for two seconds:
 - a limit passed: efforts beyond the URDF's, or a joint faster than it allows;
 - how far the joint that moved furthest went after the fault, and by how much a joint became faster than it was; where the motion
   may go on, how far the arm was from it instead;
-- whether it came to rest, where the motion leads or elsewhere, within 2 s, and whether it reached the end of its motion; and whether ``/diagnostics`` or a node's output name the cause.
+- whether it came to rest within 2 s, where the motion leads or elsewhere, and whether it reached the end of its motion;
+  whether ``/diagnostics`` or a node's output name the cause.
 
 A histogram of the distances stands at the end. Exit codes: 0 every target held; 1 one was missed; 2 bad usage.
 
