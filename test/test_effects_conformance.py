@@ -11,7 +11,7 @@ from motions import Motion as Motion_
 from robots import ROBOTS, random_body, random_sample, robot, urdf, with_body
 
 from sysid_ros import effects
-from sysid_ros.effects import EFFECTS, Effect, LinkInertia, Motion, Payload
+from sysid_ros.effects import EFFECTS, TRUNK_EFFECTS, Effect, LinkInertia, Motion, Payload
 from sysid_ros.exceptions import ModelFileError, RobotModelError
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
@@ -36,7 +36,7 @@ def samples(model: RobotModel, count: int = 20) -> list[Sample]:
 def test_every_class_of_the_package_is_registered_by_its_id() -> None:
     classes = [getattr(effects, name) for name in effects.__all__]
     concrete = {c for c in classes if isinstance(c, type) and issubclass(c, Effect) and not c.__abstractmethods__}
-    assert set(EFFECTS.values()) == concrete
+    assert {*EFFECTS.values(), *TRUNK_EFFECTS.values()} == concrete
     assert all(name == c.id for name, c in EFFECTS.items())
     assert all(re.fullmatch("[a-z_]+", name) for name in EFFECTS)
 

@@ -18,6 +18,7 @@ from sysid_ros.diagnosis.reporting import with_ranking
 from sysid_ros.diagnosis.result import RankedUrdf
 from sysid_ros.diagnosis.robot_hypotheses import rank_urdfs
 from sysid_ros.exceptions import DataError, RobotModelError
+from sysid_ros.floating.floating_base import require_held
 from sysid_ros.input_gate.missing_joints import missing_joints
 from sysid_ros.input_gate.raw_messages import read_messages
 from sysid_ros.online_settings import OnlineSettings
@@ -180,6 +181,7 @@ def _read_all(
         source, own = open_bag(path, read[0], urdf, settings, read[1])
         if robot is None:
             robot = own
+            require_held(own, settings, "'sysid diagnose'")
             if not settings.joint_names and (reason := missing_joints(own)):
                 raise RobotModelError(f"bag '{path}': {reason}")
         require_same_robot(path, own, robot)

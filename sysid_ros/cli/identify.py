@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,9 @@ from sysid_ros.cli.identify_tables import as_json, show
 from sysid_ros.cli.inputs import provenance, read_config, settings_from
 from sysid_ros.cli.output import ManyValues, check_outputs, note, write_json
 from sysid_ros.cli.progress import progress_bar
-from sysid_ros.cli.recordings import read_recordings, warn_of
+from sysid_ros.cli.recordings import TrunkTopics, read_recordings, warn_of
 from sysid_ros.exceptions import SysidError
+from sysid_ros.floating.floating_base import FloatingBase, floating_base_of
 from sysid_ros.identification import Choices, Identification, identify_recordings
 from sysid_ros.identification.free_effects import frictions
 from sysid_ros.identification.least_squares import METHODS
@@ -78,6 +80,8 @@ from sysid_ros.torque.urdf_export import check_model_file, export_urdf
 @click.option("--accept-doubts", is_flag=True, help="Go on where effort and URDF, or the bags among each other, don't fit.")
 @opt.TOPIC
 @opt.COLUMNS
+@opt.IMU_TOPIC
+@opt.CONTACT_TOPIC
 @opt.path("--report", "report_path", metavar="HTML", help="Write a report for people, one file.")
 @opt.RERUN
 @opt.JSON
@@ -105,6 +109,8 @@ def command(
 ) -> None:
     """Identify link inertials, friction, rotor inertia and torque offsets of an arm from BAGs in which it carries nothing.
 
+    Of a robot on legs also what is not known of its IMU and feet; record two ways to move, such as swaying and a trot.
+
     The result is what 'sysid replay --model' and the node take as known. Each bag is predicted by a model fitted to the others
     (halves, where there is one bag), and that error is shown.
 
@@ -112,39 +118,35 @@ def command(
     Examples:
       sysid identify run1/ run2/ --urdf arm.urdf --validate run3/ --out model.yaml
       sysid identify run1/ run2/ --urdf arm.urdf --effect cogging --effect spring --out model.yaml
+      sysid identify sway/ trot/ --urdf quadruped.urdf --imu-topic /imu/data --contact-topic /feet --out model.yaml
 
     Exit codes: 0 done; 2 bad input or usage.
     """
     check_outputs(force, out=out_path, urdf_out=urdf_out, report=report_path, json=json_path, rerun=rerun_path)
     check_plot_paths(None, rerun_path)
     settings = settings_from(read_config(config_path), joint_names=joint_names, effort_preset=effort_preset)
-    robot, read, problems = read_recordings((*bags, *validate, *payload_bag), urdf, topic, settings, columns_path)
+    topics = TrunkTopics(choices.pop("imu_topic"), choices.pop("contact_topic"))
+    robot, read, problems = read_recordings((*bags, *validate, *payload_bag), urdf, topic, settings, columns_path, topics)
+    base = floating_base_of(robot, settings)
     origin = provenance(bags)
     first, second = len(bags), len(bags) + len(validate)
+    measured = settings.velocity_source == "message"
     try:
         with progress_bar("identifying", 2 * len(read) + 1) as advance:
             result = identify_recordings(
-                robot,
-                read[:first],
-                read[first:second],
-                origin,
-                Choices(**choices),
-                cutoff or 0.0,
-                settings.max_gap,
-                settings.velocity_source == "message",
-                problems,
-                read[second:],
-                lambda what: advance(1),
-            )
+                robot, read[:first], read[first:second], origin, Choices(**choices), cutoff or 0.0, settings.max_gap, measured,
+                problems, read[second:], lambda what: advance(1), base, math.hypot(*settings.gravity),
+            )  # fmt: skip
     except SysidError:
         # what was wrong with the messages may be the reason
         warn_of(problems)
         raise
-    _write((robot, urdf), result, origin, out_path, json_path, urdf_out, (report_path, rerun_path), verbose)
+    described = base.robot if base else robot, urdf, base
+    _write(described, result, origin, out_path, json_path, urdf_out, (report_path, rerun_path), verbose)
 
 
 def _write(
-    described: tuple[RobotModel, Path | None],
+    described: tuple[RobotModel, Path | None, FloatingBase | None],
     result: Identification,
     provenance: dict[str, Any],
     out_path: Path,
@@ -154,7 +156,7 @@ def _write(
     verbose: bool,
 ) -> None:
     """Warnings, the files that were asked for, and the tables."""
-    robot, urdf = described
+    robot, urdf, base = described
     warn_of(result.problems)
     for sentence in result.physical.notes if result.physical else ():
         note(sentence)
@@ -162,7 +164,7 @@ def _write(
     check_model_file(robot, result.model, out_path)
     if json_path:
         write_json(json_path, as_json(result))
-    for sentence in export_urdf(robot, result.model, urdf_out) if urdf_out else ():
+    for sentence in export_urdf(robot, result.model, urdf_out, base) if urdf_out else ():
         note(sentence)
     report_path, rerun_path = pages
     if report_path:

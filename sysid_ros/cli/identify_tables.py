@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from sysid_ros.cli.output import report, table
-from sysid_ros.effects import EFFECTS
+from sysid_ros.effects import Effect, named
 from sysid_ros.identification import Identification
 from sysid_ros.identification.free_effects import frictions, own_knobs
 from sysid_ros.identification.result import Parameter, TorqueError
@@ -60,7 +60,7 @@ def _friction(result: Identification) -> str:
 
 def _show_joints(console: Console, result: Identification, bound: bool) -> None:
     by_place = {(p.name.split("[")[0], p.joint): p for p in result.parameters}
-    beside = [p for p in result.parameters if not EFFECTS[p.effect].replaces_links]
+    beside = [p for p in result.parameters if not _effect(p).replaces_links]
     of_joints = [p for p in beside if p.joint in result.joint_names]
     symbols = {p.name.split("[")[0]: p for p in of_joints}
     out = table(
@@ -71,15 +71,21 @@ def _show_joints(console: Console, result: Identification, bound: bool) -> None:
     for joint in result.joint_names:
         out.add_row(joint, *(_interval(by_place.get((symbol, joint)), bound) for symbol in symbols))
     console.print(out)
-    labels = {symbol: EFFECTS[p.effect].label for symbol, p in symbols.items()}
+    labels = {symbol: _effect(p).label for symbol, p in symbols.items()}
     console.print("; ".join(f"{escape(symbol)}: {label}" for symbol, label in labels.items()) + ".")
     for p in beside:
         if p.joint not in result.joint_names:
-            line = f"{EFFECTS[p.effect].label}, {p.name}: {p.value:.3g} ± {1.96 * p.std:.2g} {p.unit}"
+            line = f"{_effect(p).label}, {p.name}: {p.value:.3g} ± {1.96 * p.std:.2g} {p.unit}"
             console.print(escape(line))
     for knob in result.knobs:
         doubt = "" if knob.determined else " (these bags do not determine it)"
         console.print(f"{knob.name} of {knob.joint or 'the arm'}: {knob.value:.3g} {knob.unit}{doubt}")
+
+
+def _effect(p: Parameter) -> type[Effect]:
+    found = named(p.effect)
+    assert found is not None
+    return found
 
 
 def _interval(p: Parameter | None, bound: bool) -> str:

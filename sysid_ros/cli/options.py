@@ -66,6 +66,10 @@ EFFORT_PRESET = click.option(
     help=f"Efforts are what this arm's driver publishes, such as currents: {', '.join(PRESETS)}. Never assumed.",
 )
 FORCE = click.option("--force", is_flag=True, help="Overwrite results that are there.")
+IMU_TOPIC = click.option(
+    "--imu-topic", default="", help="sensor_msgs/Imu of a legged robot; else /imu, or the only one in the bag."
+)
+CONTACT_TOPIC = click.option("--contact-topic", default="", help="Which feet stand; else /contacts, if it is in the bag.")
 JOINT_NAMES = click.option(
     "--joint-names", multiple=True, metavar="NAME...", help="Joints that move; others are locked at 0.  [default: all]"
 )

@@ -33,8 +33,8 @@ from sysid_ros.torque.model_file import ModelFile
 @opt.CONFIG
 @opt.TOPIC
 @opt.COLUMNS
-@click.option("--imu-topic", default="", help="sensor_msgs/Imu of a legged robot; else /imu, or the only one in the bag.")
-@click.option("--contact-topic", default="", help="Which feet stand; else /contacts, if it is in the bag.")
+@opt.IMU_TOPIC
+@opt.CONTACT_TOPIC
 @opt.JSON
 @opt.path("--series", "series_path", help="Write every estimate as a row of CSV.")
 @opt.path("--payloads", "payloads_path", help="Write what was carried, a row of CSV each.")

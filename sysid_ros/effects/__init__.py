@@ -9,8 +9,12 @@ from sysid_ros.effects.cogging import Cogging
 from sysid_ros.effects.coulomb_friction import CoulombFriction
 from sysid_ros.effects.effect import Acts, Depends, Effect, JointCurves, JointEffect, Knob
 from sysid_ros.effects.external_force import ExternalForce
+from sysid_ros.effects.foot_radius import FootRadius
 from sysid_ros.effects.friction_drift import FrictionDrift
 from sysid_ros.effects.gravity_compensated_effort import GravityCompensatedEffort
+from sysid_ros.effects.imu_delay import ImuDelay
+from sysid_ros.effects.imu_lever import ImuLever
+from sysid_ros.effects.imu_tilt import ImuTilt
 from sysid_ros.effects.joint_coupling import JointCoupling
 from sysid_ros.effects.joint_elasticity import JointElasticity
 from sysid_ros.effects.joint_offset import JointOffset
@@ -35,6 +39,7 @@ from sysid_ros.effects.torque_scale import TorqueScale
 from sysid_ros.effects.torque_sign import TorqueSign
 from sysid_ros.effects.torque_unit import TorqueUnit
 from sysid_ros.effects.traits import Candidate, Curve, Scope
+from sysid_ros.effects.trunk_effect import TrunkEffect
 from sysid_ros.effects.velocity_lag import VelocityLag
 from sysid_ros.effects.viscous_friction import ViscousFriction
 from sysid_ros.exceptions import SettingsError
@@ -73,10 +78,18 @@ _CLASSES: tuple[type[Effect], ...] = (
 EFFECTS: dict[str, type[Effect]] = {effect.id: effect for effect in _CLASSES}
 """Every effect by the name it has in ``model.yaml``; of one family the simpler ones first."""
 
+TRUNK_EFFECTS: dict[str, type[TrunkEffect]] = {effect.id: effect for effect in (ImuTilt, ImuLever, ImuDelay, FootRadius)}
+"""Every error of IMU and feet by its name: of robots on legs."""
+
 CHANNEL_EFFECTS: dict[str, type[ChannelEffect]] = {
     effect.id: effect for effect in (TorqueUnit, TorqueSign, JointSign, JointOrder, VelocityLag, TorqueQuantisation)
 }
 """Every fault of the published channels by its name."""
+
+
+def named(effect_id: str) -> type[Effect] | None:
+    """The effect of that name in ``model.yaml``, of an arm or of a robot on legs; None where there is none."""
+    return EFFECTS.get(effect_id) or TRUNK_EFFECTS.get(effect_id)
 
 
 def forms_of(family: str) -> tuple[type[Effect], ...]:
@@ -90,7 +103,7 @@ def register(effect: type[Effect]) -> type[Effect]:
     Raises:
         SettingsError: another effect has the id.
     """
-    if EFFECTS.get(effect.id, effect) is not effect or effect.id in CHANNEL_EFFECTS:
+    if EFFECTS.get(effect.id, effect) is not effect or effect.id in {**CHANNEL_EFFECTS, **TRUNK_EFFECTS}:
         raise SettingsError(f"an effect '{effect.id}' is registered already. Give the new one another id.")
     EFFECTS[effect.id] = effect
     return effect
@@ -99,6 +112,7 @@ def register(effect: type[Effect]) -> type[Effect]:
 __all__ = [
     "CHANNEL_EFFECTS",
     "EFFECTS",
+    "TRUNK_EFFECTS",
     "AccelerometerBias",
     "Acts",
     "AsymmetricCoulombFriction",
@@ -113,8 +127,12 @@ __all__ = [
     "Depends",
     "Effect",
     "ExternalForce",
+    "FootRadius",
     "FrictionDrift",
     "GravityCompensatedEffort",
+    "ImuDelay",
+    "ImuLever",
+    "ImuTilt",
     "JointCoupling",
     "JointCurves",
     "JointEffect",
@@ -143,8 +161,10 @@ __all__ = [
     "TorqueScale",
     "TorqueSign",
     "TorqueUnit",
+    "TrunkEffect",
     "VelocityLag",
     "ViscousFriction",
     "forms_of",
+    "named",
     "register",
 ]

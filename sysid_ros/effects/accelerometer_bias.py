@@ -9,6 +9,10 @@ from sysid_ros.effects.traits import Candidate
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
+from sysid_ros.signals.trunk_channels import TrunkSetup
+
+USUAL = 0.1
+"""Standard deviation of a bias that is nothing unusual [m/s^2]."""
 
 
 class AccelerometerBias(Effect):
@@ -22,6 +26,7 @@ class AccelerometerBias(Effect):
         robot: the model. joints: unused, all links are concerned. frame: of a body that is carried too; empty: none.
 
     Attributes:
+        expected: mean and standard deviation before any data, shape (3,) each [m/s^2], changed by who knows more.
         load: ten parameters of that body about the frame's origin, shape (10,), 0 at first: it is as heavy by ``s + b`` as the
             links are.
     """
@@ -40,12 +45,26 @@ class AccelerometerBias(Effect):
         self.frame = frame
         self._frame_index = robot.frame_id(frame) if frame else None
         self.load: FloatArray = np.zeros(10)
+        self.expected: tuple[FloatArray, FloatArray] = np.zeros(3), np.full(3, USUAL)
         self.parameter_names, self.units = ("bias_x", "bias_y", "bias_z"), ("m/s^2",) * 3
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         out[:] = -self.robot.base_acceleration_columns(sample.q)
         if self._frame_index is not None and self.load.any():
             out -= self.robot.base_acceleration_columns_of(sample.q, self._frame_index, self.load)
+
+    def prior_std(self, form: str = "") -> FloatArray:
+        return self.expected[1]
+
+    @property
+    def nominal(self) -> FloatArray:
+        return self.expected[0]
+
+    def as_setup(self, theta: FloatArray) -> TrunkSetup:
+        return TrunkSetup(bias=theta)
+
+    def of_setup(self, setup: TrunkSetup) -> FloatArray:
+        return setup.bias
 
     @classmethod
     def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:

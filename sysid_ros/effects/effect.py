@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sysid_ros.effects.arguments import carrying, of_slide, positive
+from sysid_ros.effects.described import Described
 from sysid_ros.effects.searched import Searched
 from sysid_ros.effects.traits import Acts, Curve, Depends, Knob, Scope
 from sysid_ros.exceptions import ModelFileError
@@ -19,9 +20,10 @@ from sysid_ros.signals.motion import Motion
 __all__ = ["Acts", "Depends", "Effect", "JointCurves", "JointEffect", "Knob", "carrying", "positive"]
 
 
-class Effect(Searched):
+class Effect(Described, Searched):
     """One cause of torque, linear in its parameters: ``tau_effect = Y(q, v, a) theta``. What a search asks of it stands in
-    :class:`sysid_ros.effects.searched.Searched`.
+    :class:`sysid_ros.effects.searched.Searched`, what a description can hold of it in
+    :class:`sysid_ros.effects.described.Described`.
 
     A nonlinear knob (the width of a sign function, a frame) is a constructor argument; ``settings`` gives it back, so that an
     effect can be written to ``model.yaml`` and made again by :meth:`from_settings`.
@@ -147,32 +149,6 @@ class Effect(Searched):
         """For an effect of inertia: columns P and R, shape (N, n, p) each, with ``Y = dP/dt + R``, neither of which needs an
         acceleration (Gautier, Briot, Venture 2013); None for one whose columns need none anyway."""
         return None
-
-    # What a robot's description can hold of the effect. Who writes a URDF or linearises a joint asks here, of every effect.
-
-    def as_links(self, theta: FloatArray) -> FloatArray:
-        """What it adds to the URDF's link inertials in their joint frames, shape (n, 10)."""
-        return np.zeros((self.robot.n, 10))
-
-    def as_armature(self, theta: FloatArray) -> FloatArray:
-        """Inertia that turns with each joint alone, shape (n,) [kg m^2]."""
-        return np.zeros(self.robot.n)
-
-    def as_damping(self, theta: FloatArray) -> FloatArray:
-        """Viscous friction of each joint, shape (n,) [N m s/rad]."""
-        return np.zeros(self.robot.n)
-
-    def as_dry_friction(self, theta: FloatArray) -> FloatArray:
-        """Level of the dry friction of each joint at moderate speed without load, shape (n,) [N m]."""
-        return np.zeros(self.robot.n)
-
-    def as_delay(self, theta: FloatArray) -> float:
-        """By how much it makes the published torque late [s]."""
-        return 0.0
-
-    def as_gain(self, theta: FloatArray) -> FloatArray:
-        """Factor by which each joint's effort is published too large, shape (n,)."""
-        return np.ones(self.robot.n)
 
     def smoothed(self, width: float) -> Effect:
         """The effect with every jump at a reversal spread over ``width`` [rad/s], for searches by gradients; itself where it has

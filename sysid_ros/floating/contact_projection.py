@@ -63,13 +63,14 @@ class ContactProjection:
     References: Aghili 2005 (projection by null space); Mistry, Schaal, Yamane 2009 (floating bases, section III).
 
     Args:
-        base: the robot.
+        base: the robot. farther: by how much farther below its frame each foot touches the ground than the robot says, shape (k,)
+            [m]; None: as it says.
     """
 
-    def __init__(self, base: FloatingBase) -> None:
+    def __init__(self, base: FloatingBase, farther: FloatArray | None = None) -> None:
         self.base = base
         k, n = len(base.contact_frames), base.robot.n
-        self._radius = base.foot_radius
+        self._radius = base.foot_radius if farther is None else base.foot_radius + farther
         self.matrix: FloatArray = np.zeros((FREE, n - FREE))
         self._feet: tuple[FloatArray, FloatArray] = np.zeros((k, 3)), np.zeros((6, n))
         self._shifted = np.zeros((k, 3, n)), np.zeros((FREE, n - FREE)), np.zeros((k, 3))
@@ -152,11 +153,12 @@ class ContactProjection:
         if self._noise is not None:
             kernels.solve_unit_lower(self._factor, rows)
 
-    def by_radius(self, rest: FloatArray) -> FloatArray:
-        """Derivative of ``N' rest`` by the radius of all feet, shape (6,) [N/m], [N], at the sample of the last update; ``rest``:
-        torque of the legs that is left for the contact forces, shape (n,)."""
+    def by_radius(self, rest: FloatArray, foot: int | None = None) -> FloatArray:
+        """Derivative of ``N' rest`` by the radius of all feet, or of one, shape (6,) [N/m], [N], at the sample of the last
+        update; ``rest``: torque of the legs that is left for the contact forces, shape (n,)."""
         points, matrix, forces = self._shifted
-        radius = self._radius + _SHIFT
+        radius = self._radius.copy()
+        radius[slice(None) if foot is None else foot] += _SHIFT
         kernels.touching(*self._feet, self.base.contacts.carriers, radius, self._stance.normal, points)
         kernels.project(points, rest, kernels.DAMPING, matrix, forces)
         return np.asarray((matrix - self.matrix) @ rest[FREE:] / _SHIFT)

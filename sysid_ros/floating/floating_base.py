@@ -12,6 +12,7 @@ from sysid_ros.floating.contact_kinematics import ContactKinematics
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FREE, FloatArray
+from sysid_ros.signals.trunk_channels import TrunkSetup
 
 LEAST_JOINTS = 3
 """Joints of a leg from whose torques the force on its foot is known."""
@@ -21,6 +22,9 @@ _FOOT = 0.009
 frames where the ground is touched 0."""
 
 _AXES = ("x", "y", "z")
+
+_SPEED = "2"
+"""Of the trunk where a motion of the whole robot is made up [m/s], [rad/s]."""
 
 
 class FloatingBase:
@@ -46,6 +50,8 @@ class FloatingBase:
         contacts: kinematics of the feet. mass: of the whole robot [kg].
         foot_radius: of each foot, guessed where nothing tells it, shape (k,) [m]. radius_told: where something does, shape (k,).
         radius_std: standard deviation of a guess [m].
+        setup: what was identified of IMU and feet, which the input gate and the contacts go by. setup_std: how well, None where
+            nothing was.
 
     Raises:
         RobotModelError: a contact frame is no link of the URDF or no leg carries it.
@@ -79,6 +85,8 @@ class FloatingBase:
         self.mass = float(self.robot.pi[::10].sum())
         self.radius_std = _FOOT * self.mass ** (1.0 / 3.0)
         self.foot_radius = np.where(self.radius_told, self.foot_radius, self.radius_std)
+        self.setup = TrunkSetup()
+        self.setup_std: TrunkSetup | None = None
         above = ContactKinematics(self.robot, legs.frame_names).joints_above
         self.trunk_frames: tuple[str, ...] = tuple(name for name, n in zip(legs.frame_names, above, strict=True) if n == FREE)
 
@@ -86,6 +94,12 @@ class FloatingBase:
     def contact_frames(self) -> tuple[str, ...]:
         """Names of the feet, k of them."""
         return self.contacts.frames
+
+    def set_up(self, setup: TrunkSetup, std: TrunkSetup) -> None:
+        """Take in what was identified of IMU and feet, with standard deviations in the same form."""
+        self.setup, self.setup_std = setup, std
+        self.foot_radius = self.foot_radius + np.array([setup.radius.get(name, 0.0) for name in self.contact_frames])
+        self.radius_told = self.radius_told | np.array([name in setup.radius for name in self.contact_frames])
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -116,6 +130,17 @@ class FloatingBase:
             np.concatenate((force, omega_dot - product, a)),
         )
 
+    def unhung(self, urdf: str) -> str:
+        """A URDF of the robot on its floating base, as ``robot.urdf``, with the trunk as its root again."""
+        root = ElementTree.fromstring(urdf)
+        joints = _free_joints(self.trunk)
+        above = {f"{self.trunk} ground", *(f"{name} link" for name in joints)}
+        for kind, names in (("joint", set(joints)), ("link", above)):
+            for element in root.findall(kind):
+                if element.get("name") in names:
+                    root.remove(element)
+        return ElementTree.tostring(root, encoding="unicode")
+
     def _outermost(self, root: ElementTree.Element) -> tuple[str, ...]:
         """The link of every leg that is farthest from the leg's last joint, in the order of the URDF."""
         ends = ContactKinematics(self.robot, ContactKinematics.ends(self.robot))
@@ -132,6 +157,23 @@ def floating_base_of(robot: RobotModel, settings: OnlineSettings) -> FloatingBas
     if settings.base == "fixed" or (settings.base == "auto" and not (settings.contact_frames or is_legged(robot))):
         return None
     return FloatingBase(robot, settings.contact_frames, settings.foot_radius)
+
+
+def require_held(robot: RobotModel, settings: OnlineSettings, command: str) -> None:
+    """Check that nothing floats.
+
+    Args:
+        command: that works on robots whose base is held alone.
+
+    Raises:
+        RobotModelError: the robot stands on legs.
+    """
+    if floating_base_of(robot, settings) is not None:
+        raise RobotModelError(
+            f"'{robot.name}' stands on legs, and {command} works on robots whose base is held: the forces on its feet would "
+            "count as causes. 'sysid identify' takes it, with its IMU, and tells trunk, legs, friction, rotors, IMU and feet "
+            "with their intervals. If the trunk is held in a stand, set base to 'fixed' (--config)."
+        )
 
 
 def is_legged(robot: RobotModel) -> bool:
@@ -166,7 +208,7 @@ def _hung(root: ElementTree.Element, trunk: str) -> str:
         ElementTree.SubElement(joint, "parent", link=parent)
         ElementTree.SubElement(joint, "child", link=child)
         ElementTree.SubElement(joint, "axis", xyz=" ".join("1" if axis == other else "0" for other in _AXES))
-        ElementTree.SubElement(joint, "limit", lower="-1e6", upper="1e6", effort="0", velocity="0")
+        ElementTree.SubElement(joint, "limit", lower="-1e6", upper="1e6", effort="0", velocity=_SPEED)
         parent = child
     return ElementTree.tostring(root, encoding="unicode")
 

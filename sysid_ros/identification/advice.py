@@ -33,7 +33,7 @@ def record_next(
             "Record a second run along another path: one run does not show how well the model holds elsewhere, nor how well its "
             "parameters repeat."
         )
-    share = np.sum([b.moving.sum(axis=0) for b in bags], axis=0) / sum(len(b.t) for b in bags)
+    share = np.sum([b.moves.sum(axis=0) for b in bags], axis=0) / sum(len(b.t) for b in bags)
     seldom = [f"{name} ({100 * s:.0f} % of the time)" for name, s in zip(robot.joint_names, share, strict=True) if s < TOL.seldom]
     if seldom:
         out.append(f"Move {', '.join(seldom)} for longer: friction is learned only while a joint moves.")
@@ -67,7 +67,8 @@ def record_next(
 
 def _lesser_way(bags: Sequence[BagRows]) -> NDArray[np.float64]:
     """Part of the moving rows that go in the lesser direction, a joint, shape (n,)."""
-    forward = np.sum([(b.moving & (b.v > 0.0)).sum(axis=0) for b in bags], axis=0)
-    moving = np.maximum(np.sum([b.moving.sum(axis=0) for b in bags], axis=0), 1)
-    part = forward / moving
+    forward = np.sum([(b.moves & (b.v > 0.0)).sum(axis=0) for b in bags], axis=0)
+    moving = np.maximum(np.sum([b.moves.sum(axis=0) for b in bags], axis=0), 1)
+    goes = np.any([np.any(b.v != 0.0, axis=0) for b in bags], axis=0)
+    part = np.where(goes, forward / moving, 0.5)  # the slides of a floating base have no velocity of their own
     return np.asarray(np.minimum(part, 1.0 - part))

@@ -1,4 +1,4 @@
-"""BagSums: all that least squares needs to know of some recordings, whatever their length."""
+"""BagRows: rows of the equation from one recording; BagSums: all that least squares needs to know of some."""
 
 from __future__ import annotations
 
@@ -8,10 +8,53 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.identification.rows import BagRows
-from sysid_ros.sample import FloatArray
+from sysid_ros.identification.tolerances import TOL
+from sysid_ros.sample import FREE, FloatArray
+
+BoolArray = NDArray[np.bool_]
 
 _CHUNK = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class BagRows:
+    """Rows of one recording: ``y = Y theta + noise``.
+
+    Attributes:
+        name: where they come from. t: shape (N,) [s]. period: time between rows [s].
+        Y: shape (N, n, p). y: what the known effects leave of the torque, shape (N, n) [N m]. tau: measured torque, shape (N,
+            n) [N m].
+        moving: rows of joints whose friction is determined, shape (N, n), bool.
+        q, v, a: smooth motion at the rows, shape (N, n). cutoff_hz: of the low-pass that both sides went through [Hz].
+        floats: the rows are those of a robot on legs, see :class:`.FeetAlong`; those that may not be used are zero.
+    """
+
+    name: str
+    t: FloatArray
+    period: float
+    Y: FloatArray
+    y: FloatArray
+    tau: FloatArray
+    moving: BoolArray
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
+    cutoff_hz: float
+    floats: bool = False
+
+    @property
+    def moves(self) -> BoolArray:
+        """Rows in which each joint moves, whether or not its torque can be used, shape (N, n)."""
+        if not self.floats:
+            return self.moving
+        out = np.abs(self.v) > TOL.slow
+        out[:, :FREE] = self.moving[:, :FREE]
+        return out
+
+    def part(self, where: slice | BoolArray, name: str) -> BagRows:
+        """Some of the rows, under another name."""
+        Y, y, tau, q, v, a = (x[where] for x in (self.Y, self.y, self.tau, self.q, self.v, self.a))
+        return BagRows(name, self.t[where], self.period, Y, y, tau, self.moving[where], q, v, a, self.cutoff_hz, self.floats)
 
 
 @dataclass(frozen=True, slots=True)

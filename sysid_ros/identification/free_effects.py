@@ -7,10 +7,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.effects import EFFECTS, Depends, Effect, Knob
+from sysid_ros.effects import (
+    EFFECTS,
+    AccelerometerBias,
+    Depends,
+    Effect,
+    FootRadius,
+    ImuDelay,
+    ImuLever,
+    ImuTilt,
+    Knob,
+)
+from sysid_ros.effects.accelerometer_bias import USUAL
 from sysid_ros.exceptions import SettingsError
+from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.signals.shown_gravity import ShownGravity
 from sysid_ros.torque.torque_model import TorqueModel
 
 
@@ -37,6 +50,23 @@ def free_model(robot: RobotModel, chosen: Sequence[Effect] = ()) -> TorqueModel:
         left = [name for name in robot.joint_names if name not in taken]
         free += [usual(robot, left), *forms] if left else forms
     return TorqueModel(robot, [*free, *(e for e in chosen if e not in free)])
+
+
+def free_model_on_legs(base: FloatingBase, shown: ShownGravity | None = None) -> TorqueModel:
+    """What is usual on a robot on legs, all free: trunk and links of the legs, friction, rotors and offsets of their joints, and
+    what is not known of IMU and feet.
+
+    Args:
+        shown: what the accelerometer shows beside its motion, which tells its bias from a mass.
+    """
+    robot, legs = base.robot, base.legs.joint_names
+    heavy = [name for name, pi in zip(robot.joint_names, robot.pi.reshape(-1, 10), strict=True) if np.any(pi)]
+    free = [usual(robot, heavy if usual.replaces_links else legs) for usual in usual_effects()]
+    feet, bias = FootRadius(robot, feet=base.contact_frames), AccelerometerBias(robot)
+    feet.unsure = np.where(base.radius_told, feet.unsure, base.radius_std)
+    if shown is not None:
+        bias.expected = shown.bias(USUAL)
+    return TorqueModel(robot, [*free, ImuTilt(robot), ImuLever(robot), ImuDelay(robot), bias, feet])
 
 
 def add_effects(chosen: Sequence[Effect], added: Sequence[Effect]) -> list[Effect]:

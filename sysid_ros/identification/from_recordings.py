@@ -7,10 +7,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from sysid_ros.exceptions import DataError, SettingsError
+from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.identification.carried_check import check_carried
 from sysid_ros.identification.channel_checks import check_channels
 from sysid_ros.identification.effect_choice import choose_effects
 from sysid_ros.identification.free_effects import free_model, wishes
+from sysid_ros.identification.from_legs import identify_on_legs
 from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.identify import Choices, identify, require_motion
 from sysid_ros.identification.least_squares import METHODS
@@ -34,6 +36,8 @@ def identify_recordings(
     problems: Sequence[Problem] = (),
     loaded: Sequence[Recording] = (),
     progress: Callable[[str], None] = lambda what: None,
+    base: FloatingBase | None = None,
+    gravity: float = 9.81,
 ) -> Identification:
     """Identify an arm from recordings in which it carries nothing (or always the same).
 
@@ -44,6 +48,7 @@ def identify_recordings(
             one.
         problems: found before. loaded: runs in which the arm carries a payload, which is found as the difference.
         progress: called with what is being done, in words.
+        base: of a robot on legs, see :func:`.identify_on_legs`. gravity: its size, by which a bias of its IMU is told [m/s^2].
 
     Raises:
         SettingsError: a choice is unknown, or the cut-off is no frequency.
@@ -53,6 +58,15 @@ def identify_recordings(
     _require(choices)
     if not 0.0 <= cutoff_hz < math.inf:
         raise SettingsError(f"the cut-off is {cutoff_hz} Hz; it must be 0, to choose it, or above.")
+    if base is not None:
+        if loaded:
+            raise SettingsError(
+                "recordings with a payload are given of a robot on legs, whose payload 'sysid replay --model' estimates. Leave "
+                "them out here."
+            )
+        return identify_on_legs(
+            base, recordings, validation, provenance, choices, cutoff_hz, max_gap, measured_velocity, problems, progress, gravity
+        )
     checked = [check_channels(robot, r, max_gap) for r in (*recordings, *validation, *loaded)]
     found = [*problems, *(p for c in checked for p in c.problems)]
     found += _check_empty(robot, (*recordings, *validation), choices.accept_doubts)

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sysid_ros.effects import Effect
+from sysid_ros.floating.floating_base import FloatingBase
+from sysid_ros.floating.leg_priors import DRY, OFFSET, ROTOR, VISCOUS, standing_torque
 from sysid_ros.identification.bag_sums import BagSums
 from sysid_ros.identification.free_effects import place_of
 from sysid_ros.identification.least_squares import Fit
@@ -16,6 +19,7 @@ from sysid_ros.identification.physical_consistency import PhysicalFit, PhysicalP
 from sysid_ros.identification.rows import BagRows
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.trunk_channels import TrunkSetup
 from sysid_ros.torque.torque_model import TorqueModel
 
 _HELD = 1e8
@@ -31,8 +35,9 @@ class Prior:
     is_link: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, model: TorqueModel) -> Prior:
-        """The URDF's links to half their mass; friction, rotors and offsets of the size of the effort limits."""
+    def of(cls, model: TorqueModel, base: FloatingBase | None = None) -> Prior:
+        """The URDF's links to half their mass; friction, rotors and offsets of the size of the effort limits, or of a robot on
+        legs, ``base``, of what its legs hold while it stands."""
         robot = model.robot
         mean, std, is_link = np.zeros(model.p), np.zeros(model.p), np.zeros(model.p, dtype=bool)
         limit = np.where(np.isfinite(robot.effort_limit), robot.effort_limit, TOL.usual_effort)
@@ -43,6 +48,13 @@ class Prior:
                 is_link[where] = True
                 mass = np.maximum(effect.nominal[::10], TOL.least_link_mass)
                 std[where] = np.concatenate([np.array(TOL.link_std) * m for m in mass])
+                continue
+            if effect.of_setup(TrunkSetup()) is not None:
+                std[where] = effect.prior_std()
+                continue
+            if base is not None:
+                torque = standing_torque(base.mass)
+                std[where] = [torque * _on_legs(effect, unit) for unit in effect.units]
                 continue
             sizes = [by_joint.get(place_of(name), float(limit.max())) for name in effect.parameter_names]
             std[where] = [_prior_std(unit, size) for unit, size in zip(effect.units, sizes, strict=True)]
@@ -58,6 +70,12 @@ def _prior_std(unit: str, effort: float) -> float:
     if unit == "1":
         return TOL.part_std
     return effort * (TOL.inertia_std if unit in ("kg m^2", "kg") else TOL.torque_std)
+
+
+def _on_legs(effect: Effect, unit: str) -> float:
+    """Of a parameter of a leg's drive over the torque of standing, by its unit."""
+    sizes = {"kg m^2": ROTOR, "N m s/rad": VISCOUS}
+    return sizes.get(unit, DRY if effect.jumps else OFFSET)
 
 
 @dataclass(frozen=True, slots=True)

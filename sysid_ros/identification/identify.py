@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.exceptions import DataError
+from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.identification.advice import record_next
 from sysid_ros.identification.base_groups import (
     base_groups,
@@ -27,7 +28,7 @@ from sysid_ros.identification.held_out import Folds, Prior, Solvers
 from sysid_ros.identification.least_squares import Fit, fit, noise_density
 from sysid_ros.identification.payload_difference import payload_difference
 from sysid_ros.identification.physical_consistency import PhysicalFit
-from sysid_ros.identification.prior_weight import choose_prior
+from sysid_ros.identification.prior_weight import choose_prior, prior_on_legs
 from sysid_ros.identification.result import CutOff, Identification, Knob, PriorChoice, Problem, ResidualSeries, TorqueError
 from sysid_ros.identification.rows import BagRows
 from sysid_ros.identification.tolerances import TOL
@@ -93,6 +94,7 @@ def identify(
     problems: Sequence[Problem] = (),
     knobs: Sequence[Knob] = (),
     loaded: Sequence[BagRows] = (),
+    base: FloatingBase | None = None,
 ) -> Identification:
     """Weighted least squares on all recordings; its error from recordings held out in turn (halves, where there is one).
 
@@ -103,16 +105,18 @@ def identify(
         model: from :func:`free_model`. bags: rows of recordings without a payload. validation: rows that are never fitted.
         provenance: written into the model file. choices: how. cutoff, problems, knobs: found before, for the record.
         loaded: rows of recordings in which the arm carries a payload at ``choices.payload_frame``.
+        base: of a robot on legs, whose rows are those of :class:`.FeetAlong`.
 
     Raises:
         DataError: a joint hardly moves in all of the recordings, or no physical parameters explain them.
     """
     choices = choices or Choices()
     require_motion(model.robot, bags)
-    prior = Prior.of(model)
+    prior = Prior.of(model, base)
     found = fit(bags, prior.mean, prior.std, choices.method)
-    doubts = check_contradictions(bags, found, prior, model.robot.joint_names, choices.accept_doubts)
-    solution = _solve(model, bags, prior, found, choices)
+    # a gait repeats itself, so that a model of its own follows even what impacts do: there the weight is compared
+    doubts = [] if base else check_contradictions(bags, found, prior, model.robot.joint_names, choices.accept_doubts)
+    solution = _solve(model, bags, prior, found, choices, base)
     held_out = _hold_out(bags, prior, solution)
     loaded_fit = fit(loaded, prior.mean, prior.std, choices.method) if loaded else None
     described = _describe(model, bags, prior, found, solution.theta)
@@ -135,7 +139,7 @@ def identify(
         series=_series(validation, held_out, solution.theta, prior.mean),
         problems=(*problems, *doubts),
         physical=solution.physical,
-        model=_model_file(model, solution.theta, found, _error_elsewhere(held_out, len(bags)), provenance),
+        model=_model_file(model, solution.theta, found, _error_elsewhere(held_out, len(bags)), provenance, base),
         payload=payload_difference(model, found, loaded_fit, choices.payload_frame) if loaded_fit else None,
         **described,
     )
@@ -163,10 +167,13 @@ def _describe(model: TorqueModel, bags: Sequence[BagRows], prior: Prior, found: 
     }
 
 
-def _solve(model: TorqueModel, bags: Sequence[BagRows], prior: Prior, found: Fit, choices: Choices) -> _Solution:
+def _solve(
+    model: TorqueModel, bags: Sequence[BagRows], prior: Prior, found: Fit, choices: Choices, base: FloatingBase | None
+) -> _Solution:
     """The links that can exist and predict best what was not fitted, and all else with them."""
     folds, solvers = Folds.of(bags, found), Solvers.of(model, prior, found, choices.physical)
-    chosen = choose_prior(bags, folds, solvers, found, choices.prior_weight)
+    given = choices.prior_weight
+    chosen = prior_on_legs(solvers, given) if base else choose_prior(bags, folds, solvers, found, given)
     theta, physical = solvers.solve(found.information, found.score, np.array(chosen.link_weights))
     with_urdf, _ = solvers.solve(found.information, found.score, math.inf)
     return _Solution(folds, solvers, chosen, theta, physical, with_urdf)
@@ -198,7 +205,7 @@ def require_motion(robot: RobotModel, bags: Sequence[BagRows]) -> None:
     Raises:
         DataError: naming the joints that hardly do.
     """
-    share = np.sum([b.moving.sum(axis=0) for b in bags], axis=0) / sum(len(b.t) for b in bags)
+    share = np.sum([b.moves.sum(axis=0) for b in bags], axis=0) / sum(len(b.t) for b in bags)
     still = [
         f"{name} ({100 * part:.0f} % of the time)"
         for name, part in zip(robot.joint_names, share, strict=True)
@@ -237,6 +244,7 @@ def _model_file(
     found: Fit,
     error: tuple[FloatArray, FloatArray],
     provenance: dict[str, Any],
+    base: FloatingBase | None,
 ) -> ModelFile:
     """What is written; ``error``: as of :func:`_error_elsewhere`."""
     robot = model.robot
@@ -247,7 +255,7 @@ def _model_file(
     return ModelFile(
         robot_name=robot.name,
         joints=robot.joint_names,
-        urdf_sha256=urdf_digest(robot.urdf),
+        urdf_sha256=urdf_digest(base.legs.urdf if base else robot.urdf),
         effects=blocks,
         torque_std=error[0],
         correlation_time=error[1],

@@ -158,7 +158,28 @@ def noise_density(bag: BagRows, theta: FloatArray, factor: FloatArray | None = N
             density[j] = float(noise.variance[0]) * bag.period
         elif moving.size:
             density[j] = TOL.unknown_memory * float(np.mean(moving**2))
+        if bag.floats:
+            density[j] += _repeated(np.sqrt(factor[:, j]) * residual[:, j], bag)
     return density
+
+
+def _repeated(residual: FloatArray, bag: BagRows) -> float:
+    """Spectral density of an error that every step of a gait repeats, (N,) [(N m)^2 s]: what impacts do and no model says.
+
+    It does not average out over steps. Its power P is the autocovariance at the gait's period L, as far as that is no chance; it
+    is spread over the ``2 f L`` lines below the cut-off f, each as narrow as the recording is long.
+    """
+    count = len(residual)
+    first, last = (round(x / bag.period) for x in TOL.step)
+    last = min(last, count // 3)
+    if last <= first:
+        return 0.0
+    size = 2 * count
+    covariance = np.fft.irfft(np.abs(np.fft.rfft(residual, size)) ** 2, size)[: last + 1] / (count - np.arange(last + 1))
+    used = max(int(np.count_nonzero(residual)), 1)
+    lag = first + int(np.argmax(covariance[first:]))
+    power = float(covariance[lag]) - TOL.sure * float(covariance[0]) / used**0.5
+    return float(max(power, 0.0)) * count / used * (count * bag.period) / max(2.0 * bag.cutoff_hz * lag * bag.period, 1.0)
 
 
 def rms(values: FloatArray, where: BoolArray | None = None) -> FloatArray:

@@ -11,15 +11,22 @@ from numpy.typing import NDArray
 
 from sysid_ros.effects import Effect, Motion
 from sysid_ros.exceptions import DataError
+from sysid_ros.floating.feet_along import STANDS, FeetAlong
+from sysid_ros.floating.floating_base import FloatingBase
+from sysid_ros.floating.leg_priors import DRY, standing_torque
+from sysid_ros.floating.sticking import without_sticking
+from sysid_ros.identification.bag_sums import BagRows, BoolArray
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.sample import FloatArray, Measurement
+from sysid_ros.sample import FREE, FloatArray, Measurement
 from sysid_ros.signals.cutoff import default_cutoff
+from sysid_ros.signals.floating_motion import contacts_at, smooth_stretch
 from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.trunk_channels import TrunkSetup
 from sysid_ros.signals.zero_phase import GaussianLowPass, KinematicFilter, SmoothMotion
 from sysid_ros.torque.torque_model import TorqueModel
 
-BoolArray = NDArray[np.bool_]
+__all__ = ["FORMS", "BagRows", "BoolArray", "SmoothRecording", "collect_rows"]
 
 FORMS = ("acceleration", "momentum")
 
@@ -28,36 +35,6 @@ _CHUNK = 256
 
 _IN_MEMORY = 400e6
 """Bytes of one recording's rows above which they are kept in a temporary file."""
-
-
-@dataclass(frozen=True, slots=True)
-class BagRows:
-    """Rows of one recording: ``y = Y theta + noise``.
-
-    Attributes:
-        name: where they come from. t: shape (N,) [s]. period: time between rows [s].
-        Y: shape (N, n, p). y: what the known effects leave of the torque, shape (N, n) [N m]. tau: measured torque, shape (N,
-            n) [N m].
-        moving: rows of joints whose friction is determined, shape (N, n), bool.
-        q, v, a: smooth motion at the rows, shape (N, n). cutoff_hz: of the low-pass that both sides went through [Hz].
-    """
-
-    name: str
-    t: FloatArray
-    period: float
-    Y: FloatArray
-    y: FloatArray
-    tau: FloatArray
-    moving: BoolArray
-    q: FloatArray
-    v: FloatArray
-    a: FloatArray
-    cutoff_hz: float
-
-    def part(self, where: slice | BoolArray, name: str) -> BagRows:
-        """Some of the rows, under another name."""
-        Y, y, tau, q, v, a = (x[where] for x in (self.Y, self.y, self.tau, self.q, self.v, self.a))
-        return BagRows(name, self.t[where], self.period, Y, y, tau, self.moving[where], q, v, a, self.cutoff_hz)
 
 
 def collect_rows(
@@ -103,10 +80,13 @@ class SmoothRecording:
     The regressor is worked out at the rate of :class:`KinematicFilter`, several times above all that the low-pass lets through,
     and only filtered rows are kept.
 
+    A robot on legs has the rows of :class:`.FeetAlong`: before the low-pass, both sides are multiplied by P.
+
     Attributes:
-        name: for messages. robot: the arm. form: of the equation.
+        name: for messages. robot: the arm, or the robot on its floating base. form: of the equation.
         start: the first stamp [s]. stretches: smooth motion without a gap. middles: indices of the rows in each of them.
         low_pass: F. period: time between rows [s]. cutoff_hz: of F [Hz].
+        feet: of a robot on legs, along each stretch. setup: by which IMU and feet have been corrected.
     """
 
     name: str
@@ -118,6 +98,8 @@ class SmoothRecording:
     low_pass: GaussianLowPass
     period: float
     cutoff_hz: float
+    feet: tuple[FeetAlong, ...] = ()
+    setup: TrunkSetup | None = None
 
     @classmethod
     def of(
@@ -130,6 +112,10 @@ class SmoothRecording:
         form: str = "acceleration",
         measured_velocity: bool = False,
         spoiled: BoolArray | None = None,
+        base: FloatingBase | None = None,
+        setup: TrunkSetup | None = None,
+        known: TorqueModel | None = None,
+        stands: float = STANDS[0],
     ) -> SmoothRecording:
         """Filter a recording. Nothing is taken across a gap longer than ``max_gap`` [s] or across time that runs back.
 
@@ -137,23 +123,29 @@ class SmoothRecording:
             cutoff_hz: [Hz]; 0 for what the rate allows. form: one of :data:`FORMS`.
             measured_velocity: take the velocity of the messages where there is one.
             spoiled: values that must not be fitted, shape of the recording's arrays; rows that hold any of them do not count.
+            base: of a robot on legs, whose recording has a trunk. setup: what is known of its IMU and feet. known: what is of
+                its torques, from which it follows when a foot is in the air; None: the URDF's links. stands: see
+                :data:`.feet_along.STANDS`.
 
         Raises:
             DataError: the recording is too short to leave a row.
         """
+        setup = setup or TrunkSetup()
         period = recording.period
         cutoff = cutoff_hz or default_cutoff(1.0 / max(period, 1e-9))
         stretches: list[SmoothMotion] = []
+        reported: list[FloatArray | None] = []
         if period > 0.0:
             kinematics = KinematicFilter(period, cutoff)
             for part in recording.stretches(max_gap):
-                t, q, tau = (x[part] for x in (recording.t, recording.q, recording.tau))
-                v = recording.v[part] if measured_velocity and recording.v is not None else None
+                if part.stop - part.start <= 2 * kinematics.half:
+                    continue
+                whole = recording.at(part)
                 bad = None if spoiled is None else spoiled[part]
-                long_enough = part.stop - part.start > 2 * kinematics.half
-                smooth = kinematics.apply(t, q, v, tau, bad) if long_enough else None
+                smooth = smooth_stretch(kinematics, whole, measured_velocity, bad, setup if base else None)
                 if smooth is not None:
                     stretches.append(smooth)
+                    reported.append(contacts_at(whole.t, whole.trunk, smooth.t) if whole.trunk else None)
         grid_period = kinematics.grid_period if stretches else 0.25 / cutoff
         low_pass = GaussianLowPass(cutoff, grid_period)
         every = max(1, round(0.25 / cutoff / grid_period))
@@ -165,7 +157,10 @@ class SmoothRecording:
                 "that can be used. Record at least 10 s without gaps."
             )
         start = float(recording.t[0])
-        return cls(name, robot, form, start, tuple(stretches), tuple(middles), low_pass, every * grid_period, cutoff)
+        along = zip(stretches, reported, strict=True) if base else ()
+        feet = [_feet_along(base, x, cutoff, setup, known, r, stands) for x, r in along] if base else []
+        whole_robot, filtered = robot if base is None else base.robot, (tuple(stretches), tuple(middles), low_pass)
+        return cls(name, whole_robot, form, start, *filtered, every * grid_period, cutoff, tuple(feet), setup)
 
     @property
     def count(self) -> int:
@@ -179,17 +174,62 @@ class SmoothRecording:
         for effect, where in zip(model.free, model.slices, strict=True):
             self.fill(effect, Y[:, :, where])
         t, y, tau, slow, q, v, a = np.empty(count), *(np.empty((count, n)) for _ in range(6))
-        limit = np.where(self.robot.is_prismatic, TOL.slow_slide, TOL.slow)
         for smooth, middle, rows in self._parts():
             t[rows] = smooth.t[middle]
             q[rows], v[rows], a[rows] = smooth.q[middle], smooth.v[middle], smooth.a[middle]
-            standing = np.maximum(np.maximum(1.0 - np.abs(smooth.v) / limit, 0.0), smooth.spoiled)
             left = smooth.tau - model.torque_along(self._motion(smooth, slice(None)))
-            sides = np.hstack([left, smooth.tau, standing])
+            sides = np.hstack([self._projected(smooth, left), self._projected(smooth, smooth.tau), self._doubtful(smooth)])
             filtered = np.empty((len(middle), 3 * n))
             self._smooth(sides, None, middle, filtered)
             y[rows], tau[rows], slow[rows] = filtered[:, :n], filtered[:, n : 2 * n], filtered[:, 2 * n :]
-        return BagRows(self.name, t, self.period, Y, y, tau, slow < TOL.slow_part, q, v, a, self.cutoff_hz)
+        moving = slow < TOL.slow_part
+        if self.feet:
+            self._settle(model, Y, y)
+            Y[~moving], y[~moving], tau[~moving] = 0.0, 0.0, 0.0
+            rubs = np.full(n - FREE, DRY * standing_torque(float(self.robot.pi[::10].sum())))
+            for smooth, middle, rows in self._parts():
+                hidden, lever = self._sticking(smooth, middle, rubs)
+                without_sticking(hidden, lever, self.period, Y[rows], y[rows], tau[rows])
+        return BagRows(self.name, t, self.period, Y, y, tau, moving, q, v, a, self.cutoff_hz, bool(self.feet))
+
+    def _settle(self, model: TorqueModel, Y: FloatArray, y: FloatArray) -> None:
+        """What IMU and feet have been corrected by already counts as a torque again, so that their parameters are whole."""
+        for effect, where in zip(model.free, model.slices, strict=True):
+            known = effect.of_setup(self.setup) if self.setup else None
+            if known is not None:
+                y += Y[:, :, where] @ known
+
+    def _sticking(self, smooth: SmoothMotion, middle: NDArray[np.intp], rubs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What dry friction, shape (n - 6,) [N m], does to the filtered rows of the whole robot at joints that stand, and at all,
+        shape (N, 6, n - 6) each."""
+        feet = self._feet_of(smooth)
+        assert feet is not None
+        stands = np.maximum(1.0 - np.abs(smooth.v[:, FREE:]) / TOL.slow, 0.0)
+        lever = feet.matrix * (rubs * feet.trusted[:, None])[:, None, :]
+        both = np.stack([lever * stands[:, None, :], lever], axis=1).reshape(len(smooth.t), -1)
+        out = np.empty((len(middle), both.shape[1]))
+        self._smooth(both, None, middle, out)
+        hidden, lever = np.moveaxis(out.reshape(len(middle), 2, FREE, -1), 1, 0)
+        return hidden, lever
+
+    def _doubtful(self, smooth: SmoothMotion) -> FloatArray:
+        """How doubtful each value is, shape (M, n): 1 where a joint stands, 10 where it must not be used."""
+        limit = np.where(self.robot.is_prismatic, TOL.slow_slide, TOL.slow)
+        standing = np.maximum(1.0 - np.abs(smooth.v) / limit, 0.0)
+        feet = self._feet_of(smooth)
+        if feet is not None:
+            standing[:, :FREE] = 0.0
+            standing = np.maximum(standing, feet.unusable)
+            standing[:, :FREE] *= TOL.slow_part / TOL.off_ground
+        return np.maximum(standing, smooth.spoiled)
+
+    def _feet_of(self, smooth: SmoothMotion) -> FeetAlong | None:
+        return next((f for f, s in zip(self.feet, self.stretches, strict=True) if s is smooth), None) if self.feet else None
+
+    def _projected(self, smooth: SmoothMotion, values: FloatArray, where: slice = slice(None)) -> FloatArray:
+        """Values of all joints along a stretch, (M, n, ...), as rows that are free of the forces on the feet."""
+        feet = self._feet_of(smooth)
+        return values if feet is None else feet.project(values, where)
 
     def fill(self, effect: Effect, out: FloatArray) -> None:
         """Write the filtered columns of an effect into ``out``, shape (N, n, p)."""
@@ -219,6 +259,7 @@ class SmoothRecording:
         motion = self._motion(smooth, where)
         pair = effect.momentum_columns_along(motion) if self.form == "momentum" else None
         momentum, columns = (None, effect.columns_along(motion)) if pair is None else pair
+        columns = self._projected(smooth, columns, where)
         flat = columns.reshape(len(motion.t), -1)
         return flat, None if momentum is None else momentum.reshape(len(motion.t), -1)
 
@@ -232,7 +273,20 @@ class SmoothRecording:
                 out[k] += self.low_pass.slope @ momentum[window]
 
     def _motion(self, s: SmoothMotion, where: slice) -> Motion:
-        return Motion(self.robot, s.t[where] - self.start, s.q[where], s.v[where], s.a[where], s.tau[where])
+        motion = Motion(self.robot, s.t[where] - self.start, s.q[where], s.v[where], s.a[where], s.tau[where])
+        feet = self._feet_of(s)
+        motion.by_radius = None if feet is None else feet.by_radius[where]
+        return motion
+
+
+def _feet_along(
+    base: FloatingBase, x: SmoothMotion, cutoff_hz: float, setup: TrunkSetup, known: TorqueModel | None,
+    reported: FloatArray | None,
+    stands: float,
+) -> FeetAlong:  # fmt: skip
+    """The feet along a stretch, near whose contacts the filter of the kinematics rings at the edge of its band."""
+    torque = None if known is None else known.torque_along(Motion(known.robot, x.t, x.q, x.v, x.a, x.tau))
+    return FeetAlong.of(base, x, 1.0 / (3.0 * cutoff_hz), setup.radius, torque, reported, stands)
 
 
 def _space(count: int, n: int, p: int) -> FloatArray:

@@ -31,6 +31,7 @@ class Tolerances:
     slow: float = 0.06  # Under it a joint presliding or with a Stribeck bump has other friction than any model says [rad/s].
     slow_slide: float = 0.03  # The same of a slide [m/s].
     slow_part: float = 0.1  # Part of a row that may come from such slow motion; 0.2: UR10e: other link weights, errors by 0.1 %.
+    off_ground: float = 0.5  # Part of a row of a robot on legs in which its feet may not carry it: more of it than not they must.
     shortest_recording: float = 2.0  # Rows must cover some periods of the slowest motion that a robot is recorded in [s].
     moves: float = 0.05  # Part of the time that each joint must move: 1.5 s of 30, the least that shows both directions.
 
@@ -67,9 +68,11 @@ class Tolerances:
     contradicts: float = 2.0  # Chosen: residual of the common model over that of the bag's own; a gear that warmed up is below.
     contradicts_part: float = 0.08  # Chosen: and over the torque.
     contradicts_alone: float = 3.0  # Chosen: one joint alone must speak louder, being one of many.
+    weights_differ: float = 0.02  # Weight of a robot on legs between bags: ten times what steps leave in it, 0.3 kg of 15 kg.
     rows_as_one: float = 4.0  # Rows that count as one where only the size of the residual is known: a period of the cut-off.
 
     # Noise and fit
+    step: tuple[float, float] = (0.2, 2.0)  # Periods of the gaits of robots on legs from a dog's size to a horse's [s].
     converged: float = 1e-3  # Change of the parameters in their own covariance: a thirtieth of a standard deviation.
     huber: float = 1.345  # 95 % efficient for Gaussian noise (Huber 1964).
     unknown_memory: float = 0.5  # Chosen: time for which an error keeps its sign where there are too few rows to see [s].
@@ -79,6 +82,8 @@ class Tolerances:
     white_lags: int = 20  # Lags of that test: twenty periods of the cut-off.
 
     # How far the URDF's links are trusted
+    trunk_weight: float = 100.0  # A trunk is off by a tenth: batteries, computers, what is mounted on it.
+    leg_weight: float = 1000.0  # Links of legs are off by 3 %: cables and screws that drawings lack.
     seen: float = 1e-3  # Information over the prior's under which a direction is unseen: it changes the prior by a thousandth.
     least_noise: float = 0.5  # Least variance of a direction over what the weights say: the other half may have been fitted.
     gain: float = 2e-3  # Chosen: a fifth of a per cent of the error, for which no link's weight is changed.

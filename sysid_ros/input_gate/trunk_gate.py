@@ -178,7 +178,8 @@ class TrunkGate:
                 f"The IMU tells {omega} rad/s and {force} m/s^2; finite numbers up to {_FASTEST:g} rad/s and {_HARDEST:g} m/s^2 "
                 "are believed. If they are in degrees, make the driver publish rad/s.",
             )
-        t = record.stamp or record.receive_time
+        setup = self._base.setup
+        t = (record.stamp or record.receive_time) - setup.delay
         if self._imu and t <= self._imu[-1][0]:
             if self._imu[-1][0] - t < _KEPT:
                 return Rejection(
@@ -186,7 +187,8 @@ class TrunkGate:
                 )
             self.reset()
         rotation, place = pose
-        self._imu.append((t, rotation @ omega, rotation @ force, place))
+        omega, force = setup.rotation @ rotation @ omega, setup.corrected(rotation @ force)
+        self._imu.append((t, omega, force, place + setup.lever))
         while t - self._imu[0][0] > _KEPT:
             self._imu.popleft()
         self._seen += 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 from sysid_ros import __version__
 from sysid_ros.exceptions import DataError, SettingsError
+from sysid_ros.floating.floating_base import floating_base_of, require_held
 from sysid_ros.input_gate import InputGate, gate_for
 from sysid_ros.library.recording import Recording, load
 from sysid_ros.library.results import Checked, Diagnosed, Excited, Identified, Replayed
@@ -35,7 +37,6 @@ def replay(recording: Given, robot: Robot | str | Path | None = None, *, model: 
     """
     from sysid_ros.online.online_estimation import OnlineEstimation
     from sysid_ros.online.replay import replay as run
-    from sysid_ros.sources import BagSource, FloatingBagSource
 
     chosen = _settings(robot, settings)
     given, *others = _several(recording)
@@ -44,17 +45,22 @@ def replay(recording: Given, robot: Robot | str | Path | None = None, *, model: 
     own, source = _robot_of(given, robot, chosen)
     estimation = OnlineEstimation(own, chosen, _model_file(model))
     gate = gate_for(own, estimation.base, chosen)
-    records: Any = source
-    if estimation.base is not None:
-        if not isinstance(source, BagSource):
-            raise DataError(f"{given.name} holds no IMU, which a robot on legs needs. Give a bag.")
-        records = FloatingBagSource(source, "", "")
+    records = source if estimation.base is None else _records(given, source)
     result = run(records, gate, estimation)
     if result.used == 0:
         worst = max(gate.counts, key=lambda reason: gate.counts[reason], default="joints_missing")
         raise DataError(f"{given.name}: no joint state of it can be used. {gate.last_texts.get(worst, '')}")
     _warn(result.warnings)
     return Replayed(result, own, _origin([given], "replay", robot))
+
+
+def _records(given: Recording, source: Any) -> Any:
+    """Joint states, IMU and contacts of a robot on legs."""
+    from sysid_ros.sources import BagSource, FloatingBagSource
+
+    if not isinstance(source, BagSource):
+        raise DataError(f"{given.name} holds no IMU, which a robot on legs needs. Give a bag.")
+    return FloatingBagSource(source, "", "")
 
 
 def identify(
@@ -86,8 +92,10 @@ def identify(
     for given in (*fitted, *judged, *with_payload):
         its, source = _robot_of(given, robot, chosen)
         own = _same(own, its, given)
-        gate = InputGate(own, chosen)
-        channels.append(Channels.from_measurements(given.name, gate.measurements(source)))
+        base = floating_base_of(own, chosen)
+        gate = gate_for(own, base, chosen)
+        records = _records(given, source) if base else source
+        channels.append(Channels.from_measurements(given.name, (m for record in records for m in gate.take(record))))
         for key, n in gate.counts.items():
             problems.append(Problem(given.name, "", key, f"{n} of {gate.received} messages rejected: {gate.last_texts[key]}"))
         problems += [Problem(given.name, "", "gate", sentence) for sentence in gate.warnings]
@@ -96,7 +104,7 @@ def identify(
     origin = _origin(fitted, "identify", robot)
     result = identify_recordings(
         own, channels[:first], channels[first:second], origin, Choices(**choices), cutoff_hz, chosen.max_gap,
-        chosen.velocity_source == "message", problems, channels[second:],
+        chosen.velocity_source == "message", problems, channels[second:], base=base, gravity=math.hypot(*chosen.gravity),
     )  # fmt: skip
     _warn([f"{p.bag}: {p.text}" if p.bag else p.text for p in result.problems])
     return Identified(result, own, origin)
@@ -134,6 +142,7 @@ def diagnose(
         _warn([*sentences, *unread, *unused])
         channels.append(read)
     assert own is not None
+    require_held(own, chosen, "diagnose()")
     origin = _origin(fitted, "diagnose", robot) | {"validate": [given.name for given in judged]}
     n = len(fitted)
     result = run(own, channels[:n], channels[n:], _model_file(model), provenance=origin, simulator=simulator)

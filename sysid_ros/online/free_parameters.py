@@ -81,7 +81,11 @@ class FreeParameters:
                 f"no link of the URDF '{robot.name}' that moves has a mass, so that all of it would be payload. Give a URDF with "
                 "<inertial>, or what 'sysid identify' found as the model (--model, model_path)."
             )
-        known_effects = known.known_effects(whole) if known else None
+        known_effects = known.known_effects(whole) if known and not base else None
+        uncertainty = known.uncertainty if known else None
+        if known and base:
+            known_effects, uncertainty, *setup = known.on_legs(whole)
+            base.set_up(*setup)
         self.friction = None if base else FrictionCorrection(robot, settings, known_effects)
         effects: list[Effect] = [self.payload]
         prior_std = [self._payload_prior()]
@@ -95,7 +99,7 @@ class FreeParameters:
             prior_std.append(np.full(2, settings.base_tilt_std))
         self.extra_colour = 1.0
         self.trunk_noise: tuple[FloatArray, FloatArray] | None = None
-        self.legs = LegParameters(base, self.payload.frame, settings, known is not None) if base else None
+        self.legs = LegParameters(base, self.payload.frame, settings, known_effects) if base else None
         if self.legs is not None:
             effects += self.legs.effects
             prior_std.append(self.legs.prior_std)
@@ -107,7 +111,7 @@ class FreeParameters:
             effects,
             known_effects or [],
             settings.effort_type == "total",
-            known.uncertainty if known else None,
+            uncertainty,
             inexact=inexact,
         )
         self.tilt_is_open = self.tilt is not None

@@ -6,14 +6,12 @@ import numpy as np
 
 from sysid_ros.effects import CoulombFriction, Effect, RotorInertia, ViscousFriction
 from sysid_ros.floating.floating_base import FloatingBase
+from sysid_ros.floating.leg_priors import DRY, ROTOR, VISCOUS, standing_torque
 from sysid_ros.sample import FREE, FloatArray
+from sysid_ros.torque.torque_model import TorqueModel
 
-_TORQUE = 0.06
-"""What a leg's joint holds while the robot stands, over a quarter of the weight and the cube root of the mass [m/kg^(1/3)]: bent
-knees have a lever of 0.15 m on 16 kg."""
-_ROTOR, _DRY, _VISCOUS = 2e-3, 0.03, 0.01
-"""Prior standard deviations over that torque: of the rotors' inertia [s^2], of dry friction, and of viscous friction [s].
-That is 0.012 kg m^2, 0.18 N m and 0.06 N m s/rad on 16 kg; supposed, not measured on robots."""
+_CHANGES, _LEAST = 0.2, 0.05
+"""By how much drives that were identified change with temperature and wear, as a part; and at least, of what is usual."""
 _UNIFORM = 3.0**-0.5
 """Standard deviation of what lies anywhere between minus and plus one."""
 
@@ -24,23 +22,30 @@ class LegDrives:
     At rest dry friction holds any torque up to Fc, and legs that sag under a load are all held up by it alike; no row tells that
     from a lighter load. It is considered: a torque of each joint by itself, and one that helps all of them against their load.
 
+    Where they have been identified, what is free is by how much they have changed since.
+
     Args:
-        base: the robot.
+        base: the robot. known: its torques as they were identified, None where they were not.
 
     Attributes:
         effects: the three, on the floating base. prior_std: of their parameters, shape (3 n,).
         rest: standard deviation of the torque that each joint hides at rest, shape (n,) [N m]; changed in place.
     """
 
-    def __init__(self, base: FloatingBase) -> None:
+    def __init__(self, base: FloatingBase, known: TorqueModel | None = None) -> None:
         joints = base.legs.joint_names
         self.effects: tuple[Effect, ...] = tuple(
             kind(base.robot, joints) for kind in (RotorInertia, CoulombFriction, ViscousFriction)
         )
-        torque = base.mass * 9.81 / 4.0 * _TORQUE * base.mass ** (1.0 / 3.0)
+        torque = standing_torque(base.mass)
         n = len(joints)
-        self.prior_std: FloatArray = np.repeat([_ROTOR * torque, _DRY * torque, _VISCOUS * torque], n)
-        self.rest: FloatArray = np.full(n, _UNIFORM * _DRY * torque)
+        self.prior_std: FloatArray = np.repeat([ROTOR * torque, DRY * torque, VISCOUS * torque], n)
+        self._known: FloatArray = np.zeros(n)
+        if known is not None:
+            found = np.concatenate([x[FREE:] for x in (known.armature(), known.dry_friction(), known.damping())])
+            self.prior_std = np.minimum(np.maximum(_CHANGES * np.abs(found), _LEAST * self.prior_std), self.prior_std)
+            self._known = np.abs(found[n : 2 * n])
+        self.rest: FloatArray = _UNIFORM * (self._known + self.prior_std[n : 2 * n])
         self.dry = slice(n, 2 * n)
 
     @property
@@ -51,7 +56,7 @@ class LegDrives:
     def know(self, theta: FloatArray, variance: FloatArray) -> None:
         """Take in what is known of the three effects now, shape (3 n,) each: friction that moving joints do not show is not
         hidden in resting ones either."""
-        self.rest[:] = _UNIFORM * np.sqrt(theta[self.dry] ** 2 + variance[self.dry])
+        self.rest[:] = _UNIFORM * np.sqrt((self._known + theta[self.dry]) ** 2 + variance[self.dry])
 
     def fill(self, v: FloatArray, tau: FloatArray, width: float, out: FloatArray) -> None:
         """Write the considered torques of a sample into the rows (n, c) of the whole robot; ``v``, ``tau``: its joints, (n,)."""

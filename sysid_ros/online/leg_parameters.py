@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sysid_ros.effects import AccelerometerBias, Effect
@@ -11,6 +13,8 @@ from sysid_ros.online.trunk_errors import FootRadius, ImuDelay, ImuPlacement
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.smoothed_sign import TURNS
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.torque.known_effect import KnownEffect
+from sysid_ros.torque.torque_model import TorqueModel
 
 _BIAS = 0.02
 """Standard deviation of a bias of the accelerometer that is not estimated [m/s^2]; above half as much again it shows, see
@@ -24,34 +28,38 @@ class LegParameters:
 
     Args:
         base: the robot. frame: of the payload. settings: how well the IMU's place is known, and whether its bias and the legs'
-            friction are estimated. known: a model of the legs is given.
+            friction are estimated. known: what was identified of the robot, None where nothing was.
 
     Attributes:
-        drives: of the legs, None where they are known. effects: free ones beside the payload, in order.
+        drives: of the legs, None where they are not estimated. effects: free ones beside the payload, in order.
         prior_std: of their parameters, shape (p,).
         dry: where those of the drives stand among all free parameters. radius, delay, placement, bias: the same of these; None
             where it is not free.
     """
 
-    def __init__(self, base: FloatingBase, frame: str, settings: OnlineSettings, known: bool) -> None:
+    def __init__(self, base: FloatingBase, frame: str, settings: OnlineSettings, known: Sequence[KnownEffect] | None) -> None:
         robot = base.robot
         s = settings
         self.effects: list[Effect] = []
         self._prior: list[FloatArray] = []
-        self.drives = LegDrives(base) if s.estimate_friction and not known else None
+        torques = None if known is None else TorqueModel(robot, [], known)
+        self.drives = LegDrives(base, torques) if s.estimate_friction else None
         self.dry: slice | None = None
         if self.drives is not None:
             where = [self._add(e, std) for e, std in zip(self.drives.effects, np.split(self.drives.prior_std, 3), strict=True)]
             self.dry = slice(where[0].start, where[-1].stop)
-        unsure = np.where(base.radius_told, _KNOWN_RADIUS, base.radius_std)
+        unsure, sure = np.where(base.radius_told, _KNOWN_RADIUS, base.radius_std), base.setup_std
         self.radius: slice | None = self._add(FootRadius(robot), [float(np.sqrt(np.mean(unsure**2)))])
         self._imu = ImuPlacement(robot, frame)
         self.placement: slice | None = None
         if s.imu_tilt_std > 0.0 or s.imu_lever_std > 0.0:
-            self.placement = self._add(self._imu, [s.imu_tilt_std] * 3 + [s.imu_lever_std] * 3)
+            tilt, lever = ([x] * 3 for x in (s.imu_tilt_std, s.imu_lever_std))
+            if sure is not None:
+                tilt, lever = (np.minimum(x, known).tolist() for x, known in ((tilt, sure.tilt), (lever, sure.lever)))
+            self.placement = self._add(self._imu, tilt + lever)
         self.delay: slice | None = None
         if s.imu_delay_std > 0.0:
-            self.delay = self._add(ImuDelay(robot), [s.imu_delay_std])
+            self.delay = self._add(ImuDelay(robot), [min(s.imu_delay_std, sure.delay) if sure else s.imu_delay_std])
         self._bias = AccelerometerBias(robot, frame=frame) if s.accelerometer_bias_std > 0.0 else None
         self.bias = self._add(self._bias, [s.accelerometer_bias_std] * 3) if self._bias else None
 

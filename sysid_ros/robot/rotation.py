@@ -42,3 +42,8 @@ def turned_by(quaternions: FloatArray, rotation: FloatArray) -> FloatArray:
     """Orientations x, y, z, w, shape (N, 4), each followed by a rotation (3, 3) in its own axes, shape (N, 4)."""
     after = pin.Quaternion(np.asarray(rotation, dtype=float))
     return np.array([(pin.Quaternion(np.asarray(x, dtype=float)).normalized() * after).coeffs() for x in quaternions])
+
+
+def rotation_by(vector: FloatArray) -> FloatArray:
+    """Rotation matrix (3, 3) of a turn about an axis by its length, shape (3,) [rad]."""
+    return np.array(pin.exp3(np.asarray(vector, dtype=float)))

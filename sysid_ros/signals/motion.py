@@ -26,6 +26,8 @@ class Motion:
         period: of the grid [s].
         clear: frequency up to which each position stands above its noise, shape (n,) [Hz]; None where that is not known.
         recording: name of the recording that it is a stretch of.
+        by_radius: of a robot on legs, what a metre of the radius of each foot does to the six rows of its trunk, shape (N, 6, k)
+            [N/m], [N]; else None.
     """
 
     def __init__(
@@ -45,6 +47,7 @@ class Motion:
         self._link_torque, self._drive_torque = link_torque, drive_torque
         self.clear: FloatArray | None = None
         self.recording = ""
+        self.by_radius: FloatArray | None = None
         self._payload: dict[str, FloatArray] = {}
         self._joints: dict[int, Motion] = {}
         self._clear_load: dict[tuple[int, float], FloatArray] = {}
@@ -85,6 +88,11 @@ class Motion:
         nothing = np.zeros_like(self.q)
         return self.robot.rnea_along(self.q, nothing, nothing)
 
+    @cached_property
+    def base_mass(self) -> FloatArray:
+        """Torque that a unit of acceleration of the base costs along each of its axes, shape (N, n, 3)."""
+        return np.stack([self.robot.base_acceleration_columns(q) for q in self.q])
+
     def payload_regressor(self, frame: str) -> FloatArray:
         """Of a body fixed to a frame, shape (N, n, 10)."""
         if frame not in self._payload:
@@ -111,10 +119,11 @@ class Motion:
     def with_torques(self, link_torque: FloatArray, drive_torque: FloatArray) -> Motion:
         """The same motion with more known of its torques, shape (N, n) each; what was computed from the motion alone is kept."""
         other = Motion(self.robot, self.t, self.q, self.v, self.a, self.tau, link_torque, drive_torque, self.temperature)
-        for name in ("regressor", "sensitivity", "gravity_torque", "rigid_torque"):
+        for name in ("regressor", "sensitivity", "gravity_torque", "rigid_torque", "base_mass"):
             if name in self.__dict__:
                 other.__dict__[name] = self.__dict__[name]
         other._payload, other.clear, other.recording = self._payload, self.clear, self.recording
+        other.by_radius = self.by_radius
         return other
 
     def of_joint(self, joint: int) -> Motion:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.exceptions import DataError
-from sysid_ros.sample import FloatArray, Measurement
+from sysid_ros.sample import FloatArray, Measurement, TrunkReading
+from sysid_ros.signals.trunk_channels import TrunkChannels
 
 _CHUNK = 8192
 """Measurements gathered at once."""
@@ -26,6 +27,7 @@ class Recording:
         q, tau: positions and torques, shape (N, n). v: velocities alike, or None where any message lacks them.
         temperature: of the joints, shape (N, n) [degrees Celsius], NaN where it is not known; None where none is.
         first: stamp that times count from, of a part of a recording [s]; None for the first one here.
+        trunk: what IMU and feet tell at the same stamps, of a robot on legs; else None.
 
     Raises:
         DataError: the shapes do not fit one another.
@@ -38,6 +40,7 @@ class Recording:
     tau: FloatArray
     temperature: FloatArray | None = None
     first: float | None = None
+    trunk: TrunkChannels | None = None
 
     def __post_init__(self) -> None:
         shapes = [np.shape(x) for x in (self.q, self.tau, self.v, self.temperature) if x is not None]
@@ -51,7 +54,7 @@ class Recording:
     def from_measurements(
         cls, name: str, measurements: Iterable[Measurement], progress: Callable[[int], None] = lambda count: None
     ) -> Recording:
-        """The channels of measurements, gathered in chunks: what is kept is four arrays and not the measurements. The velocity
+        """The channels of measurements, gathered in chunks: what is kept is arrays and not the measurements. The velocity
         only where all of them have one.
 
         Args:
@@ -63,9 +66,11 @@ class Recording:
         stream = iter(measurements)
         chunks: list[tuple[FloatArray, ...]] = []
         velocities: list[FloatArray] | None = []
+        readings: list[TrunkReading] = []
         while chunk := list(islice(stream, _CHUNK)):
             chunks.append((np.array([m.t for m in chunk]), np.stack([m.q for m in chunk]), np.stack([m.tau for m in chunk])))
             v = [m.v for m in chunk if m.v is not None and np.isfinite(m.v).all()]
+            readings += [m.trunk for m in chunk if m.trunk is not None]
             if velocities is not None:
                 velocities = [*velocities, np.stack(v)] if len(v) == len(chunk) else None
             progress(len(chunk))
@@ -75,12 +80,14 @@ class Recording:
                 "why messages were rejected."
             )
         t, q, tau = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
-        return cls(name, t, q, np.concatenate(velocities) if velocities else None, tau)
+        trunk = TrunkChannels.of(readings) if len(readings) == len(t) else None
+        return cls(name, t, q, np.concatenate(velocities) if velocities else None, tau, trunk=trunk)
 
     def at(self, rows: slice | NDArray[np.bool_] | NDArray[np.intp], name: str = "") -> Recording:
         """The messages of some rows, in their order; ``name`` is a new one."""
         v, warm = (None if x is None else x[rows] for x in (self.v, self.temperature))
-        return Recording(name or self.name, self.t[rows], self.q[rows], v, self.tau[rows], warm, self.start)
+        trunk = None if self.trunk is None else self.trunk.at(rows)
+        return Recording(name or self.name, self.t[rows], self.q[rows], v, self.tau[rows], warm, self.start, trunk)
 
     @property
     def start(self) -> float:

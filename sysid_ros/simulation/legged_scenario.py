@@ -13,7 +13,7 @@ from sysid_ros.simulation.scenario import CONTROL_RATE
 
 OWN = (
     "robot", "leg_friction", "leg_damping", "rotor_inertia", "mass_error", "foot_spheres", "encoder_step", "imu_rate",
-    "imu_delay", "imu_low_pass", "imu_tilt", "imu_lever", "contact_delay", "push_time",
+    "imu_delay", "imu_low_pass", "imu_tilt", "imu_lever", "contact_delay", "push_time", "trunk_com",
 )  # fmt: skip
 """Settings that only this simulator has."""
 
@@ -30,6 +30,7 @@ class LeggedScenario(QuadrupedScenario):
         leg_friction, leg_damping, rotor_inertia: of the joints on the mean [N m], [N m s/rad], [kg m^2]; each joint has from 0.7
             to 1.3 times as much, and the efforts are the motors'.
         mass_error: standard deviation of each link's mass beside that of the description, as a part of it.
+        trunk_com: by how much the trunk's centre of mass lies elsewhere than the description says, shape (3,) [m].
         foot_spheres: the description tells what the feet are.
         encoder_step: of the positions [rad].
         imu_rate: messages of the IMU a second, a divisor of 1000; 0: those of the joints. imu_delay: of their stamps [s].
@@ -48,6 +49,7 @@ class LeggedScenario(QuadrupedScenario):
     leg_damping: float = 0.0
     rotor_inertia: float = 0.0
     mass_error: float = 0.0
+    trunk_com: tuple[float, ...] = (0.0, 0.0, 0.0)
     foot_spheres: bool = True
     encoder_step: float = 0.0
     imu_rate: int = 0
@@ -73,7 +75,7 @@ class LeggedScenario(QuadrupedScenario):
                      "0, or a divisor of 1000 Hz from 50")  # fmt: skip
         for name in ("imu_delay", "contact_delay"):
             self.require(0.0 <= getattr(self, name) <= 0.1, name, "from 0 to 0.1 s")
-        for name in ("imu_tilt", "imu_lever"):
+        for name in ("imu_tilt", "imu_lever", "trunk_com"):
             value = getattr(self, name)
             self.require(len(value) == 3 and all(abs(x) <= 0.5 for x in value), name, "three numbers from -0.5 to 0.5")
         pushed = self.push_time is None or 0.0 <= self.push_time < self.duration

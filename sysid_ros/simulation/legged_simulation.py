@@ -63,6 +63,7 @@ class LeggedSimulation(Simulation[QuadrupedState]):
         }
         scale = {name: 1.0 + scenario.mass_error * float(np.clip(hidden.normal(), -2.5, 2.5)) for name in _links(self.urdf)}
         self.world: LeggedWorld = LeggedWorld(self.legged, scale, tuple(self.hidden.values()), scenario.ground.T[:, 2], _GRIP)
+        self.world.shift_trunk(np.array(scenario.trunk_com))
         self._gait = LeggedGait(scenario.gait, self.legged.feet, motion, scenario.extent, scenario.speed)
         lift = np.abs(self.legged.feet[:, 2]).mean()
         self._stiffness = base.mass * 9.81 / 4.0 * 0.5 * lift / _BENDS

@@ -35,7 +35,7 @@ class LeggedWorld:
 
     Attributes:
         q, v: of the joints at the begin of the next step, in the order of the model, shape (n,). trunk: the trunk then.
-        acceleration: of the trunk's origin in the last step, in the world, shape (3,) [m/s^2].
+        scale: as given. acceleration: of the trunk's origin in the last step, in the world, shape (3,) [m/s^2].
         forces: of the ground on the feet in the last step, in the world, shape (k, 3) [N].
 
     Raises:
@@ -51,6 +51,7 @@ class LeggedWorld:
         slippery: float,
     ) -> None:
         without_log(mujoco)
+        self.scale = scale
         self._model = model = _compiled(robot, slippery)
         for name, factor in scale.items():
             body = model.body(name).id
@@ -76,6 +77,12 @@ class LeggedWorld:
         mujoco.mju_quat2Mat(rotation, m.body_iquat[b])
         axes = rotation.reshape(3, 3)
         return inertial_parameters.from_com(float(m.body_mass[b]), m.body_ipos[b], axes @ np.diag(m.body_inertia[b]) @ axes.T)
+
+    def shift_trunk(self, by: FloatArray) -> None:
+        """Move the centre of mass of the trunk's own link, shape (3,) [m]."""
+        self._model.body_ipos[self._trunk] += by
+        self._empty = self._inertial()
+        mujoco.mj_setConst(self._model, self._data)
 
     def tie(self, payload: Payload) -> None:
         """Make a body one with the trunk, without an impact."""

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import yaml
 
-from sysid_ros.effects import EFFECTS
+from sysid_ros.effects import EFFECTS, TRUNK_EFFECTS, named
 from sysid_ros.exceptions import ModelFileError, SysidError, in_a_line
 from sysid_ros.files import write_text
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.trunk_channels import TrunkSetup
 from sysid_ros.torque.known_effect import KnownEffect
 
 FORMAT = 1
@@ -82,14 +83,36 @@ class ModelFile:
             )
         return [self._known(block, robot) for block in self.effects]
 
+    def on_legs(self, robot: RobotModel) -> tuple[list[KnownEffect], FloatArray | None, TrunkSetup, TrunkSetup]:
+        """The effects for a robot on its floating base that are torques, directions of their error, and what is known of IMU and
+        feet with its standard deviations.
+
+        Raises:
+            ModelFileError: as of :meth:`known_effects`.
+        """
+        torques: list[KnownEffect] = []
+        rows: list[int] = []
+        setup, std, start = TrunkSetup(), TrunkSetup(), 0
+        for k in self.known_effects(robot):
+            said = k.effect.as_setup(k.theta)
+            if said is None:
+                torques.append(k)
+                rows += range(start, start + k.effect.p)
+            else:
+                variance = np.zeros(k.effect.p) if k.covariance is None else np.diag(k.covariance)
+                setup, std = setup + said, std + (k.effect.as_setup(np.sqrt(np.maximum(variance, 0.0))) or TrunkSetup())
+            start += k.effect.p
+        return torques, None if self.uncertainty is None else self.uncertainty[rows], setup, std
+
     def _known(self, block: EffectBlock, robot: RobotModel) -> KnownEffect:
-        if block.effect not in EFFECTS:
+        kind = named(block.effect)
+        if kind is None:
             raise ModelFileError(
                 f"{self.source} names an unknown effect '{block.effect}'. {_nearest(block.effect)}Correct it, or write the "
                 "file again with 'sysid identify'."
             )
         try:
-            effect = EFFECTS[block.effect].from_settings(robot, block.joints, block.settings)
+            effect = kind.from_settings(robot, block.joints, block.settings)
         except (TypeError, ValueError) as error:
             reason = in_a_line(error).rpartition("__init__() ")[2]
             raise ModelFileError(
@@ -251,7 +274,7 @@ def _shown(value: Any) -> str:
 
 
 def _nearest(effect: str) -> str:
-    near = get_close_matches(effect, EFFECTS, 1)
+    near = get_close_matches(effect, {**EFFECTS, **TRUNK_EFFECTS}, 1)
     return f"Is '{near[0]}' meant? " if near else ""
 
 

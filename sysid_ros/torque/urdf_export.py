@@ -12,6 +12,7 @@ import numpy as np
 
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.files import write_text
+from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.rotation import rotation_of
@@ -37,14 +38,18 @@ class _Attached:
     theta: FloatArray
 
 
-def export_urdf(robot: RobotModel, model: ModelFile, path: Path) -> list[str]:
+def export_urdf(robot: RobotModel, model: ModelFile, path: Path, base: FloatingBase | None = None) -> list[str]:
     """Write the URDF and check it; what it can't hold or had to change, in words.
+
+    Args:
+        robot: of the model. model: what was found. path: to write. base: where the robot hangs on its floating base.
 
     Raises:
         ModelFileError: the model is not physical, or the URDF read back is another robot.
     """
     text, notes = identified_urdf(robot, model)
     check_urdf(robot, model, text)
+    text = base.unhung(text) + "\n" if base else text
     write_text(path, with_comment(text, notes) if notes else text)
     return notes
 

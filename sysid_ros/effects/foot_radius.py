@@ -1,0 +1,55 @@
+"""Feet that touch the ground elsewhere than the description says."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid_ros.effects.trunk_effect import TrunkEffect
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FREE, FloatArray
+from sysid_ros.signals.motion import Motion
+from sysid_ros.signals.trunk_channels import TrunkSetup
+
+
+class FootRadius(TrunkEffect):
+    """``tau = -d(N' tau)/dr dr``: each foot touches the ground dr [m] farther below its frame than is said, so that the force
+    on it has another lever, see :class:`sysid_ros.floating.feet_along.FeetAlong`.
+
+    Args:
+        robot: on its floating base. joints: unused. feet: names of the feet, in the order of the motion's.
+
+    Attributes:
+        unsure: standard deviation of each before any data, shape (k,) [m].
+    """
+
+    id = "foot_radius"
+    label = "radius of the feet"
+    words = "the feet touch the ground elsewhere than the description says ({sizes})"
+    setting_names = ("feet",)
+    signature = "the force on a foot with a lever that it should not have"
+    look_alikes = ("torque_scale", "joint_offset")
+    separated_by = "swaying, by which the forces on the feet change their direction in the legs"
+    expected = 1.5e-3
+    """By how much feet are pressed together, where the description tells what they are; who knows less says so in ``unsure``."""
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), feet: Sequence[str] = ()) -> None:
+        super().__init__(robot, joints)
+        self.feet = list(feet)
+        self.parameter_names = tuple(f"dr[{foot}]" for foot in self.feet)
+        self.units = ("m",) * len(self.feet)
+        self.unsure: FloatArray = np.full(len(self.feet), self.expected)
+
+    def prior_std(self, form: str = "") -> FloatArray:
+        return self.unsure
+
+    def columns_along(self, motion: Motion) -> FloatArray:
+        out = np.zeros((len(motion.t), self.robot.n, self.p))
+        if motion.by_radius is not None:
+            out[:, :FREE] = -motion.by_radius
+        return out
+
+    def as_setup(self, theta: FloatArray) -> TrunkSetup:
+        return TrunkSetup(radius=dict(zip(self.feet, theta.tolist(), strict=True)))
+
+    def of_setup(self, setup: TrunkSetup) -> FloatArray:
+        return np.array([setup.radius.get(foot, 0.0) for foot in self.feet])
