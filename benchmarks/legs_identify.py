@@ -117,7 +117,7 @@ def errors(result: Identification) -> tuple[float, float, float, float]:
     legs = e.nominal[FREE:] > 1e-6
     found: list[float] = []
     for part in parts:
-        found += [float(np.sqrt(np.mean(part[:FREE] ** 2))), float(np.sqrt(np.mean(part[FREE:][legs] ** 2)))]
+        found += [float(np.sqrt(np.mean(x**2))) if x.size else np.nan for x in (part[:FREE], part[FREE:][legs])]
     return found[0], found[1], found[2], found[3]
 
 
@@ -197,7 +197,7 @@ def main(robots: str, other: str, seconds: float, mass_error: float, seeds: int,
         raise click.UsageError("every robot has fallen; take other seeds.")
     targets = [
         Target("force and moment on the robot over the URDF's error", float(np.median([t.base_force for t in every])), high=0.6),
-        Target("torque of legs in the air over the URDF's error", float(np.median([t.leg_torque for t in every])), high=0.6),
+        Target("torque of legs in the air over the URDF's error", float(np.nanmedian([t.leg_torque for t in every])), high=0.6),
         Target("error of the trunk's centre of mass [m]", float(np.median([t.trunk_com for t in every])), high=3e-3),
         Target("dry friction off by, of a usual joint", float(np.median([t.friction for t in every])), high=0.15),
         Target("joints whose dry friction is off by more than 15 %", float(np.mean([t.beyond for t in every])), high=0.1),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.floating.feet_along import STANDS, FeetAlong
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.sticking import without_sticking
+from sysid_ros.identification.base_groups import widened
 from sysid_ros.identification.free_effects import free_model_on_legs
 from sysid_ros.identification.from_legs import identify_on_legs, learned
 from sysid_ros.identification.held_out import Prior
@@ -167,6 +169,19 @@ def test_friction_rotors_and_mass_are_found_from_two_runs() -> None:
     assert np.abs(setup.tilt).max() < 0.01
 
 
+def test_intervals_are_wider_where_recordings_differ() -> None:
+    alike = [rows_of(recording(seed, rubs=1.0, name=str(seed)))[1] for seed in (2, 3)]
+    model, other = rows_of(recording(3, rubs=2.5))
+    prior = Prior.of(model, BASE)
+    grown = []
+    for bags in (alike, [alike[0], other]):
+        found = fit(bags, prior.mean, prior.std)
+        grown.append(float(widened(found, prior).covariance[0, 0] / found.covariance[0, 0]))
+    assert 1.0 <= grown[0] < grown[1]
+    single = fit(alike[:1], prior.mean, prior.std)
+    assert widened(single, prior) is single
+
+
 def test_gravity_tells_the_bias_of_an_accelerometer_along_it() -> None:
     run = recording(4, TrunkSetup(bias=np.array([0.0, 0.0, 0.05])))
     assert run.trunk is not None
@@ -215,7 +230,7 @@ def saved(setup: TrunkSetup) -> ModelFile:
     return ModelFile("robot", BASE.robot.joint_names, "", blocks, nothing, nothing, np.eye(model.p)[:, :3])
 
 
-def test_a_model_file_gives_torques_and_what_is_known_of_imu_and_feet_apart(tmp_path: Any) -> None:
+def test_a_model_file_gives_torques_and_what_is_known_of_imu_and_feet_apart(tmp_path: Path) -> None:
     setup = sum(SETUPS.values(), TrunkSetup())
     saved(setup).write(tmp_path / "model.yaml")
     torques, directions, again, std = ModelFile.read(tmp_path / "model.yaml").on_legs(BASE.robot)
@@ -263,3 +278,48 @@ def test_columns_of_imu_and_feet_are_nothing_on_an_arm() -> None:
     motion.by_radius = None
     effect = TRUNK_EFFECTS["foot_radius"](LEGS)
     assert effect.columns_along(motion).shape == (3, LEGS.n, 0)
+
+
+@pytest.mark.slow
+def test_a_robot_that_was_identified_in_mujoco_estimates_its_load_better(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed (extra mujoco)")
+    from sysid_ros.input_gate import gate_for
+    from sysid_ros.online.online_estimation import OnlineEstimation
+    from sysid_ros.online.replay import replay
+    from sysid_ros.online_settings import OnlineSettings
+    from sysid_ros.robot.packaged import packaged
+    from sysid_ros.simulation.legged_record import LeggedRecord, simulate_legged
+    from sysid_ros.simulation.legged_scenario import LeggedScenario
+    from sysid_ros.torque.urdf_export import export_urdf
+
+    if packaged("go2") is None:
+        pytest.skip("example-robot-data is not installed (extra dev)")
+    drives: dict[str, Any] = {"leg_friction": 0.3, "leg_damping": 0.05, "rotor_inertia": 0.01}
+    hidden: dict[str, Any] = drives | {"mass_error": 0.04, "trunk_com": (0.01, 0.0, 0.0)}
+
+    def simulated(gait: str, **more: Any) -> LeggedRecord:
+        return simulate_legged(LeggedScenario(robot="go2", gait=gait, seed=5, duration=12.0, **hidden, **more), start_time=100.0)
+
+    def recorded(record: LeggedRecord, base: FloatingBase) -> Recording:
+        gate = gate_for(base.legs, base, OnlineSettings())
+        return Recording.from_measurements("run", (m for x in record.records() for m in gate.take(x)))
+
+    records = [simulated(gait) for gait in ("sway", "trot", "flying_trot")]
+    base = FloatingBase(RobotModel.from_urdf(records[0].urdf))
+    sway, trot, other = (recorded(record, base) for record in records)
+    result = identify_on_legs(base, [sway, trot], [other], {})
+    (judged,) = result.validation
+    assert np.all(judged.residual[:3] < 0.6 * judged.nominal[:3])
+    result.model.write(tmp_path / "model.yaml")
+    export_urdf(base.robot, result.model, tmp_path / "found.urdf", base)
+    found = FloatingBase(RobotModel.from_urdf((tmp_path / "found.urdf").read_text()))
+    assert found.robot.pi == pytest.approx(learned(free_model_on_legs(base), result.theta)[1].links(), abs=1e-6)
+    loaded = simulated("trot", payload_mass=3.0, payload_com=(0.03, -0.02, 0.1))
+    errors = []
+    for model in (None, ModelFile.read(tmp_path / "model.yaml")):
+        legs = RobotModel.from_urdf(loaded.urdf)
+        estimation = OnlineEstimation(legs, OnlineSettings(), model)
+        last = replay(list(loaded.records()), gate_for(legs, estimation.base, OnlineSettings()), estimation).series[-1]
+        errors.append(abs(last.theta[0] - 3.0))
+    assert errors[1] < max(0.5 * errors[0], 0.06)
+    assert errors[1] < 3.0 * last.mass_std

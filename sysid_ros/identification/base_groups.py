@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -108,6 +109,26 @@ def per_bag(found: Fit, prior: Prior, T: FloatArray) -> tuple[FloatArray, FloatA
         values.append(np.where(known, value, np.nan))
         stds.append(np.where(known, std, np.nan))
     return np.array(values), np.array(stds)
+
+
+def widened(found: Fit, prior: Prior) -> Fit:
+    """The fit with a covariance that holds by how much bags differ in what each of them determines by itself (Birge 1932).
+
+    Of a robot on legs dry friction that sticks and what impacts leave are errors that do not average out within a bag; they are
+    others in another gait.
+    """
+    from scipy.stats import chi2  # takes longer to load than the rest of the package
+
+    values, stds = per_bag(found, prior, np.eye(len(prior.mean)))
+    both = np.isfinite(values).all(axis=0)
+    if len(values) < 2 or not both.any():
+        return found
+    weight = 1.0 / stds[:, both] ** 2
+    mean = np.sum(weight * values[:, both], axis=0) / weight.sum(axis=0)
+    squares = np.sum(weight * (values[:, both] - mean) ** 2, axis=0)
+    # the median, because a bag may determine some of them by a few rows whose noise is not known
+    ratio = float(np.median(squares) / chi2.median(len(values) - 1))
+    return replace(found, covariance=max(ratio, 1.0) * found.covariance)
 
 
 def spread(values: FloatArray) -> FloatArray:

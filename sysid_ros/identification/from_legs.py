@@ -130,9 +130,11 @@ def identify_on_legs(
         bags = made.rows()
         prior = Prior.of(made.model, base)
         if turn == 0:
-            found += _check_weight(bags, prior.mean, choices.accept_doubts)
+            found += _accepted(_check_weight(bags, prior.mean), choices.accept_doubts)
+        theta = fit(bags, prior.mean, prior.std, choices.method).theta
         if turn < len(STANDS) - 1:
-            setup, known = learned(made.model, fit(bags, prior.mean, prior.std, choices.method).theta)
+            setup, known = learned(made.model, theta)
+    found += _accepted(_check_alike(bags, theta), choices.accept_doubts)
     checks = rows_on_legs(base, checked[first:], cutoff.hz, max_gap, measured_velocity, setup, known, shown, stands).rows()
     progress("solving")
     result = identify(made.model, bags, checks, provenance, choices, cutoff, found, base=base)
@@ -157,38 +159,47 @@ def _require_of_legs(choices: Choices) -> None:
             )
 
 
-def _check_weight(bags: Sequence[BagRows], nominal: FloatArray, accept_doubts: bool) -> list[Problem]:
-    """Do the torques of the legs carry the weight that the URDF says, and in all recordings the same?
+def _check_weight(bags: Sequence[BagRows], nominal: FloatArray) -> Problem | None:
+    """Do the torques of the legs carry the weight that the URDF says? Friction and rotors are not known yet."""
+    slopes = [_weight(bag, nominal) for bag in bags]
+    listed = ", ".join(f"{bag.name} {x:.3g}" for bag, x in zip(bags, slopes, strict=True))
+    if not np.all(np.isfinite(slopes)):
+        text = (
+            f"The feet carry the robot in next to none of a recording by the torques of its legs ({listed} times the URDF's "
+            "weight). Give recordings in which it stands or walks, and check sign, unit and order of the efforts."
+        )
+        return Problem("", "", "off_ground", text)
+    if not all(TOL.slope_low < x < TOL.slope_suspicious for x in slopes):
+        text = (
+            f"The torques of the legs do not carry the weight of the URDF's links ({listed} times it). Set effort_scale or "
+            "effort_sign in --config if the effort is in another unit or direction, or give the URDF of the robot."
+        )
+        return Problem("", "", "implausible_effort", text)
+    return None
+
+
+def _check_alike(bags: Sequence[BagRows], theta: FloatArray) -> Problem | None:
+    """Does the robot weigh the same in all recordings, by the model that was fitted to all of them?"""
+    slopes = [_weight(bag, theta) for bag in bags]
+    if max(slopes) - min(slopes) <= TOL.weights_differ:
+        return None
+    listed = ", ".join(f"{bag.name} {x:.3g}" for bag, x in zip(bags, slopes, strict=True))
+    text = (
+        f"The robot does not weigh the same in all recordings ({listed} times what one model for all says): it carried something "
+        "in some of them, or the effort was in another scale. Identify from recordings in which it carries the same."
+    )
+    return Problem("", "", "bags_contradict", text)
+
+
+def _accepted(problem: Problem | None, accept_doubts: bool) -> list[Problem]:
+    """The problem, if there is one.
 
     Raises:
-        DataError: they carry something else, and that is not accepted.
+        DataError: it is not accepted.
     """
-    slopes = [_weight(bag, nominal) for bag in bags]
-    known = [x for x in slopes if np.isfinite(x)]
-    listed = ", ".join(f"{bag.name} {x:.3g}" for bag, x in zip(bags, slopes, strict=True))
-    if len(known) < len(slopes):
-        kind = "off_ground"
-        text = (
-            f"the feet carry the robot in next to none of a recording by the torques of its legs ({listed} times the URDF's "
-            "weight). Give recordings in which it stands or walks, and check sign, unit and order of the efforts"
-        )
-    elif not all(TOL.slope_low < x < TOL.slope_suspicious for x in known):
-        kind = "implausible_effort"
-        text = (
-            f"the torques of the legs do not carry the weight of the URDF's links ({listed} times it). Set effort_scale or "
-            "effort_sign in --config if the effort is in another unit or direction, or give the URDF of the robot"
-        )
-    elif max(known) - min(known) > TOL.weights_differ:
-        kind = "bags_contradict"
-        text = (
-            f"the robot does not weigh the same in all recordings ({listed} times the URDF's weight): it carried something in "
-            "some of them, or the effort was in another scale. Identify from recordings in which it carries the same"
-        )
-    else:
-        return []
-    if not accept_doubts:
-        raise DataError(f"{text}; --accept-doubts goes on regardless.")
-    return [Problem("", "", kind, f"{text[0].upper()}{text[1:]}.")]
+    if problem is not None and not accept_doubts:
+        raise DataError(f"{problem.text} --accept-doubts goes on regardless.")
+    return [problem] if problem else []
 
 
 def _weight(bag: BagRows, nominal: FloatArray) -> float:

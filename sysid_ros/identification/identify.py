@@ -21,6 +21,7 @@ from sysid_ros.identification.base_groups import (
     per_bag,
     repeatability,
     spread,
+    widened,
 )
 from sysid_ros.identification.contradictions import check_contradictions
 from sysid_ros.identification.expected_error import error_directions
@@ -114,6 +115,7 @@ def identify(
     require_motion(model.robot, bags)
     prior = Prior.of(model, base)
     found = fit(bags, prior.mean, prior.std, choices.method)
+    found = widened(found, prior) if base else found
     # a gait repeats itself, so that a model of its own follows even what impacts do: there the weight is compared
     doubts = [] if base else check_contradictions(bags, found, prior, model.robot.joint_names, choices.accept_doubts)
     solution = _solve(model, bags, prior, found, choices, base)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.effects import EFFECTS
+from sysid_ros.effects import Effect, named
 from sysid_ros.files import write_text
 from sysid_ros.identification.payload_difference import PayloadDifference
 from sysid_ros.identification.result import Identification, Parameter, TorqueError
@@ -70,7 +70,7 @@ def report_page(
         errors=_errors(joints, units, judged),
         torques=[(s, torque_figure(s, joints, units, 1.0 / len(drawn), i == 0)) for i, s in enumerate(drawn)],
         residual=_left(result),
-        joints=_joints(joints, [p for p in result.parameters if not EFFECTS[p.effect].replaces_links]),
+        joints=_joints(joints, [p for p in result.parameters if not _kind(p).replaces_links]),
         several=any(math.isfinite(p.between_bags) for p in result.parameters),
         payload=_payload(result.payload) if result.payload is not None else [],
         whiteness={(t.bag, t.joint): t for t in result.whiteness},
@@ -78,6 +78,12 @@ def report_page(
         command=provenance.get("command"),
         version=provenance.get("version"),
     )
+
+
+def _kind(parameter: Parameter) -> type[Effect]:
+    found = named(parameter.effect)
+    assert found is not None
+    return found
 
 
 def recording_of(path: Path, result: Identification, robot: RobotModel, urdf: Path | None = None) -> None:

@@ -47,7 +47,7 @@ def export_urdf(robot: RobotModel, model: ModelFile, path: Path, base: FloatingB
     Raises:
         ModelFileError: the model is not physical, or the URDF read back is another robot.
     """
-    text, notes = identified_urdf(robot, model)
+    text, notes = identified_urdf(robot, model, base=base)
     check_urdf(robot, model, text)
     text = base.unhung(text) + "\n" if base else text
     write_text(path, with_comment(text, notes) if notes else text)
@@ -61,7 +61,9 @@ def with_comment(text: str, sentences: Sequence[str]) -> str:
     return f"{text[:end]}<!--{comment(sentences)}-->\n{text[end:]}"
 
 
-def identified_urdf(robot: RobotModel, model: ModelFile, holds: Holds = _HOLDS) -> tuple[str, list[str]]:
+def identified_urdf(
+    robot: RobotModel, model: ModelFile, holds: Holds = _HOLDS, base: FloatingBase | None = None
+) -> tuple[str, list[str]]:
     """The robot's URDF with the model's link inertials, damping and friction, and notes about it.
 
     Motion tells what moves as one piece. Where a joint carries several links, through fixed joints or joints locked at 0, those
@@ -69,7 +71,7 @@ def identified_urdf(robot: RobotModel, model: ModelFile, holds: Holds = _HOLDS) 
     to it, and a note says so. Inertias are written about the centre of mass, along the axes of the link.
 
     Args:
-        holds: what its readers take from it and from what is added to it.
+        holds: what its readers take from it and from what is added to it. base: as of :func:`export_urdf`.
 
     Raises:
         ModelFileError: the model belongs to another robot or a link of it is no body.
@@ -81,6 +83,8 @@ def identified_urdf(robot: RobotModel, model: ModelFile, holds: Holds = _HOLDS) 
     notes = []
     for j, body in enumerate(robot.body_names):
         theta = links[10 * j : 10 * j + 10]
+        if base is not None and not np.any(theta):
+            continue  # what the trunk hangs on
         if not inertial_parameters.is_physical(theta):
             raise ModelFileError(
                 f"the inertials of link '{body}' in {model.source} belong to no body (mass {theta[0]:.3g} kg), and simulators "
