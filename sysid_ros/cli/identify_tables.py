@@ -125,7 +125,9 @@ def _show_errors(console: Console, result: Identification) -> None:
 
 
 def _error_cell(e: TorqueError, i: int) -> str:
-    torque = max(float(e.torque[i]), 1e-12)
+    torque = float(e.torque[i])
+    if not torque > 0.0:  # none of its rows can be used, as of a leg that always stands
+        return ""
     return f"{e.residual[i]:.2g} ({100 * e.residual[i] / torque:.1f} %; {100 * e.urdf_friction[i] / torque:.1f} %)"
 
 

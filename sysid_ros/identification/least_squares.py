@@ -12,7 +12,7 @@ from sysid_ros.identification.bag_sums import BagSums
 from sysid_ros.identification.coloured_noise import coloured_information
 from sysid_ros.identification.rows import BagRows, BoolArray
 from sysid_ros.identification.tolerances import TOL
-from sysid_ros.sample import FloatArray
+from sysid_ros.sample import FREE, FloatArray
 
 METHODS = ("ols", "wls", "irls", "robust")
 
@@ -159,7 +159,10 @@ def noise_density(bag: BagRows, theta: FloatArray, factor: FloatArray | None = N
         elif moving.size:
             density[j] = TOL.unknown_memory * float(np.mean(moving**2))
         if bag.floats:
-            density[j] += _repeated(np.sqrt(factor[:, j]) * residual[:, j], bag)
+            # a few rows of a leg in the air may be followed exactly
+            used = factor[:, j] > 0.0
+            least = TOL.leg_error**2 * float(np.mean(bag.tau[used, j] ** 2)) if j >= FREE and used.any() else 0.0
+            density[j] = max(density[j], least * TOL.unknown_memory) + _repeated(np.sqrt(factor[:, j]) * residual[:, j], bag)
     return density
 
 

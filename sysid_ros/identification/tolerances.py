@@ -72,6 +72,7 @@ class Tolerances:
     rows_as_one: float = 4.0  # Rows that count as one where only the size of the residual is known: a period of the cut-off.
 
     # Noise and fit
+    leg_error: float = 0.01  # Part of the torque of a leg in the air that is left without any noise, by impacts just before.
     step: tuple[float, float] = (0.2, 2.0)  # Periods of the gaits of robots on legs from a dog's size to a horse's [s].
     converged: float = 1e-3  # Change of the parameters in their own covariance: a thirtieth of a standard deviation.
     huber: float = 1.345  # 95 % efficient for Gaussian noise (Huber 1964).

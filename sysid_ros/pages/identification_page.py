@@ -148,14 +148,19 @@ def _mean(errors: Sequence[TorqueError], field: str) -> np.ndarray[Any, Any]:
     return np.asarray(np.sqrt(np.mean([getattr(e, field) ** 2 for e in errors], axis=0)))
 
 
+def _part(errors: Sequence[TorqueError], field: str) -> np.ndarray[Any, Any]:
+    """An error as a part of the torque, shape (n,); NaN of joints none of whose rows can be used: of a leg that always stands."""
+    torque = _mean(errors, "torque")
+    return np.asarray(np.where(torque > 0.0, _mean(errors, field) / np.maximum(torque, 1e-12), np.nan))
+
+
 def _summary(result: Identification, judged: Sequence[TorqueError]) -> dict[str, Any]:
     """What the first paragraph tells."""
-    torque = np.maximum(_mean(judged, "torque"), 1e-12)
-    found = _mean(judged, "residual") / torque
+    found = _part(judged, "residual")
     return {
-        "found": _range(found),
-        "urdf": _range(_mean(judged, "nominal") / torque),
-        "worst": result.joint_names[int(np.argmax(found))],
+        "found": _range(found[np.isfinite(found)]),
+        "urdf": _range(_part(judged, "nominal")[np.isfinite(found)]),
+        "worst": result.joint_names[int(np.nanargmax(found))],
         "determined": sum(g.determined_by == "bags" for g in result.groups),
         "coloured": sum(not w.white for w in result.whiteness),
     }
@@ -180,8 +185,7 @@ def _range(parts: np.ndarray[Any, Any]) -> str:
 
 
 def _tiles(result: Identification, judged: Sequence[TorqueError]) -> list[tuple[str, str]]:
-    torque = np.maximum(_mean(judged, "torque"), 1e-12)
-    median, nominal = (100.0 * float(np.median(_mean(judged, field) / torque)) for field in ("residual", "nominal"))
+    median, nominal = (100.0 * float(np.nanmedian(_part(judged, field))) for field in ("residual", "nominal"))
     determined = sum(g.determined_by == "bags" for g in result.groups)
     effective, rows = sum(x.effective_rows for x in result.noise), sum(x.rows for x in result.noise)
     return [
