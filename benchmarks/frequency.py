@@ -30,8 +30,8 @@ sys.path[0] = str(Path(__file__).resolve().parents[1] / "test")
 
 from two_mass import FINE, TwoMass, model_of, published, sweep  # noqa: E402
 
+from sysid_ros.blackbox.moments import Moments  # noqa: E402
 from sysid_ros.frequency_domain import check_frequency  # noqa: E402
-from sysid_ros.frequency_domain.subspace import Moments  # noqa: E402
 from sysid_ros.identification import Recording  # noqa: E402
 
 JOINT = TwoMass(stiffness=4000.0, spring_damping=4.0, damping=0.2)

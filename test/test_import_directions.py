@@ -19,6 +19,7 @@ LEVELS = (
     {"online_settings"},
     {"robot"},
     {"signals"},
+    {"blackbox"},
     {"effects"},
     {"floating"},
     {"torque"},
@@ -50,6 +51,7 @@ CONFINED = {
     "pinocchio": {"robot", "floating"},
     "coal": {"robot"},
     "click": {"cli"},
+    "sklearn": {"blackbox"},
 }
 
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sysid_ros.blackbox.blocks import blocks_of, drawn_near, prediction_error
+from sysid_ros.blackbox.moments import Moments
+from sysid_ros.blackbox.series import Series
+from sysid_ros.blackbox.state_space import StateSpace
 from sysid_ros.frequency_domain.linearised import Linearised
 from sysid_ros.frequency_domain.lines import ComplexArray
-from sysid_ros.frequency_domain.subspace import Moments, StateSpace
 from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 
@@ -19,8 +20,6 @@ _PAST = 0.5
 _STEPS = (12, 30)
 _HIGHEST_ORDER = 8
 _BLOCKS = 32
-_NEAR = 3
-"""Blocks on each side that a block may be drawn from: a chirp is not the same everywhere."""
 _FOLDS = 4
 _DRAWS = 100
 
@@ -91,7 +90,8 @@ def _find(signals: Linearised, low_hz: float, top_hz: float, seed: int) -> Modes
     """
     p = int(np.clip(_PAST / signals.period, *_STEPS))
     moments = Moments(p)
-    blocks, pieces = _blocks(signals, moments)
+    series = [Series(u[:, None], y[:, None], signals.period) for u, y in zip(signals.u, signals.y, strict=True)]
+    blocks, pieces = blocks_of(series, moments, _BLOCKS)
     if len(blocks) < 2 * _FOLDS:
         return None
     orders = list(range(_HIGHEST_ORDER + 1))
@@ -100,7 +100,7 @@ def _find(signals: Linearised, low_hz: float, top_hz: float, seed: int) -> Modes
         own = np.arange(len(blocks)) % _FOLDS == fold
         found = moments.models(blocks[~own].sum(axis=0), orders, signals.period)
         held = [piece for piece, here in zip(pieces, own, strict=True) if here]
-        errors[fold] = [_error(model, held, p) for model, _ in found]
+        errors[fold] = [prediction_error(model, held, p) for model, _ in found]
     total = errors.sum(axis=0)
     best = int(np.argmin(total))
     # within one standard error of the best the smallest order is taken (Breiman et al. 1984)
@@ -114,53 +114,12 @@ def _find(signals: Linearised, low_hz: float, top_hz: float, seed: int) -> Modes
     G = blocks.sum(axis=0)
     model, values = moments.model(G, n, signals.period)
     rng = np.random.default_rng(seed)
-    drawn = [moments.model(blocks[_drawn(len(blocks), rng)].sum(axis=0), n, signals.period)[0] for _ in range(_DRAWS)]
+    drawn = [moments.model(blocks[drawn_near(len(blocks), rng)].sum(axis=0), n, signals.period)[0] for _ in range(_DRAWS)]
     rigid = signals.rigid_poles
     features, again = _features(model, low_hz, top_hz), [_features(m, 0.5 * low_hz, 2.0 * top_hz) for m in drawn]
     poles = np.concatenate([rigid, model.zeros])
     modes = tuple(_mode(kind, pole, again) for kind, pole in features)
     return Modes(n, values / values[0], total / total[0], modes, rigid, poles, signals.small, (low_hz, top_hz))
-
-
-def _blocks(signals: Linearised, moments: Moments) -> tuple[FloatArray, list[tuple[FloatArray, FloatArray]]]:
-    """Moments of blocks of about equal length, shape (b, w, w), and their signals with the past that they begin with."""
-    total = sum(len(u) for u in signals.u)
-    length = max(total // _BLOCKS, 3 * moments.p)
-    out, pieces = [], []
-    for u, y in zip(signals.u, signals.y, strict=True):
-        count = max(len(u) // length, 1) if len(u) > 2 * moments.p else 0
-        edges = np.linspace(moments.p, len(u), count + 1).astype(int) if count else np.zeros(1, dtype=int)
-        for a, b in pairwise(edges):
-            part = slice(int(a) - moments.p, int(b))
-            out.append(moments.of(u[part], y[part]))
-            pieces.append((u[part], y[part]))
-    return np.array(out), pieces
-
-
-def _drawn(count: int, rng: np.random.Generator) -> NDArray[np.intp]:
-    """For each block one of its neighbours, or itself."""
-    at = np.arange(count) + rng.integers(-_NEAR, _NEAR + 1, count)
-    # mirrored at the ends
-    return np.asarray(np.where(at < 0, -at - 1, np.where(at >= count, 2 * count - 1 - at, at)), dtype=np.intp)
-
-
-def _error(model: StateSpace, pieces: list[tuple[FloatArray, FloatArray]], p: int) -> float:
-    """Mean square error of the measured torque predicted from the past and the model's torque over the next 1 to p steps."""
-    total, count = 0.0, 0
-    for u, y in pieces:
-        starts = np.arange(p, len(y) - p, 2)
-        if not starts.size:
-            continue
-        past = np.stack([u, y], axis=1)
-        windows = np.lib.stride_tricks.sliding_window_view(past, p, axis=0)[starts - p]
-        x = model.state @ np.swapaxes(windows, 1, 2).reshape(len(starts), -1).T
-        for step in range(p):
-            at = u[starts + step]
-            rest = y[starts + step] - (model.C @ x)[0] - model.D[0, 0] * at
-            total += float(np.sum(np.minimum(rest**2, 1e12)))
-            count += len(rest)
-            x = model.A @ x + model.B * at
-    return total / max(count, 1)
 
 
 def _features(model: StateSpace, low_hz: float, top_hz: float) -> list[tuple[str, complex]]:
