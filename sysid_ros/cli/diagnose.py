@@ -84,7 +84,8 @@ def command(
       model.yaml        the extended model, for sysid replay, the nodes and the simulation
       extended.urdf     what a URDF can hold of it
       extended.xml      the same for MuJoCo, with rotors, gains and delays
-      predictions.npz   torques on the data that were not fitted: measured, nominal, extended
+      hybrid.json       where black boxes predict more than the model: the rest, for sysid_ros.blackbox.Hybrid
+      predictions.npz   torques on the data that were not fitted: measured, nominal, extended, and hybrid where there is one
 
     \b
     Example:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -11,7 +12,7 @@ from rich.table import Table
 
 from sysid_ros.cli.output import check_outputs, note, report, table, write_json
 from sysid_ros.diagnosis import Diagnosis
-from sysid_ros.diagnosis.result import TorqueRmse
+from sysid_ros.diagnosis.result import Predictions, TorqueRmse
 from sysid_ros.effects.wording import first_sentence, listed, percent
 from sysid_ros.exceptions import ModelFileError, RobotModelError
 from sysid_ros.files import check_folder, whole_files, write_text
@@ -20,7 +21,7 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.torque.mjcf_export import export_mjcf
 from sysid_ros.torque.urdf_export import export_urdf
 
-FILES = ("report.html", "diagnosis.json", "model.yaml", "extended.urdf", "extended.xml", "predictions.npz")
+FILES = ("report.html", "diagnosis.json", "model.yaml", "hybrid.json", "extended.urdf", "extended.xml", "predictions.npz")
 """What the folder of a diagnosis holds."""
 _WIDTH = 100
 _SEEN = 5e-4
@@ -64,14 +65,9 @@ def write_files(
         if result.model is not None:
             result.model.write(room / "model.yaml")
         if (p := result.predictions) is not None:
-            np.savez_compressed(
-                room / "predictions.npz",
-                t=p.t,
-                joint_names=np.array(p.joints),
-                tau_measured=p.measured,
-                tau_nominal=p.nominal,
-                tau_extended=p.extended,
-            )
+            np.savez_compressed(room / "predictions.npz", **_arrays(p))
+        if result.hybrid is not None:
+            write_json(room / "hybrid.json", result.hybrid.as_dict())
         if robot is not None:
             for sentence in _write_robots(result, robot, room):
                 note(sentence)
@@ -80,6 +76,13 @@ def write_files(
     if rerun_path and result.predictions is not None:
         recording_of(rerun_path, result, robot, urdf)
         note(f"Recording written to {rerun_path}.")
+
+
+def _arrays(p: Predictions) -> dict[str, Any]:
+    """What predictions.npz holds."""
+    hybrid = {} if p.hybrid is None else {"tau_hybrid": p.hybrid}
+    names = {"joint_names": np.array(p.joints)}
+    return {"t": p.t, **names, "tau_measured": p.measured, "tau_nominal": p.nominal, "tau_extended": p.extended, **hybrid}
 
 
 def _write_robots(result: Diagnosis, robot: RobotModel, room: Path) -> list[str]:
@@ -112,6 +115,8 @@ def show(result: Diagnosis, console: Console | None = None) -> None:
         console.print(_causes(result))
     if result.torque is not None:
         console.print(_errors(result.torque))
+    if result.ceiling is not None:
+        console.print(escape(result.ceiling.sentence))
     for sentence in (*result.record_next, *result.notes):
         console.print(escape(f"- {sentence}"))
 

@@ -29,6 +29,8 @@ def show(result: Identification, console: Console | None = None, verbose: bool =
     _show_payload(console, result)
     _show_joints(console, result, verbose)
     _show_errors(console, result)
+    if result.ceiling is not None:
+        console.print(escape(result.ceiling.sentence))
     if verbose:
         console.print(
             f"Low-pass at {result.cutoff.hz:.3g} Hz on both sides: {escape(result.cutoff.reason)}.\n"
@@ -187,6 +189,8 @@ def as_json(result: Identification) -> dict[str, Any]:
         "noise": {"torque_std": model.torque_std, "correlation_time": model.correlation_time, "bags": result.noise},
         "whiteness": [{**plain(w), "white": w.white} for w in result.whiteness],
     }
+    if result.ceiling is not None:
+        document["ceiling"] = result.ceiling.as_dict()
     cleaned: dict[str, Any] = plain(document)
     return cleaned
 

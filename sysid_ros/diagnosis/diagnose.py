@@ -18,7 +18,7 @@ from sysid_ros.diagnosis.gain import gain_or_why_not
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared, prepare
-from sysid_ros.diagnosis.reporting import report
+from sysid_ros.diagnosis.reporting import report, with_ceiling
 from sysid_ros.diagnosis.result import Diagnosis
 from sysid_ros.diagnosis.robot_hypotheses import judge
 from sysid_ros.diagnosis.selection import Selection
@@ -98,6 +98,7 @@ def diagnose(
 
     published = prepare(robot, [without(r, later) for r in judged], effects) if faults else held.prepared
     others = [*of_data, *contact_findings(contacts, robot)]
+    found = with_ceiling(found, told, progress)
     found = with_faults(found, faults, fault_evidence(robot, fitted, faults), others, train, published, held, fit)
     model = extended_model(robot, known, fit, told.values, train, {r.name: r.start for r in fitted}, provenance or {})
     urdf_model, changes = urdf_part(robot, model, train)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from sysid_ros.blackbox.ceiling import ceiling
+from sysid_ros.blackbox.hybrid import Hybrid
 from sysid_ros.diagnosis.claims import Judged, claims
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut, dates_in_words
@@ -205,3 +207,24 @@ def _correlation(x: FloatArray, y: FloatArray) -> float | None:
     if len(x) < 3 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
         return None
     return float(np.corrcoef(x, y)[0, 1])
+
+
+def with_ceiling(found: Diagnosis, judged: Judged, progress: Callable[[str], None] = lambda sentence: None) -> Diagnosis:
+    """A diagnosis that says what black boxes predict of what the extended model leaves, and predicts with them where they do.
+
+    They are judged on stretches of all recordings that they were not fitted to; the hybrid is fitted as the model is, so that its
+    torques on the held-out data are those of what it has not seen.
+    """
+    progress("asking black boxes what is left")
+    robot, fit, train, held = judged.robot, judged.fit, judged.train, judged.held.prepared
+    fitted = HeldOut(train, judged.selection.library, {t: t for t in fit.terms}).predictions(fit, robot)
+    rest = [m.tau - x for m, x in zip(train.motions, fitted, strict=True)]
+    later = [m.tau - x for m, x in zip(held.motions, judged.held.predictions(fit, robot), strict=True)]
+    active = [int(j) for j in train.problem.active]
+    top = ceiling(robot.joint_names, [*train.motions, *held.motions], [*rest, *later], active)
+    if not top.claimed:
+        return replace(found, ceiling=top)
+    hybrid, p = Hybrid.fitted(top, train.motions, rest), found.predictions
+    if p is not None and len(p.t) == sum(len(m.t) for m in held.motions):
+        p = replace(p, hybrid=p.extended + np.concatenate([hybrid.rest(m) for m in held.motions]))
+    return replace(found, ceiling=top, hybrid=hybrid, predictions=p)

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.blackbox.ceiling import Ceiling
+from sysid_ros.blackbox.hybrid import Hybrid
 from sysid_ros.diagnosis.gain import SimulationError, Tracking
 from sysid_ros.effects import EFFECTS, Parameter
 from sysid_ros.effects.wording import capital, first_sentence, listed, percent
@@ -138,7 +140,7 @@ class Rest:
 @dataclass(frozen=True)
 class Predictions:
     """Torques on the held-out data: t since the first stamp, shape (N,) [s]; torques of shape (N, n) [N m], and the motion;
-    temperature of the joints [degrees Celsius], NaN where it is not known, None where none is."""
+    temperature of the joints [degrees Celsius], NaN where it is not known, None where none is; hybrid: extended with the rest."""
 
     t: FloatArray
     joints: tuple[str, ...]
@@ -149,6 +151,7 @@ class Predictions:
     v: FloatArray
     a: FloatArray
     temperature: FloatArray | None = None
+    hybrid: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -165,6 +168,7 @@ class Diagnosis:
         model: the extended model. urdf_model: what a URDF can hold of it. predictions: on the held-out data.
         temperature: how what is left goes with the temperature of each joint, where one is known.
         urdfs: of several URDFs that were given, each with the probability that it is the robot's; the likeliest was diagnosed.
+        ceiling: what black boxes predict of what is left. hybrid: the extended model with what they predict, where they do.
     """
 
     verdict: str
@@ -184,6 +188,8 @@ class Diagnosis:
     tracking: Tracking | None = None
     temperature: dict[str, Any] | None = None
     urdfs: tuple[RankedUrdf, ...] = ()
+    ceiling: Ceiling | None = None
+    hybrid: Hybrid | None = None
 
     @property
     def causes(self) -> tuple[Finding, ...]:
@@ -239,6 +245,7 @@ class Diagnosis:
             "unexplained_fraction": self.unexplained_fraction,
             "unexplained": self.unexplained,
             **({} if self.temperature is None else {"temperature": self.temperature}),
+            **({} if self.ceiling is None else {"ceiling": self.ceiling.as_dict()}),
             **({"urdfs": [asdict(x) for x in self.urdfs]} if self.urdfs else {}),
             "record_next": list(self.record_next),
             "notes": list(self.notes),

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
+from sysid_ros.blackbox.ceiling import Ceiling, ceiling
 from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.identification.carried_check import check_carried
@@ -17,11 +22,15 @@ from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.identify import Choices, identify, require_motion
 from sysid_ros.identification.least_squares import METHODS
 from sysid_ros.identification.plausibility import check_plausible
-from sysid_ros.identification.result import CutOff, Identification, Problem
+from sysid_ros.identification.result import CutOff, Identification, Problem, ResidualSeries
 from sysid_ros.identification.rows import FORMS, SmoothRecording
 from sysid_ros.identification.spectrum import choose_cutoff
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.signals.motion import Motion
 from sysid_ros.signals.recording import Recording
+
+_SHORTEST = 2.0
+"""Stretches that black boxes are asked of [s]."""
 
 
 def identify_recordings(
@@ -83,7 +92,22 @@ def identify_recordings(
     model = free_model(robot, chosen)
     bags, checks, with_load = ([x.rows(model) for x in part] for part in (fitted, judged, carrying))
     progress("solving")
-    return identify(model, bags, checks, provenance, choices, cutoff, found, knobs, with_load)
+    result = identify(model, bags, checks, provenance, choices, cutoff, found, knobs, with_load)
+    return replace(result, ceiling=_ceiling(robot, result.series))
+
+
+def _ceiling(robot: RobotModel, series: Sequence[ResidualSeries]) -> Ceiling:
+    """What black boxes predict of what the model leaves where it was not fitted."""
+    motions, rest = [], []
+    for s in series:
+        cuts = np.flatnonzero(np.diff(s.t) > 1.5 * s.period) + 1
+        for a, b in pairwise([0, *cuts.tolist(), len(s.t)]):
+            if (b - a) * s.period >= _SHORTEST:
+                rows = slice(a, b)
+                even = s.t[a] + s.period * np.arange(b - a)
+                motions.append(Motion(robot, even, s.q[rows], s.v[rows], s.a[rows], s.tau_measured[rows], s.tau_nominal[rows]))
+                rest.append(s.residual[rows])
+    return ceiling(robot.joint_names, motions, rest)
 
 
 def _check_empty(robot: RobotModel, recordings: Sequence[Recording], accept_doubts: bool) -> list[Problem]:

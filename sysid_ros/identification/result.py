@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sysid_ros.blackbox.ceiling import Ceiling
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.base_parameters import BaseParameters
@@ -252,7 +253,7 @@ class Identification:
         noise, whiteness: a joint and a bag. repeatability: of the parameters that each bag determines; empty with one bag.
         problems: found in the bags. record_next: what to record to know more, sentences.
         physical: outcome of the physical consistency; None where it was switched off. model: to be written to model.yaml.
-        payload: what loaded runs carried, where some were given.
+        payload: what loaded runs carried, where some were given. ceiling: what black boxes predict of the rows of ``series``.
     """
 
     joint_names: tuple[str, ...]
@@ -283,3 +284,4 @@ class Identification:
     physical: PhysicalFit | None
     model: ModelFile
     payload: PayloadDifference | None = None
+    ceiling: Ceiling | None = None

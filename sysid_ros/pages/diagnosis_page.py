@@ -14,6 +14,7 @@ from sysid_ros.diagnosis.result import Diagnosis
 from sysid_ros.effects import Parameter
 from sysid_ros.effects.wording import capital, first_sentence, listed, percent
 from sysid_ros.pages import palette
+from sysid_ros.pages.ceiling_view import ceiling_view
 from sysid_ros.pages.diagnosis_figures import residual_figure, torque_figure, tracking_error_figure
 from sysid_ros.pages.diagnosis_view import diagnosis_view
 from sysid_ros.pages.page import page
@@ -63,6 +64,7 @@ def diagnosis_page(
         view=diagnosis_view(robot, urdf, result),
         meaning=" ".join(s for s in (meaning, first_sentence(result.refusal or "")[1], result.unexplained) if s),
         tiles=_tiles(result),
+        ceiling=ceiling_view(result.ceiling),
         parts=_parts(result),
         likely=any(f.probability is not None for f in result.causes),
         models=[m for i, m in enumerate(_MODELS) if result.causes or i != 1],

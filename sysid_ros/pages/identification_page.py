@@ -15,6 +15,7 @@ from sysid_ros.files import write_text
 from sysid_ros.identification.payload_difference import PayloadDifference
 from sysid_ros.identification.result import Identification, Parameter, TorqueError
 from sysid_ros.pages import palette
+from sysid_ros.pages.ceiling_view import ceiling_view
 from sysid_ros.pages.figure import Figure
 from sysid_ros.pages.identification_figures import residual_figure, torque_figure
 from sysid_ros.pages.page import number, page
@@ -72,6 +73,7 @@ def report_page(
         residual=_left(result),
         joints=_joints(joints, [p for p in result.parameters if not _kind(p).replaces_links]),
         several=any(math.isfinite(p.between_bags) for p in result.parameters),
+        ceiling=ceiling_view(result.ceiling),
         payload=_payload(result.payload) if result.payload is not None else [],
         whiteness={(t.bag, t.joint): t for t in result.whiteness},
         facts=_facts(result, provenance),
