@@ -2,20 +2,21 @@
 
 For each joint five black boxes predict the residual of stretches that they were not fitted to. Which box and which ridge counts
 for a stretch is decided by the other stretches alone, among them a box that predicts nothing, so that having had a choice gains
-nothing. The gain is a sum over blocks of time; its standard error is that of the blocks, and it is claimed where Student's t
-leaves less than 5 % to chance for all joints together (Bonferroni).
+nothing. The gain is a sum over blocks of time; its standard error is that of the blocks, and it is claimed where chance is
+left less than 5 % for all joints together (Bonferroni), by the stronger of two tests of the blocks: Student's t, and Wilcoxon's
+signed ranks, which a gain that is large in few blocks does not blind.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from sysid_ros.blackbox.ceiling_result import Ceiling, JointCeiling
 from sysid_ros.blackbox.left_out_ridge import RIDGES, left_out
 from sysid_ros.blackbox.rest_boxes import BOXES, Box, single_inputs
 from sysid_ros.blackbox.rest_inputs import RestInputs, Spread, cutoff_of
@@ -31,79 +32,6 @@ _FEWEST_BLOCKS = 6
 _LEVEL = 0.05
 _MOST_ROWS = 6000
 """Rows beyond which more tell nothing new, and cost time."""
-
-
-@dataclass(frozen=True, eq=False)
-class JointCeiling:
-    """What black boxes predict of the torque that is left on one joint, as parts of the rms of its torque while it moves.
-
-    Attributes:
-        joint: name. left: rms of what the physical model leaves.
-        gain: by how much the best black box makes it smaller on left-out data. gain_std: its standard error from blocks.
-        p_value: that chance makes so much, one joint alone. claimed: whether it is no chance, all joints considered.
-        boxes: the same gain of each black box with the ridge that is best for it in hindsight, by name. blocks: their number.
-        torque: rms [N m]. frequency: in the middle of the power that is gained [Hz]. follows: channel that gains most alone, and
-            its part of the gain. Both only where something is claimed, else None.
-        chosen: name and ridge of the black box that is best in all; None where that is nothing.
-    """
-
-    joint: str
-    left: float | None
-    gain: float | None
-    gain_std: float | None
-    p_value: float | None
-    claimed: bool
-    boxes: dict[str, float]
-    blocks: int
-    torque: float
-    frequency: float | None = None
-    follows: tuple[str, float] | None = None
-    chosen: tuple[str, float] | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Ceiling:
-    """What is left of the torque, and what any of the black boxes predicts of it on data that it was not fitted to.
-
-    Attributes:
-        joints: each. left, gain: of all joints together: rms over the rms of all torques [N m], and how much of it is predicted
-            where it is claimed. tried: number of black boxes.
-    """
-
-    joints: tuple[JointCeiling, ...]
-    left: float
-    gain: float
-    tried: int
-
-    @property
-    def claimed(self) -> tuple[JointCeiling, ...]:
-        """Joints on which something is missing, the largest part of their torque first."""
-        return tuple(sorted((j for j in self.joints if j.claimed), key=lambda j: -(j.gain or 0.0)))
-
-    @property
-    def sentence(self) -> str:
-        """For an engineer."""
-        from sysid_ros.blackbox.ceiling_words import in_words
-
-        return in_words(self)
-
-    def as_dict(self) -> dict[str, Any]:
-        """For machines: ``share`` is the part of each joint's torque that is missing in the model, 0 where none is claimed."""
-        return {
-            "joints": [j.joint for j in self.joints],
-            "share": [(j.gain or 0.0) if j.claimed else 0.0 for j in self.joints],
-            "left": [j.left for j in self.joints],
-            "gain": [j.gain for j in self.joints],
-            "gain_std": [j.gain_std for j in self.joints],
-            "p_value": [j.p_value for j in self.joints],
-            "frequency_hz": [j.frequency for j in self.joints],
-            "follows": [j.follows and {"what": j.follows[0], "part": j.follows[1]} for j in self.joints],
-            "black_box": [j.chosen[0] if j.chosen else None for j in self.joints],
-            "black_boxes": {b.name: [j.boxes.get(b.name) for j in self.joints] for b in BOXES},
-            "left_of_all": self.left,
-            "gain_of_all": self.gain,
-            "sentence": self.sentence,
-        }
 
 
 def ceiling(
@@ -255,8 +183,18 @@ def _measured(gained: FloatArray, rows: int, before: float) -> tuple[float, floa
     error = float(np.sqrt(count) * np.std(gained, ddof=1))
     after = max(before - gain, 0.5 * before)
     std = error / rows / (before + after)
-    p = float(stats.t.sf(total / error, count - 1)) if error > 0.0 else None
-    return gain, std, p
+    return gain, std, _by_chance(gained, total / error) if error > 0.0 else None
+
+
+def _by_chance(gained: FloatArray, ratio: float) -> float:
+    """Probability of so much gain, or more, where nothing is to be gained: the smaller one of two tests, for having had both.
+
+    Args:
+        gained: of blocks. ratio: of its sum to the standard error of that.
+    """
+    told = gained[gained != 0.0]
+    ranks = float(stats.wilcoxon(told, alternative="greater").pvalue) if len(told) > 1 else 1.0
+    return min(1.0, 2.0 * min(float(stats.t.sf(ratio, len(gained) - 1)), ranks))
 
 
 def _power_gained(j: JointCeiling) -> float:
@@ -276,10 +214,6 @@ def _described(
     fold: NDArray[np.intp],
 ) -> JointCeiling:
     """The same with its frequency and with what it follows."""
-    from dataclasses import replace
-
-    from sysid_ros.blackbox.ceiling_words import middle_frequency
-
     y = rows.rest[own, j]
     saved = float(np.sum(y**2 - (y - prediction) ** 2))
     best = ("", 0.0)
@@ -289,5 +223,29 @@ def _described(
         best = max(best, (box.name, part), key=lambda x: x[1])
     whole = np.zeros(len(own))
     whole[own] = prediction
-    f = middle_frequency(np.where(own, rows.rest[:, j], 0.0), whole, rows.block, rows.inputs[0].period * rows.thin)
+    f = _middle_frequency(np.where(own, rows.rest[:, j], 0.0), whole, rows.block, rows.inputs[0].period * rows.thin)
     return replace(found, frequency=f, follows=best if best[0] else None)
+
+
+def _middle_frequency(rest: FloatArray, prediction: FloatArray, block: NDArray[np.intp], period: float) -> float | None:
+    """Frequency below which half of the power is that a prediction takes from a residual, shape (N,) each [Hz].
+
+    Args:
+        block: number of each row. period: between rows [s].
+    """
+    total: dict[int, FloatArray] = {}
+    length = int(np.median(np.bincount(block)[np.unique(block)]))
+    for b in np.unique(block):
+        own = np.flatnonzero(block == b)[:length]
+        if len(own) < length or not prediction[own].any():
+            continue
+        window = np.hanning(length)
+        before, after = (np.abs(np.fft.rfft(x[own] * window)) ** 2 for x in (rest, rest - prediction))
+        total[0] = total.get(0, np.zeros(len(before))) + before - after
+    if not total:
+        return None
+    gained = np.maximum(total[0], 0.0)
+    if not gained.any():
+        return None
+    f = np.fft.rfftfreq(length, period)
+    return float(np.interp(0.5, np.cumsum(gained) / gained.sum(), f))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.blackbox.ceiling import Ceiling
+from sysid_ros.blackbox.ceiling_result import Ceiling
 from sysid_ros.blackbox.left_out_ridge import ridge_path
 from sysid_ros.blackbox.rest_boxes import BOXES
 from sysid_ros.blackbox.rest_inputs import RestInputs, Spread, cutoff_of

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sysid_ros.sample import FloatArray
 
-RIDGES = tuple(np.logspace(-4.0, 1.0, 6))
+RIDGES = tuple(np.logspace(-6.0, 1.0, 8))
 """Parts of the rows' number, of columns over their size."""
 
 

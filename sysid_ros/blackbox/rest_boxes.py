@@ -23,6 +23,8 @@ _LAGS = (-8, -4, -2, -1, 0, 1, 2, 4, 8, 16)
 _PLAYS = (0.003, 0.01, 0.03)
 """Half widths of play operators [rad]: presliding and backlash."""
 _DYNAMIC = 6
+_SPEEDS = (0.01, 0.03, 0.1, 0.3)
+"""Speeds at which something may turn [rad/s]: friction has its shape at a fraction of what a joint usually does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +39,12 @@ class Box:
     columns: Callable[[RestInputs, Spread, int], FloatArray]
 
 
+def _turns(i: RestInputs, j: int) -> FloatArray:
+    """Steps of the joint's speed of several widths, and bumps, shape (N, 2 widths)."""
+    v = i.v[:, [j]] / np.array(_SPEEDS)
+    return np.column_stack([np.tanh(v), v * np.exp(0.5 * (1.0 - v**2))])
+
+
 def _dictionary(i: RestInputs, s: Spread, j: int) -> FloatArray:
     """Functions that a robot suggests, of all joints: EDMD's dictionary for a static map."""
     sin, cos, sin2, cos2 = np.sin(i.q), np.cos(i.q), np.sin(2.0 * i.q), np.cos(2.0 * i.q)
@@ -44,37 +52,37 @@ def _dictionary(i: RestInputs, s: Spread, j: int) -> FloatArray:
     own_sign, own_v, own_a = i.sign[:, [j]], v[:, [j]], a[:, [j]]
     parts = [sin, cos, sin2, cos2, v, np.abs(v), a, i.sign, load, v * np.abs(v), load * i.sign, load * v, np.abs(load) * i.sign]
     parts += [own_sign * x for x in (sin, cos, sin2, cos2)] + [own_v * x for x in (sin, cos)] + [own_a * x for x in (sin, cos)]
-    parts += [own_v * v, own_sign * i.sign]
+    turns = _turns(i, j)
+    parts += [own_v * v, own_sign * i.sign, turns, turns * load[:, [j]]]
     return np.column_stack(parts)
 
 
 def _ripple(i: RestInputs, s: Spread, j: int) -> FloatArray:
-    """Fourier series of the joint's own position, the coarse part of it with the direction of motion too."""
+    """Fourier series and powers of the joint's own position, the coarse part of them with the direction of motion too."""
     k = np.arange(1, _RIPPLES + 1)
     coarse = np.arange(1, _COARSE + 1)
     at, slow = i.q[:, [j]] * k, i.q[:, [j]] * coarse
-    return np.column_stack([np.sin(at), np.cos(at), i.sign[:, [j]] * np.sin(slow), i.sign[:, [j]] * np.cos(slow), i.sign[:, [j]]])
+    away = i.q[:, [j]] - s.q[j]
+    both = np.column_stack([np.sin(slow), np.cos(slow), away, away**2, away**3])
+    sign = i.sign[:, [j]]
+    return np.column_stack([np.sin(at), np.cos(at), away, away**2, away**3, away * np.abs(away), sign * both, sign])
 
 
 def _process(i: RestInputs, s: Spread, j: int) -> FloatArray:
     """A Gaussian process of the joint's own position, velocity, acceleration, load and direction."""
     rng = np.random.default_rng(7)
-    channels = [
-        (i.q[:, j] - s.q[j]),
-        i.v[:, j] / s.v[j],
-        i.a[:, j] / s.a[j],
-        (i.load[:, j] - s.load_mean[j]) / s.load[j],
-        i.sign[:, j],
-    ]
+    # a speed counts by its order of size
+    speed = np.arcsinh(i.v[:, j] / _SPEEDS[1]) / 2.0
+    channels = [(i.q[:, j] - s.q[j]), speed, i.a[:, j] / s.a[j], (i.load[:, j] - s.load_mean[j]) / s.load[j], i.sign[:, j]]
     x = np.column_stack(channels)
     w = rng.standard_normal((x.shape[1], _WAVES)) * rng.choice([0.3, 1.0, 2.5], _WAVES)
-    return np.column_stack([np.sqrt(2.0) * np.cos(x @ w + rng.uniform(0.0, 2.0 * np.pi, _WAVES)), x])
+    return np.column_stack([np.sqrt(2.0) * np.cos(x @ w + rng.uniform(0.0, 2.0 * np.pi, _WAVES)), x, _turns(i, j)])
 
 
 def _memory(i: RestInputs, s: Spread, j: int) -> FloatArray:
     """Delays of speed, acceleration, direction and load, and play operators of the position."""
     base = np.column_stack([i.v[:, j] / s.v[j], i.a[:, j] / s.a[j], i.sign[:, j], (i.load[:, j] - s.load_mean[j]) / s.load[j]])
-    return np.column_stack([*(_shifted(base, k) for k in _LAGS), *(_play(i.q[:, j], r) / r for r in _PLAYS)])
+    return np.column_stack([*(_shifted(base, k) for k in _LAGS), *(_play(i.q[:, j], r) / r for r in _PLAYS), _turns(i, j)])
 
 
 def _dynamic(i: RestInputs, s: Spread, j: int) -> FloatArray:
@@ -118,7 +126,7 @@ def _of(name: str, k: int) -> Callable[[RestInputs, Spread, int], FloatArray]:
     def columns(i: RestInputs, s: Spread, j: int) -> FloatArray:
         mean = s.load_mean[k] if name == "load" else 0.0
         x = (getattr(i, name)[:, k] - mean) / getattr(s, name)[k]
-        more = [i.sign[:, k]] if name == "v" else []
+        more = [i.sign[:, k], _turns(i, k)] if name == "v" else []
         return np.column_stack([x, np.abs(x), x * np.abs(x), x**3, *more])
 
     return columns

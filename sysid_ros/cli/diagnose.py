@@ -74,16 +74,15 @@ def command(
     """Find what the model of a robot gets wrong: the causes by name, with evidence, and a model extended by them.
 
     Give bags of a robot that moves all of its joints (15 to 30 s of positions and efforts, slow and fast) and its URDF. Without
-    --validate the last part of each bag is held out and judged on. It takes about as long as the recording, up to three times as
-    long where much is wrong. Temperatures of joints (Temperature or DynamicJointState messages) are read where a bag has them.
+    --validate the last part of each bag is held out. It takes about as long as the recording, up to three times as long where
+    much is wrong. Temperatures of joints (Temperature or DynamicJointState messages) are read where a bag has them.
 
     \b
     Writes to DIR:
       report.html       what is wrong in plain words, the causes, figures, numbers (opens without a network)
       diagnosis.json    the same for machines
       model.yaml        the extended model, for sysid replay, the nodes and the simulation
-      extended.urdf     what a URDF can hold of it
-      extended.xml      the same for MuJoCo, with rotors, gains and delays
+      extended.urdf     what a URDF can hold of it; extended.xml the same for MuJoCo, with rotors, gains and delays
       hybrid.json       where black boxes predict more than the model: the rest, for sysid_ros.blackbox.Hybrid
       predictions.npz   torques on the data that were not fitted: measured, nominal, extended, and hybrid where there is one
 

@@ -92,13 +92,12 @@ def diagnose(
     held, later = _held_out(robot, [undone(r, faults) for r in judged], effects, train, selection.fit, progress)
     notes += tuple(f"{c.recording}: {c.in_words()}, and is left out of what the models are judged on." for c in later)
     told = Judged(train, selection, selection.judged_with(held), held)
-    found, fit = report(told), told.fit
+    found, fit = with_ceiling(report(told), told, progress), told.fit
     if doubt and (found.verdict not in _WHOLLY or sum(t.effect.replaces_links for t in fit.terms) > _REPLACED):
         return Diagnosis("refused", robot.joint_names, refusal=doubt, notes=notes)
 
     published = prepare(robot, [without(r, later) for r in judged], effects) if faults else held.prepared
     others = [*of_data, *contact_findings(contacts, robot)]
-    found = with_ceiling(found, told, progress)
     found = with_faults(found, faults, fault_evidence(robot, fitted, faults), others, train, published, held, fit)
     model = extended_model(robot, known, fit, told.values, train, {r.name: r.start for r in fitted}, provenance or {})
     urdf_model, changes = urdf_part(robot, model, train)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.blackbox.ceiling import Ceiling
+from sysid_ros.blackbox.ceiling_result import Ceiling
 from sysid_ros.blackbox.hybrid import Hybrid
 from sysid_ros.diagnosis.gain import SimulationError, Tracking
 from sysid_ros.effects import EFFECTS, Parameter

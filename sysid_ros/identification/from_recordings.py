@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.blackbox.ceiling import Ceiling, ceiling
+from sysid_ros.blackbox.ceiling import ceiling
+from sysid_ros.blackbox.ceiling_result import Ceiling
 from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.identification.carried_check import check_carried

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.blackbox.ceiling import Ceiling
+from sysid_ros.blackbox.ceiling_result import Ceiling
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.base_parameters import BaseParameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sysid_ros.blackbox.ceiling import Ceiling
+from sysid_ros.blackbox.ceiling_result import Ceiling
 from sysid_ros.blackbox.rest_boxes import BOXES
 
 
