@@ -73,7 +73,7 @@ def test_what_is_missing_is_named_with_its_size(kind: str) -> None:
         joint = found.joints[1]
         assert joint.gain is not None
         assert joint.left is not None
-        true = joint.left - np.sqrt(max(joint.left**2 - np.mean(extra**2) / joint.torque**2, 0.0))
+        true = joint.left - float(np.sqrt(max(joint.left**2 - float(np.mean(extra**2)) / joint.torque**2, 0.0)))
         assert joint.gain == pytest.approx(true, rel=0.3)
         assert NAMES[1] in found.sentence
         assert "missing" in found.sentence

@@ -96,3 +96,12 @@ def test_a_law_that_loses_the_motion_is_said_to(folder: Path, capsys: pytest.Cap
 def test_bad_input_is_named(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["control", *arguments]) == 2
     assert words in capsys.readouterr().err
+
+
+def test_data_enabled_control_of_one_joint_has_a_table_of_its_own(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder / "joint.json"
+    assert run(["control", "--law", "deepc", "--duration", "3", "--seed", "2", "--json", str(out)]) == 0
+    laws = {x["law"]: x["rms_rad"] for x in json.loads(out.read_text())["joint_with_friction"]}
+    assert laws["deepc"] < laws["computed_torque"] < 0.1
+    assert run(["control", "--law", "deepc", "--law", "composite"]) == 2
+    assert "--law deepc" in capsys.readouterr().err

@@ -89,6 +89,19 @@ def test_it_is_said_in_words(folder: Path, capsys: pytest.CaptureFixture[str]) -
 
 
 @pytest.mark.slow
+def test_order_and_stabilisation(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder / "order.json"
+    arguments = ["frequency", str(folder / "sweep"), "--urdf", str(folder / "arm.urdf"), "--json", str(out)]
+    assert run([*arguments, "--order", "4", "--stabilisation"]) == 0
+    modes = json.loads(out.read_text())["joints"][0]["modes"]
+    assert modes["order"] == 4
+    true = ELASTIC.locked[0]
+    stays = {p["order"] for p in modes["stabilisation"] if p["stays"] and abs(p["frequency_hz"] - true) < 0.03 * true}
+    assert len(stays) >= 4
+    assert "Stabilisation" in capsys.readouterr().out
+    assert run([*arguments, "--force", "--order", "99"]) == 2
+
+
 def test_an_arm_of_seven_joints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model, out, plot = tmp_path / "model.yaml", tmp_path / "out.json", tmp_path / "bode.svg"
     assert run(["identify", str(ARM), "--out", str(model)]) == 0

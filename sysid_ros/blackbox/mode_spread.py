@@ -126,13 +126,19 @@ def _stays(order: int, pair: ModalPair, before: Sequence[ModalPair]) -> StableMo
     last = min(before, key=lambda x: abs(x.frequency - pair.frequency), default=None)
     if last is None:
         return StableMode(order, pair, False, False, False)
+    f = _near(last.frequency, pair.frequency, _STAYS_F)
     return StableMode(
-        order,
-        pair,
-        abs(last.frequency - pair.frequency) < _STAYS_F * pair.frequency,
-        abs(last.damping - pair.damping) < _STAYS_DAMPING * abs(pair.damping),
-        assurance(last.shape, pair.shape) > _STAYS_SHAPE,
+        order, pair, f, _near(last.damping, pair.damping, _STAYS_DAMPING), assurance(last.shape, pair.shape) > _STAYS_SHAPE
     )
+
+
+def same_mode(f: float, damping: float, other_f: float, other_damping: float) -> bool:
+    """Whether frequencies and dampings of models of neighbouring orders are of one mode."""
+    return _near(f, other_f, _STAYS_F) and _near(damping, other_damping, _STAYS_DAMPING)
+
+
+def _near(a: float, b: float, part: float) -> bool:
+    return bool(abs(a - b) < part * abs(b))
 
 
 def assurance(a: ComplexArray, b: ComplexArray) -> float:

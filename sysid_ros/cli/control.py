@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 _SETTLED = 2.0
 """After a pick or a drop, for so long a law is still finding out [s]."""
 _AT_REST = 1.0
+JOINT_LAW = "deepc"
+"""Data-enabled predictive control is of one joint, and has a table of its own."""
 
 _SETTINGS = ("loop_delay", "bandwidth", "adaptation_time", "composite_time", "blend", "expected_mass", "expected_radius")
 
@@ -45,7 +47,12 @@ def _settings_options(command: Any) -> Any:
 
 @click.command(cls=ManyValues)
 @click.option(
-    "--law", "laws", multiple=True, type=click.Choice(TRACKED), metavar="LAW...", help=f"Of {', '.join(TRACKED)}.  [default: all]"
+    "--law",
+    "laws",
+    multiple=True,
+    type=click.Choice((*TRACKED, JOINT_LAW)),
+    metavar="LAW...",
+    help=f"Of {', '.join(TRACKED)}; or {JOINT_LAW}.  [default: all but {JOINT_LAW}]",
 )
 @opt.number("--payload-mass", default=3.0, help="Picked up by the arm. [kg]")
 @opt.vector("--payload-com", default=(0.03, -0.02, 0.08), help="Centre of mass in the tip link's frame. [m]")
@@ -80,6 +87,7 @@ def command(
     slotine_li             adaptive: learns from the tracking error
     composite              adaptive, and drawn towards the online estimator
     informed               computed torque that knows the truth at the pick, to compare with
+    deepc                  data-enabled predictive control of one joint with friction, beside PD and computed torque: alone
 
     All see the same noise, obey the same effort limits, have the same gains, and run at 1 kHz in PyBullet; each effort acts
     --loop-delay after the state that it answers, less the period of 1 ms.
@@ -95,6 +103,9 @@ def command(
     """
     check_outputs(force, json=json_path, plot=plot_path, rerun=rerun_path)
     check_plot_paths(plot_path, rerun_path)
+    if JOINT_LAW in laws:
+        _one_joint(laws, options, json_path, (plot_path, rerun_path, model_path))
+        return
     try:
         settings = ControlSettings(**{name: options[name] for name in _SETTINGS})
         scenario = ArmScenario(**{name: value for name, value in options.items() if name not in _SETTINGS})
@@ -117,6 +128,37 @@ def command(
             write_tracking(path, runs, _followed(scenario), _answer(runs, scenario))
             note(f"Figure written to {path}.")
     _show(runs, scenario)
+
+
+def _one_joint(
+    laws: tuple[str, ...], options: dict[str, Any], json_path: Path | None, others: tuple[Path | None, Path | None, Path | None]
+) -> None:
+    """The joint with friction, followed by three laws.
+
+    Raises:
+        SettingsError: what belongs to the arm is given too.
+    """
+    from sysid_ros.simulation.friction_joint import follow
+
+    if set(laws) != {JOINT_LAW} or any(others):
+        raise SettingsError(
+            f"--law {JOINT_LAW} is of one joint and goes alone: leave out other laws, --plot, --rerun and --model."
+        )
+    if not 1.0 <= options["duration"] <= 600.0:
+        raise SettingsError(f"--duration is {options['duration']:g} s; with --law {JOINT_LAW} it must be from 1 to 600.")
+    runs = follow(options["seed"], options["duration"])
+    out = table(
+        "One joint with friction that follows a sum of sines", "law", "error, rms\nmrad", "decides within\nms", words=["law"]
+    )
+    for run in runs:
+        out.add_row(run.law, f"{1e3 * run.rms:.3g}", f"{1e3 * run.step:.2g}")
+    report().print(out)
+    note(
+        "PD knows nothing of the joint, computed torque its inertia and gravity, deepc 8 s that were recorded with PD and noise."
+    )
+    if json_path is not None:
+        laws_out = [{"law": run.law, "rms_rad": run.rms, "step_s": run.step} for run in runs]
+        write_json(json_path, {"joint_with_friction": laws_out, "seed": options["seed"], "duration_s": options["duration"]})
 
 
 def _followed(scenario: ArmScenario) -> Followed:

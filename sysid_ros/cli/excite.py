@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ import click
 import numpy as np
 
 from sysid_ros.cli import options as opt
+from sysid_ros.cli.excite_multisine import MultisineWishes, run_multisine
+from sysid_ros.cli.excite_multisine import options as multisine_options
 from sysid_ros.cli.excite_report import as_json, show
 from sysid_ros.cli.inputs import read_config, settings_from
 from sysid_ros.cli.output import ManyValues, check_outputs, note, warn, write_json
@@ -90,6 +93,7 @@ def _setting(name: str, text: str) -> opt.Decorator:
 @click.option("--ignore-pair", multiple=True, metavar="LINK,LINK...", help="Pairs of links that are not compared.")
 @click.option("--no-collisions", is_flag=True, help="Check no collisions.")
 @click.option("--controller", default="joint_trajectory_controller", show_default=True, help="Whose topic the bag has.")
+@multisine_options
 @opt.STORAGE
 @opt.CONFIG
 @opt.FORCE
@@ -124,9 +128,11 @@ def command(
     \b
     Example:
       sysid excite --urdf arm.urdf --floor 0 --out traj.yaml --bag traj_bag --plot traj.png
+      sysid excite --urdf arm.urdf --multisine --band 0.3,15 --move joint_2 --out multisine.yaml
     """
+    wishes = MultisineWishes.taken(options, period or 0.0)
     settings = _settings({"period": period or 0.0, **options})
-    _check(out_path, bag, (plot_path, rerun_path), json_path, force)
+    _check(out_path, bag, (plot_path, rerun_path), json_path, force, wishes is not None)
     _check_times(rate, approach)
     online = settings_from(read_config(config_path))
     robot = RobotModel.from_urdf(urdf_text(urdf), joint_names or online.joint_names, online.gravity)
@@ -137,20 +143,30 @@ def command(
     if not no_collisions:
         pairs = [_pair(text) for text in ignore_pair]
         collision = CollisionModel(robot, MeshFiles(urdf.parent, package_path), settings.clearance, settings.floor, pairs)
+    topic = f"/{controller.strip('/')}/joint_trajectory"
+    if wishes is not None:
+        write = partial(_write_message, robot, topic, storage)
+        files = out_path, bag, json_path, force
+        return run_multisine(robot, settings, wishes, given, collision, _posture(robot, start), files, (rate, approach), write)
     with progress_bar("Searching", steps(settings)) as advance:
         result = excite(free_model(robot), settings, given, collision, _posture(robot, start), advance)
-    for sentence in result.notes:
-        note(sentence)
-    for sentence in result.warnings:
-        warn(sentence)
-    if settings.floor is None or no_collisions:
-        note("Collisions are not checked." if no_collisions else "No floor is checked; say where it is with --floor Z.")
-    _write(result, robot, out_path, bag, f"/{controller.strip('/')}/joint_trajectory", storage, rate, approach)
+    _tell(result, settings.floor is not None, no_collisions)
+    _write(result, robot, out_path, bag, topic, storage, rate, approach)
     if json_path is not None:
         write_json(json_path, as_json(result, settings))
     _draw((plot_path, rerun_path), result, urdf)
     show(result)
     note(f"Motion written to {out_path}{f' and {bag}' if bag else ''}. How to send it: sysid excite --help")
+
+
+def _tell(result: Excitation, floor: bool, no_collisions: bool) -> None:
+    """What was assumed, what may not be good enough, and what was not checked."""
+    for sentence in result.notes:
+        note(sentence)
+    for sentence in result.warnings:
+        warn(sentence)
+    if not floor or no_collisions:
+        note("Collisions are not checked." if no_collisions else "No floor is checked; say where it is with --floor Z.")
 
 
 def _draw(paths: tuple[Path | None, ...], result: Excitation, urdf: Path) -> None:
@@ -178,8 +194,15 @@ def _settings(options: dict[str, Any]) -> ExcitationSettings:
         raise SettingsError(f"--{field.replace('_', '-')} {rest}") from None
 
 
-def _check(out: Path, bag: Path | None, plots: tuple[Path | None, Path | None], json_path: Path | None, force: bool) -> None:
+def _check(
+    out: Path, bag: Path | None, plots: tuple[Path | None, Path | None], json_path: Path | None, force: bool, multisine: bool
+) -> None:
     """What can be wrong is said before the search, not after it."""
+    if multisine:
+        if any(plots):
+            raise SettingsError("--multisine draws no figure; leave out --plot and --rerun.")
+        check_outputs(force, json=json_path)
+        return
     check_outputs(force, out=out, json=json_path, plot=plots[0], rerun=plots[1])
     check_plot_paths(*plots)
     if bag is not None:
@@ -215,7 +238,12 @@ def _write(
     result: Excitation, robot: RobotModel, out: Path, bag: Path | None, topic: str, storage: str, rate: float, approach: float
 ) -> None:
     t = result.trajectory.grid(1.0 / rate)
-    message = JointTrajectory(robot.joint_names, t + approach, *result.trajectory.sample(t))
+    _write_message(
+        robot, topic, storage, JointTrajectory(robot.joint_names, t + approach, *result.trajectory.sample(t)), out, bag
+    )
+
+
+def _write_message(robot: RobotModel, topic: str, storage: str, message: JointTrajectory, out: Path, bag: Path | None) -> None:
     if bag is not None:
         with whole_folder(bag, replace=True) as folder:
             message.write_bag(folder, topic, robot.urdf, storage)

@@ -16,6 +16,7 @@ from sysid_ros.cli.progress import progress_bar
 from sysid_ros.cli.recordings import read_recordings, warn_of
 from sysid_ros.frequency_domain import FrequencyCheck, JointCheck, check_frequency
 from sysid_ros.frequency_domain.causes import Cause
+from sysid_ros.frequency_domain.modes import HIGHEST, StablePair
 from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.pages import check_plot_paths
 from sysid_ros.torque.model_file import ModelFile
@@ -28,6 +29,12 @@ from sysid_ros.torque.model_file import ModelFile
 @opt.READ_JOINTS
 @opt.EFFORT_PRESET
 @click.option("--top", type=opt.Range(1.0, 400.0), help="Upper end of the band. [Hz]  [default: a fifth of the rate, 40 at most]")
+@click.option(
+    "--order",
+    type=click.IntRange(0, HIGHEST),
+    help="Of the state-space models, of what the rigid model lacks.  [default: the one that predicts held-out parts best]",
+)
+@click.option("--stabilisation", is_flag=True, help="Show the pairs of models of every order, and which stay as it grows.")
 @opt.CONFIG
 @opt.TOPIC
 @opt.COLUMNS
@@ -42,6 +49,8 @@ def command(
     joint_names: tuple[str, ...],
     effort_preset: str,
     top: float | None,
+    order: int | None,
+    stabilisation: bool,
     config_path: Path | None,
     topic: str,
     columns_path: Path | None,
@@ -76,7 +85,7 @@ def command(
     origin = provenance(bags, urdf=urdf or "/robot_description of the first bag", model=model_path)
     known = file.known_effects(robot) if file else []
     with progress_bar("joints", robot.n) as advance:
-        result = check_frequency(robot, recordings, known, top or 0.0, settings.max_gap, advance, origin)
+        result = check_frequency(robot, recordings, known, top or 0.0, settings.max_gap, advance, origin, order)
     for sentence in result.warnings:
         warn(sentence)
     if json_path:
@@ -89,6 +98,8 @@ def command(
             write_frequency_plot(path, result, title, robot, urdf)
             note(f"{what} written to {path}.")
     show(result)
+    if stabilisation:
+        _show_stabilisation(report(), result)
 
 
 def show(result: FrequencyCheck, console: Console | None = None) -> None:
@@ -156,6 +167,28 @@ def _show_modes(console: Console, result: FrequencyCheck) -> None:
     for check in result.joints:
         if check.modes is None and check.torque is not None:
             console.print(f"No state-space check of {escape(check.joint)}: {escape(check.why_no_modes)}")
+
+
+def _show_stabilisation(console: Console, result: FrequencyCheck) -> None:
+    """Pairs by order, one column each order; what stays is marked."""
+    headings = ("pair", "frequency\nHz", "damping", "orders that have it", "of which it stays in")
+    out = table("Stabilisation: pairs of models of order 1 to 12", "joint", *headings)
+    for check in result.joints:
+        found = check.modes.stabilisation if check.modes is not None else ()
+        groups: list[list[StablePair]] = []
+        for pair in found:
+            near = [
+                g for g in groups if g[-1].kind == pair.kind and abs(g[-1].frequency - pair.frequency) < 0.05 * pair.frequency
+            ]
+            if near:
+                near[0].append(pair)
+            else:
+                groups.append([pair])
+        for group in sorted(groups, key=lambda g: g[-1].frequency):
+            last, stays = group[-1], [str(p.order) for p in group if p.stays]
+            orders = ", ".join(str(p.order) for p in group)
+            out.add_row(check.joint, f"{last.kind}s", f"{last.frequency:.3g}", f"{last.damping:.2g}", orders, ", ".join(stays))
+    console.print(out)
 
 
 def _add_modes(out: Table, check: JointCheck) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from sysid_ros.exceptions import DataError
-from sysid_ros.excitation.fourier_trajectory import FourierTrajectory
 from sysid_ros.excitation.motion_limits import MotionLimits
 from sysid_ros.excitation.tolerances import TOLERANCES
 from sysid_ros.robot.collision_model import CollisionModel
@@ -35,6 +35,16 @@ class Use:
         return bool(np.all(self.limits <= 1.0 - TOLERANCES.rounding) and np.all(self.room >= 0.0))
 
 
+class Sampled(Protocol):
+    """A motion that can be looked at."""
+
+    def grid(self, step: float, one_period: bool = False) -> FloatArray:
+        """Times ``step`` apart [s]."""
+
+    def sample(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position, velocity and acceleration, shape (len(t), n) each."""
+
+
 class Feasibility:
     """Checks motions against limits and collisions.
 
@@ -46,13 +56,13 @@ class Feasibility:
         self.limits = limits
         self.collision = collision if collision is not None and collision.pairs else None
 
-    def use(self, trajectory: FourierTrajectory, step: float = TOLERANCES.step) -> Use:
+    def use(self, trajectory: Sampled, step: float = TOLERANCES.step) -> Use:
         """What a motion uses, at times ``step`` [s] apart over one period, which the others repeat."""
         q, v, a = trajectory.sample(trajectory.grid(step, one_period=True))
         limits = np.abs(self.limits.use(q, v, a, self.limits.torque(q, v, a))).max(axis=1)
         return Use(limits, self._least_room(q, np.abs(v).max(axis=0), step, stop=False))
 
-    def keeps(self, trajectory: FourierTrajectory) -> bool:
+    def keeps(self, trajectory: Sampled) -> bool:
         """All limits are kept at times 1 ms apart; fast where they are not.
 
         Between times at which no pair of links can have come together, collisions need no look.

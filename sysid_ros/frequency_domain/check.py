@@ -51,6 +51,7 @@ def check_frequency(
     max_gap: float = 0.1,
     progress: Callable[[int], None] = lambda steps: None,
     provenance: dict[str, Any] | None = None,
+    order: int | None = None,
 ) -> FrequencyCheck:
     """Compare the model's torque with the measured one in the frequency domain.
 
@@ -58,6 +59,7 @@ def check_frequency(
         robot: the URDF's model. recordings: of it, raw. known: effects of a model.yaml, else the URDF's links and
             ``<dynamics>`` are the model. top_hz: upper end of the band [Hz]; 0: a fifth of the rate, 40 Hz at most.
         max_gap: a longer gap between samples is not bridged [s]. progress: called with each joint that is done.
+        order: of the state-space models; None for the one that predicts held-out blocks best.
 
     Raises:
         DataError: the recordings can't tell anything, and why.
@@ -75,7 +77,7 @@ def check_frequency(
     _require_motion(robot, stretches)
     out = []
     for j in range(robot.n):
-        out.append(_joint(robot, stretches, known, j, top))
+        out.append(_joint(robot, stretches, known, j, top, order))
         progress(1)
     lengths = tuple((r.name, float(sum(len(s.motion.t) * s.period for s in p))) for r, p in zip(recordings, parts, strict=True))
     seen = Postures(recordings[0].t, recordings[0].q)
@@ -110,7 +112,9 @@ def _moved(stretches: Sequence[Stretch], joint: int) -> float:
     return max(shares)
 
 
-def _joint(robot: RobotModel, stretches: Sequence[Stretch], known: Sequence[KnownEffect], j: int, top: float) -> JointCheck:
+def _joint(
+    robot: RobotModel, stretches: Sequence[Stretch], known: Sequence[KnownEffect], j: int, top: float, order: int | None
+) -> JointCheck:
     weights = np.array([len(s.motion.t) for s in stretches], dtype=float)
     mean = np.average([s.inertia[0, j] for s in stretches], weights=weights)
     spread = np.sqrt(np.average([s.inertia[1, j] ** 2 + (s.inertia[0, j] - mean) ** 2 for s in stretches], weights=weights))
@@ -134,7 +138,7 @@ def _joint(robot: RobotModel, stretches: Sequence[Stretch], known: Sequence[Know
         torque = replace(torque, cause=None)
         modes, why_no_modes = None, "the model lacks dry friction. Identify it first, with 'sysid identify'."
     else:
-        modes, why_no_modes = _modes(stretches, known, j, torque)
+        modes, why_no_modes = _modes(stretches, known, j, torque, order)
     velocity = None
     published = [s for s in stretches if s.published is not None]
     if published:
@@ -195,7 +199,9 @@ def _position_power(stretches: Sequence[Stretch], joint: int, records: Sequence[
     return total
 
 
-def _modes(stretches: Sequence[Stretch], known: Sequence[KnownEffect], joint: int, torque: Response) -> tuple[Modes | None, str]:
+def _modes(
+    stretches: Sequence[Stretch], known: Sequence[KnownEffect], joint: int, torque: Response, order: int | None
+) -> tuple[Modes | None, str]:
     carried = np.array([w.clear and w.coherence > TOLERANCES.coherent for w in torque.windows], dtype=float)
     share = np.cumsum(carried) / np.arange(1, len(carried) + 1)
     enough = np.flatnonzero((share >= TOLERANCES.mostly) & (carried > 0.0))
@@ -212,5 +218,5 @@ def _modes(stretches: Sequence[Stretch], known: Sequence[KnownEffect], joint: in
             "itself where the velocity changes its sign. Record a faster motion of this joint."
         )
     signals = linearised(stretches, joint, known, top)
-    modes = None if signals is None else find_modes(signals, TOLERANCES.least_low, top)
+    modes = None if signals is None else find_modes(signals, TOLERANCES.least_low, top, order=order)
     return modes, "" if modes else "the recording is too short to hold parts of it out. Record 20 s or more."

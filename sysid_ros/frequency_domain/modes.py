@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid_ros.blackbox.blocks import blocks_of, drawn_near, prediction_error
+from sysid_ros.blackbox.blocks import blocks_of, drawn_near
+from sysid_ros.blackbox.mode_spread import same_mode
 from sysid_ros.blackbox.moments import Moments
 from sysid_ros.blackbox.series import Series
 from sysid_ros.blackbox.state_space import StateSpace
+from sysid_ros.blackbox.subspace import choose_order
 from sysid_ros.frequency_domain.linearised import Linearised
 from sysid_ros.frequency_domain.lines import ComplexArray
 from sysid_ros.frequency_domain.tolerances import TOLERANCES
@@ -19,6 +22,8 @@ _PAST = 0.5
 """Length of the past that predicts [s], and its bounds in samples."""
 _STEPS = (12, 30)
 _HIGHEST_ORDER = 8
+HIGHEST = 12
+"""Orders of the models that are asked for, or looked at beside each other."""
 _BLOCKS = 32
 _FOLDS = 4
 _DRAWS = 100
@@ -42,6 +47,22 @@ class Mode:
     unmodelled: bool
 
 
+@dataclass(frozen=True, slots=True)
+class StablePair:
+    """A pair that the model of one order has, of any damping below the bound of a mode.
+
+    Attributes:
+        order: of the model of H. kind: "pole" or "zero". frequency: [Hz]. damping: relative.
+        stays: the model of one order less has it with a frequency within 1 % and a damping within 5 % (Peeters, De Roeck 1999).
+    """
+
+    order: int
+    kind: str
+    frequency: float
+    damping: float
+    stays: bool
+
+
 @dataclass(frozen=True, eq=False)
 class Modes:
     """The state-space check of one joint.
@@ -53,6 +74,7 @@ class Modes:
         modes: pairs in the band. rigid: poles of the rigid model [1/s]. poles: all from torque to velocity: those of the rigid
             model and what comes to them [1/s].
         small: the motion was small about the posture. band: [Hz].
+        stabilisation: pairs of models of all orders, as the order grows.
     """
 
     order: int
@@ -63,6 +85,7 @@ class Modes:
     poles: ComplexArray
     small: bool
     band: tuple[float, float]
+    stabilisation: tuple[StablePair, ...] = ()
 
     @property
     def unmodelled(self) -> tuple[Mode, ...]:
@@ -70,21 +93,24 @@ class Modes:
         return tuple(m for m in self.modes if m.unmodelled)
 
 
-def find_modes(signals: Linearised, low_hz: float, top_hz: float, seed: int = 0) -> Modes | None:
+def find_modes(signals: Linearised, low_hz: float, top_hz: float, seed: int = 0, order: int | None = None) -> Modes | None:
     """Modes of a joint; None where the recording is too short for blocks.
+
+    Args:
+        order: of the model of H; None for the one that predicts held-out blocks best.
 
     An encoder on the link's side sees the link's motion, from which the torque follows only a step ahead: where the first search
     finds nothing, a second one gives the measured torque a step.
     """
-    first = _find(signals, low_hz, top_hz, seed)
+    first = _find(signals, low_hz, top_hz, seed, order)
     if first is None or first.unmodelled:
         return first
     later = replace(signals, u=tuple(u[1:] for u in signals.u), y=tuple(y[:-1] for y in signals.y))
-    second = _find(later, low_hz, top_hz, seed)
+    second = _find(later, low_hz, top_hz, seed, order)
     return second if second is not None and second.unmodelled else first
 
 
-def _find(signals: Linearised, low_hz: float, top_hz: float, seed: int) -> Modes | None:
+def _find(signals: Linearised, low_hz: float, top_hz: float, seed: int, wanted: int | None) -> Modes | None:
     """The model whose order predicts held-out blocks best, its modes, and their spread over blocks drawn again from their
     neighbours (local block bootstrap, Paparoditis, Politis 2002).
     """
@@ -94,23 +120,8 @@ def _find(signals: Linearised, low_hz: float, top_hz: float, seed: int) -> Modes
     blocks, pieces = blocks_of(series, moments, _BLOCKS)
     if len(blocks) < 2 * _FOLDS:
         return None
-    orders = list(range(_HIGHEST_ORDER + 1))
-    errors = np.zeros((_FOLDS, len(orders)))
-    for fold in range(_FOLDS):
-        own = np.arange(len(blocks)) % _FOLDS == fold
-        found = moments.models(blocks[~own].sum(axis=0), orders, signals.period)
-        held = [piece for piece, here in zip(pieces, own, strict=True) if here]
-        errors[fold] = [prediction_error(model, held, p) for model, _ in found]
-    total = errors.sum(axis=0)
-    best = int(np.argmin(total))
-    # within one standard error of the best the smallest order is taken (Breiman et al. 1984)
-    order = best
-    for i in range(best):
-        apart = errors[:, i] - errors[:, best]
-        if apart.sum() < max(np.std(apart) * np.sqrt(_FOLDS), 0.01 * total[best]):
-            order = i
-            break
-    n = orders[order]
+    choice = choose_order(moments, blocks, pieces, range(_HIGHEST_ORDER + 1), signals.period)
+    n = choice.chosen["heldout"] if wanted is None else wanted
     G = blocks.sum(axis=0)
     model, values = moments.model(G, n, signals.period)
     rng = np.random.default_rng(seed)
@@ -119,7 +130,31 @@ def _find(signals: Linearised, low_hz: float, top_hz: float, seed: int) -> Modes
     features, again = _features(model, low_hz, top_hz), [_features(m, 0.5 * low_hz, 2.0 * top_hz) for m in drawn]
     poles = np.concatenate([rigid, model.zeros])
     modes = tuple(_mode(kind, pole, again) for kind, pole in features)
-    return Modes(n, values / values[0], total / total[0], modes, rigid, poles, signals.small, (low_hz, top_hz))
+    stable = _stabilisation(moments.models(G, range(1, HIGHEST + 1), signals.period), low_hz, top_hz)
+    return Modes(n, values / values[0], choice.heldout, modes, rigid, poles, signals.small, (low_hz, top_hz), stable)
+
+
+def _stabilisation(models: Sequence[tuple[StateSpace, FloatArray]], low_hz: float, top_hz: float) -> tuple[StablePair, ...]:
+    """Pairs of models of order 1, 2, ... and whether the order before has them."""
+    out: list[StablePair] = []
+    before: list[tuple[str, complex]] = []
+    for order, (model, _) in enumerate(models, start=1):
+        pairs = _features(model, low_hz, top_hz)
+        for kind, value in pairs:
+            own = [x for k, x in before if k == kind]
+            last = min(own, key=lambda x: abs(x - value), default=None)
+            stays = last is not None and same_mode(_frequency(last), _damping(last), _frequency(value), _damping(value))
+            out.append(StablePair(order, kind, _frequency(value), _damping(value), stays))
+        before = pairs
+    return tuple(out)
+
+
+def _frequency(pole: complex) -> float:
+    return float(abs(pole) / (2.0 * np.pi))
+
+
+def _damping(pole: complex) -> float:
+    return float(-pole.real / abs(pole))
 
 
 def _features(model: StateSpace, low_hz: float, top_hz: float) -> list[tuple[str, complex]]:

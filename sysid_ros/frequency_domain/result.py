@@ -118,6 +118,7 @@ class JointCheck:
             and {
                 **_renamed(m, small="small_motion", band="band_hz", errors="held_out_errors", rigid="rigid_poles", modes="pairs"),
                 "pairs": [_renamed(x, frequency="frequency_hz") for x in m.modes],
+                "stabilisation": [_renamed(x, frequency="frequency_hz") for x in m.stabilisation],
             },
         }
 
