@@ -57,7 +57,8 @@ docs: $(READY)
 
 # Short settings; benchmarks/README.md says how long the full ones take. Every one runs, whatever the ones before it say.
 BENCHMARKS := "step_time.py --rounds 3" "replay_speed.py --repeat 2" "accuracy_arm.py --seeds 8 --long 2" "other_arms.py --seeds 2" \
-	"rest_then_motion.py --seeds 1" "excitation.py --arm xarm6 --starts 1" "tracking.py --seeds 1" "frequency.py --seeds 2" "node_latency.py --seconds 20" "identify_speed.py --seconds 60" "identify_peers.py --seeds 4"
+	"rest_then_motion.py --seeds 1" "excitation.py --arm xarm6 --starts 1" "tracking.py --seeds 1" "frequency.py --seeds 2" "node_latency.py --seconds 20" "identify_speed.py --seconds 60" "identify_peers.py --seeds 4" \
+	"subspace.py --seeds 5" "koopman.py --seeds 1" "ceiling.py --hidden 12 --healthy 6" "deepc.py --seeds 2" "notch.py --seeds 3"
 
 bench: $(READY)
 	@failed=0; for run in $(BENCHMARKS); do echo "== benchmarks/$$run"; $(BIN)/python benchmarks/$$run || failed=1; done; exit $$failed

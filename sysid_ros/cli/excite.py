@@ -145,9 +145,9 @@ def command(
         collision = CollisionModel(robot, MeshFiles(urdf.parent, package_path), settings.clearance, settings.floor, pairs)
     topic = f"/{controller.strip('/')}/joint_trajectory"
     if wishes is not None:
-        write = partial(_write_message, robot, topic, storage)
-        files = out_path, bag, json_path, force
-        return run_multisine(robot, settings, wishes, given, collision, _posture(robot, start), files, (rate, approach), write)
+        files, write = (out_path, bag, json_path, force), partial(_write_message, robot, topic, storage)
+        run_multisine(robot, settings, wishes, given, collision, _posture(robot, start), files, (rate, approach), write)
+        return
     with progress_bar("Searching", steps(settings)) as advance:
         result = excite(free_model(robot), settings, given, collision, _posture(robot, start), advance)
     _tell(result, settings.floor is not None, no_collisions)
