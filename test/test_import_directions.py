@@ -32,6 +32,7 @@ LEVELS = (
     {"sources"},
     {"pages"},
     {"nodes"},
+    {"fleet"},
     {"cli"},
     {"library"},
 )
