@@ -77,12 +77,14 @@ _JOINTS: Columns = {
         name: column
         for p in JOINT_PARAMETERS
         for name, column in {
-            p: ("double", f"estimate [{UNITS[p]}]; null where nothing of the bag or of a prior tells it"),
+            p: ("double", f"estimate [{UNITS[p]}]; null where the bag does not tell it"),
             f"{p}_std": ("double", f"standard deviation of the estimate [{UNITS[p]}]"),
         }.items()
     },
     "covariance": ("doubles", "of the parameters in their order, row by row, 64 values; NaN where one is not estimated"),
-    "from_prior": ("string", "parameters whose standard deviation is nearly the prior's: the bag tells little of them"),
+    "residual": ("double", "rms of what is left of the torque below the cut-off while the joint moves [N m]"),
+    "torque": ("double", "rms of the torque there [N m]"),
+    "from_prior": ("string", "parameters that are null because the bag tells little more of them than the prior"),
     "model_error": ("string", "what speaks against the model in this bag, in words; empty where nothing does"),
 }
 _PAYLOADS: Columns = {

@@ -77,6 +77,24 @@ def reach(robot: RobotModel) -> float:
     return sum(between) + float(np.sum(slides)) + max(beyond, own)
 
 
+def as_links(robot: RobotModel, frame: str, theta: FloatArray) -> FloatArray:
+    """What a body fixed to a frame adds to the link inertials, shape (10 n,).
+
+    Args:
+        theta: its ten parameters about the frame's origin, shape (10,).
+
+    Raises:
+        RobotModelError: there is no such frame.
+    """
+    of = robot.model.frames[robot.frame_id(frame)]
+    out = np.zeros((robot.n, 10))
+    if of.parentJoint:  # else it is fixed to the base, and no joint carries it
+        out[of.parentJoint - 1] = inertial_parameters.move(
+            theta, np.array(of.placement.rotation), np.array(of.placement.translation)
+        )
+    return out.ravel()
+
+
 def _above(frames: list[pin.Frame], index: int) -> set[int]:
     """The frames between one and the root."""
     out: set[int] = set()
