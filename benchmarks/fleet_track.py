@@ -22,12 +22,11 @@ from verdict import Target, conclude
 from sysid_ros.fleet.known_robot import KnownRobot
 from sysid_ros.fleet.payload_steps import with_changes
 from sysid_ros.fleet.schema import JOINT_PARAMETERS
-from sysid_ros.fleet.track import Tracked, track
+from sysid_ros.fleet.track import Tracked, cutoff_of, track
 from sysid_ros.fleet.track_rows import EACH, TrackRows
 from sysid_ros.identification.rows import SmoothRecording
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.signals.cutoff import default_cutoff, position_noise
 from sysid_ros.signals.recording import Recording
 from sysid_ros.simulation import ArmScenario, simulate_arm
 
@@ -70,8 +69,7 @@ def drawn(seed: int) -> tuple[Recording, FloatArray, float, KnownRobot]:
 
 def peer_std(known: KnownRobot, recording: Recording) -> FloatArray:
     """Of the joints' parameters by rows that are taken for independent, shape (7, n)."""
-    cutoff = default_cutoff(recording.rate, position_noise(recording.q))
-    fit = with_changes(TrackRows.of(known, SmoothRecording.of(known.robot, recording, "", cutoff)))
+    fit = with_changes(TrackRows.of(known, SmoothRecording.of(known.robot, recording, "", cutoff_of(recording))))
     moving = fit.rows.rows.moving
     variance = (moving * fit.left**2).sum(axis=0) / np.maximum(moving.sum(axis=0), 1)
     information = np.diag(1.0 / fit.prior_std**2) + np.einsum("tjp,tj,tjq->pq", fit.Y, moving / variance, fit.Y, optimize=True)

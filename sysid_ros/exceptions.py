@@ -31,6 +31,10 @@ class DataError(SysidError):
     """The data can't answer the question asked of them."""
 
 
+class ClusterError(SysidError):
+    """The processes that work on a fleet can't be reached, or were lost."""
+
+
 class OutputError(SysidError):
     """A result can't be written where it was asked for."""
 

@@ -26,6 +26,7 @@ COMMANDS = {
     "frequency": ("sysid_ros.cli.frequency", "Up to what frequency a model holds, and what it misses beyond."),
     "export": ("sysid_ros.cli.export", "Write an identified model for a simulator."),
     "doctor": ("sysid_ros.cli.doctor", "What is installed, what works, what to do."),
+    "batch": ("sysid_ros.cli.batch", "The same jobs on the bags of a whole fleet, into one store."),
     "control": ("sysid_ros.cli.control", "Compare control laws on an arm that picks up an unknown payload."),
 }
 """Name of each sub-command: the module that exposes it as ``command``, and the sentence of the overview."""

@@ -20,7 +20,7 @@ _BLOCK = 1 << 20
 
 
 def find(patterns: Sequence[str]) -> Iterator[str]:
-    """Paths or URLs of bags, those of each pattern in order, without keeping more than a folder's names.
+    """Absolute paths or URLs of bags, those of each pattern in order, without keeping more than a folder's names.
 
     Args:
         patterns: a bag, a folder (searched with all below it for rosbag2 folders, .mcap and .db3 files), a glob of these, or the
@@ -31,7 +31,7 @@ def find(patterns: Sequence[str]) -> Iterator[str]:
     """
     for pattern in patterns:
         found = False
-        for bag in _remote(pattern) if is_url(pattern) else _local(pattern.removeprefix("file://")):
+        for bag in _remote(pattern) if is_url(pattern) else _local(os.path.abspath(pattern.removeprefix("file://"))):
             found = True
             yield bag
         if not found:
@@ -137,7 +137,9 @@ def _file_system(url: str) -> tuple[Any, str]:
     try:
         from fsspec.core import url_to_fs
     except ImportError:
-        raise SettingsError("bags at a URL need fsspec, which is not installed. Install it: pip install 'sysid_ros[fleet]'") from None
+        raise SettingsError(
+            "bags at a URL need fsspec, which is not installed. Install it: pip install 'sysid_ros[fleet]'"
+        ) from None
     try:
         fs, path = url_to_fs(url)
     except (ImportError, ValueError) as error:

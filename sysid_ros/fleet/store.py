@@ -152,7 +152,7 @@ class Store:
         needed = list(dict.fromkeys([*wanted, *ORDER[table]]))
         parts = [
             _read_part(file, schema, needed)
-            for month in self._months()
+            for month in self.months()
             if months is None or month in months
             for name in sorted(self._valid(month))
             if (file := self._file(table, month, name)).exists()
@@ -172,7 +172,7 @@ class Store:
         """Take the rows of these results out, to do them again; how many results that were."""
         pa, gone = require_pyarrow(), set(keys)
         count = 0
-        for month in self._months():
+        for month in self.months():
             names = sorted(self._valid(month))
             kept: dict[str, Any] = {}
             for table in TABLES:
@@ -194,7 +194,7 @@ class Store:
         """
         joined = 0
         self.clean()
-        for month in self._months():
+        for month in self.months():
             names = sorted(self._valid(month))
             if len(names) > few:
                 self._write(month, {table: self._joined(table, month, names) for table in TABLES}, names)
@@ -203,7 +203,7 @@ class Store:
 
     def clean(self) -> None:
         """Remove files that don't count: of writers that were stopped, and those that were joined into another."""
-        for month in self._months(everywhere=True):
+        for month in self.months(everywhere=True):
             valid = self._valid(month)
             for table in TABLES:
                 folder = self.path / table / f"{PARTITION}={month}"
@@ -228,7 +228,8 @@ class Store:
             for table in TABLES:
                 self._file(table, month, old).unlink(missing_ok=True)
 
-    def _months(self, everywhere: bool = False) -> list[str]:
+    def months(self, everywhere: bool = False) -> list[str]:
+        """Those that the store has rows of; ``everywhere``: also those of which only rests of a writer are there."""
         tables = TABLES if everywhere else ("bags",)
         folders = {folder for table in tables for folder in (self.path / table).glob(f"{PARTITION}=*")}
         return sorted({folder.name.partition("=")[2] for folder in folders})

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from sysid_ros.effects.payload import COMPACT_STD
 from sysid_ros.fleet.known_robot import KnownRobot
+from sysid_ros.fleet.track_noise import score_covariance
 from sysid_ros.fleet.track_rows import DELAY, DRY, EACH, GAIN, OFFSET, ROTOR, VISCOUS, ZERO, TrackRows
-from sysid_ros.identification.coloured_noise import coloured_information
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FloatArray
 
@@ -67,7 +67,7 @@ def fit(rows: TrackRows, start: FloatArray | None = None) -> TrackFit:
     """Gauss-Newton from the model's values, the noise of each joint learned from what is left.
 
     The equation is linear but for products of a gain or a delay with the rest, which are small: it settles in a few steps. The
-    covariance is that of weighted least squares under the noise as it is, see :func:`.coloured_information`.
+    covariance is that of weighted least squares under the noise as it is, see :func:`.score_covariance`.
 
     Args:
         start: where to begin, shape (p,).
@@ -84,7 +84,7 @@ def fit(rows: TrackRows, start: FloatArray | None = None) -> TrackFit:
         inverse: FloatArray = np.asarray(np.linalg.inv(prior + _information(Y, weight)), dtype=np.float64)
         step = inverse @ (np.einsum("tjk,tj->k", Y, weight * left, optimize=True) - prior @ theta)
         theta, left = np.asarray(theta + step, dtype=np.float64), left - Y @ step
-        noise, level = coloured_information(replace(rows.rows, Y=Y), left, weight, _root(inverse))
+        noise, level = score_covariance(rows.rows, Y, left, weight, _root(inverse))
         weight = moving / np.where(level > 0.0, level, _power(left, moving))
         moved = float(step @ np.linalg.solve(inverse, step))
         if iteration >= 2 and (moved < TOL.converged or moved > previous):

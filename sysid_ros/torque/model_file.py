@@ -179,12 +179,26 @@ class ModelFile:
             ModelFileError: it can't be read, is not a model.yaml, or holds arrays that don't fit.
         """
         try:
-            document = yaml.load(path.read_text(), Loader=_Loader)
+            return cls.of_text(path.read_text(), str(path))
         except OSError as error:
             raise ModelFileError(
                 f"{path} can't be read: {error.strerror}. Give the model.yaml that 'sysid identify' wrote."
             ) from None
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
+        except UnicodeDecodeError as error:
+            raise ModelFileError(
+                f"{path} is not YAML: {in_a_line(error)}. Give the model.yaml that 'sysid identify' wrote."
+            ) from None
+
+    @classmethod
+    def of_text(cls, text: str, path: str) -> ModelFile:
+        """Read and check a file's text; ``path`` is what messages call it.
+
+        Raises:
+            ModelFileError: as of :meth:`read`.
+        """
+        try:
+            document = yaml.load(text, Loader=_Loader)
+        except yaml.YAMLError as error:
             raise ModelFileError(
                 f"{path} is not YAML: {in_a_line(error)}. Give the model.yaml that 'sysid identify' wrote."
             ) from None
@@ -196,7 +210,7 @@ class ModelFile:
                 "'sysid identify'."
             )
         try:
-            return cls._from_document(document, str(path))
+            return cls._from_document(document, path)
         except (KeyError, TypeError, ValueError) as error:
             reason = f"it lacks {error}" if isinstance(error, KeyError) else error
             raise ModelFileError(f"{path} is damaged: {reason}. Write it again with 'sysid identify'.") from None

@@ -1,0 +1,257 @@
+"""batch: jobs on many bags, on Dask, into a store; what is there is not done again."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from sysid_ros import __version__
+from sysid_ros.exceptions import ClusterError, in_a_line
+from sysid_ros.fleet.bags import find, stamp_of
+from sysid_ros.fleet.cluster import require_dask, threads_of
+from sysid_ros.fleet.done import DoneIndex
+from sysid_ros.fleet.jobs import Task, fingerprint, run
+from sysid_ros.fleet.rules import Entry, Rules
+from sysid_ros.fleet.store import Done, Results, Store
+
+_AHEAD = 4
+"""Tasks that are handed over for each that runs: enough that no worker waits, and few that are lost with a scheduler."""
+_OFTEN = 10.0
+"""Results are written at least so often [s]: what a stop of this process costs at most."""
+_MANY = 256
+"""Results that are written at once."""
+_JOIN = 100
+"""Writes after which the part files of months that have many are joined."""
+_PARTS = 64
+"""Part files of a month that are many while more are written."""
+_AGAIN = 3
+"""Times that a task is given to a worker alone after workers died over it."""
+
+
+@dataclass
+class Counts:
+    """What became of the bags.
+
+    Attributes:
+        found: bags. skipped: of which all was done. done, failed: results. unknown: bags of a robot that no rule names.
+        reasons: of the first failures, a bag each. seconds: of processors, of all jobs [s]. written: times.
+    """
+
+    found: int = 0
+    skipped: int = 0
+    done: int = 0
+    failed: int = 0
+    unknown: list[str] = field(default_factory=list)
+    reasons: dict[str, str] = field(default_factory=dict)
+    seconds: float = 0.0
+    written: int = 0
+
+
+_SHOWN = 20
+"""Bags of which the reason is kept for the end."""
+
+
+class Batch:
+    """One run over some bags.
+
+    Args:
+        store: to write to, within its :meth:`.Store.writing`. rules: which robot a bag is of. jobs: names of :data:`.jobs.JOBS`.
+        client: of Dask. advance: called with the number of bags that are through.
+
+    Attributes:
+        counts: so far.
+    """
+
+    def __init__(
+        self, store: Store, rules: Rules, jobs: Sequence[str], client: Any, advance: Callable[[int], None] = lambda bags: None
+    ) -> None:
+        self.counts = Counts()
+        self._store, self._rules, self._jobs, self._client, self._advance = store, rules, tuple(jobs), client, advance
+        self._index = DoneIndex(store, __version__)
+        self._buffer: list[Results] = []
+        self._last_write = time.monotonic()
+        self._entries: dict[tuple[str, ...], Any] = {}
+        self._hard: list[tuple[Task, tuple[Entry, ...]]] = []
+
+    def run(self, patterns: Sequence[str]) -> Counts:
+        """Do what is not done yet on the bags that the patterns match. Whatever stops it, what was found till then is written.
+
+        Raises:
+            SettingsError: a pattern matches nothing, a job or a robot's file is not there.
+            ClusterError: the scheduler was lost, or can't run the package. OutputError: the store can't be written.
+        """
+        if self._index.unread:
+            self._store.forget(self._index.unread)  # whatever kept them from being read may be over
+        try:
+            self._work(self._tasks(patterns))
+            for task, entries in self._hard:
+                self._alone(task, entries)
+        except BaseException:
+            self._write_rest()
+            raise
+        self._write()
+        self._store.compact()
+        return self.counts
+
+    def _tasks(self, patterns: Sequence[str]) -> Iterator[tuple[Task, tuple[Entry, ...]]]:
+        """What there is to do, bag after bag."""
+        for bag in find(patterns):
+            self.counts.found += 1
+            entries = tuple(self._rules.entries(bag))
+            if not entries:
+                if len(self.counts.unknown) < _SHOWN:
+                    self.counts.unknown.append(bag)
+                self._advance(1)
+                continue
+            stamp = stamp_of(bag)
+            models = [entry.digest for entry in entries]
+            left = [job for job in self._jobs if not any(self._index.lies_there(bag, stamp, model, job) for model in models)]
+            if left:
+                yield Task(bag, stamp, tuple(left)), entries
+            else:
+                self._skip()
+
+    def _work(self, tasks: Iterator[tuple[Task, tuple[Entry, ...]]]) -> None:
+        """A window of tasks at work, filled up as they are done: neither names nor results gather here."""
+        completed = require_dask().as_completed()
+        running: dict[Any, tuple[Task, tuple[Entry, ...], bool]] = {}
+
+        def submit(task: Task, entries: tuple[Entry, ...], look: bool) -> None:
+            future = self._client.submit(fingerprint, task.bag, pure=False) if look else self._submit(task, entries)
+            running[future.key] = (task, entries, look)
+            completed.add(future)
+
+        known = len(self._index) > 0  # else nothing that a bag contains can be done
+        exhausted = False
+        while True:
+            while not exhausted and len(running) < _AHEAD * max(threads_of(self._client), 1):
+                item = next(tasks, None)
+                exhausted = item is None
+                if item is not None:
+                    submit(*item, known)
+            if not running:
+                return
+            future = next(completed)
+            task, entries, look = running.pop(future.key)
+            if look:
+                task = self._not_contained(task, entries, self._result(future, task, entries) or "")
+                if task.jobs:
+                    submit(task, entries, False)
+                else:
+                    self._skip()
+            elif (found := self._result(future, task, entries)) is not None:
+                self._take(found)
+            future.release()
+
+    def _submit(self, task: Task, entries: tuple[Entry, ...]) -> Any:
+        digests = tuple(entry.digest for entry in entries)
+        if digests not in self._entries:
+            # a result of its own, which is made again where the worker that has it dies
+            self._entries[digests] = self._client.submit(_themselves, entries, pure=False)
+        return self._client.submit(run, task, self._entries[digests], pure=False)
+
+    def _not_contained(self, task: Task, entries: tuple[Entry, ...], content: str) -> Task:
+        """The task without the jobs that were done on the same content elsewhere."""
+        left = [job for job in task.jobs if not any(self._index.holds(content, e.digest, job) for e in entries)]
+        return Task(task.bag, task.stamp, tuple(left))
+
+    def _result(self, future: Any, task: Task, entries: tuple[Entry, ...]) -> Any:
+        """What a future holds; None of a task over which workers died, which is kept for later.
+
+        Raises:
+            ClusterError: the scheduler was lost, or its workers can't run the package.
+        """
+        distributed = require_dask()
+        try:
+            return future.result()
+        except distributed.KilledWorker:
+            self._hard.append((task, entries))
+            return None
+        except (distributed.CancelledError, OSError, TimeoutError) as error:
+            raise ClusterError(_LOST) from error
+        except Exception as error:
+            raise ClusterError(
+                f"Dask's workers can't run the package: {type(error).__name__}: {in_a_line(error)}. Install the same sysid_ros "
+                f"({__version__}) there as here."
+            ) from error
+
+    def _alone(self, task: Task, entries: tuple[Entry, ...]) -> None:
+        """A task over which workers died, with no other at work; a row of its own where they die again."""
+        task = self._not_contained(task, entries, "")
+        for _ in range(_AGAIN):
+            before = len(self._hard)
+            found = self._result(self._submit(task, entries), task, entries)
+            del self._hard[before:]
+            if found is not None:
+                self._take(found)
+                return
+        reason = (
+            f"The processes that worked on bag '{task.bag}' were killed, each time, as where it needs more memory than they have."
+        )
+        key = {"hash": "", "model": entries[0].digest, "version": __version__, "robot": entries[0].robot, "kind": entries[0].kind}
+        rows = [
+            {"bag": task.bag, "stamp": task.stamp, **key, "job": job, "status": "failed", "reason": reason} for job in task.jobs
+        ]
+        self._take([Results(row) for row in rows])
+
+    def _take(self, found: list[Results]) -> None:
+        """Results of one bag, to be written."""
+        for one in found:
+            row = one.bag
+            if row["version"] != __version__:
+                raise ClusterError(
+                    f"Dask's workers have sysid_ros {row['version']}, here it is {__version__}. Install the same there as here."
+                )
+            if self._index.holds(row["hash"], row["model"], row["job"]):
+                continue  # the same content at two places, both at work at once
+            self._index.add(one)
+            self._buffer.append(one)
+            self.counts.seconds += row.get("seconds") or 0.0
+            if row["status"] == "ok":
+                self.counts.done += 1
+            else:
+                self.counts.failed += 1
+                if len(self.counts.reasons) < _SHOWN:
+                    self.counts.reasons.setdefault(row["bag"], row["reason"])
+        self._advance(1)
+        if len(self._buffer) >= _MANY or time.monotonic() - self._last_write > _OFTEN:
+            self._write()
+
+    def _skip(self) -> None:
+        self.counts.skipped += 1
+        self._advance(1)
+
+    def _write(self) -> None:
+        if self._buffer:
+            self._store.append(self._buffer)
+            self._buffer = []
+            self.counts.written += 1
+            if self.counts.written % _JOIN == 0:
+                self._store.compact(_PARTS)
+        self._last_write = time.monotonic()
+
+    def _write_rest(self) -> None:
+        """On the way out of an error: what is known is written where that is possible."""
+        from sysid_ros.exceptions import OutputError
+
+        try:
+            self._write()
+        except OutputError:
+            return  # it is what is told already, or what follows from it
+
+
+_LOST = (
+    "the connection to Dask's scheduler was lost. What was found till then is in the store; give the same command again, and it "
+    "goes on from there."
+)
+
+
+def _themselves(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
+    return entries
+
+
+def failed_before(store: Store) -> set[Done]:
+    """Results that are failures, to be forgotten where they are to be tried again."""
+    return store.done() - store.done(failed=False)
