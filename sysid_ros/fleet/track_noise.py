@@ -25,8 +25,8 @@ def score_covariance(
 
     With the cross-spectra S(f) of the residuals, shape (n, n), averaged over neighbouring frequencies (Daniell), and Z(f) the
     transform of the weighted rows, shape (n, p), it is ``sum_f Z' S Z``: the spectral form of the covariance of Newey, West
-    (1987) for several equations. What a fit takes out of the residual where its columns have their power is given back by its leverage
-    there, as in :func:`sysid_ros.identification.coloured_noise.coloured_information`.
+    (1987) for several equations. What a fit takes out of the residual where its columns have their power is given back by its
+    leverage there, as in :func:`sysid_ros.identification.coloured_noise.coloured_information`.
 
     Args:
         rows: whose times are used. Y, left: derivatives (N, n, p) and residual (N, n). weight: of each row, 0 where it is not
