@@ -99,9 +99,9 @@ def at_hand(bag: str) -> Iterator[Path]:
 def _local(pattern: str) -> Iterator[str]:
     if glob.has_magic(pattern):
         names = sorted(glob.iglob(pattern, recursive=True))
-        inside = {name for name in names if os.path.isdir(name) and _is_bag_folder(name)}
+        folders = {name.rstrip("/") for name in names if os.path.isdir(name)}
         for name in names:
-            if os.path.dirname(name) not in inside:  # a file of a bag that matches itself
+            if not any(str(above) in folders for above in Path(name).parents):  # else it is found below that one
                 yield from _below(name)
     elif os.path.exists(pattern):
         yield from _below(pattern, given=True)

@@ -146,11 +146,12 @@ class Batch:
             future.release()
 
     def _submit(self, task: Task, entries: tuple[Entry, ...]) -> Any:
-        digests = tuple(entry.digest for entry in entries)
-        if digests not in self._entries:
+        # robots may be called otherwise and be known alike
+        which = tuple(x for entry in entries for x in (entry.robot, entry.kind, entry.description, entry.digest))
+        if which not in self._entries:
             # a result of its own, which is made again where the worker that has it dies
-            self._entries[digests] = self._client.submit(_themselves, entries, pure=False)
-        return self._client.submit(run, task, self._entries[digests], pure=False)
+            self._entries[which] = self._client.submit(_themselves, entries, pure=False)
+        return self._client.submit(run, task, self._entries[which], pure=False)
 
     def _not_contained(self, task: Task, entries: tuple[Entry, ...], content: str) -> Task:
         """The task without the jobs that were done on the same content elsewhere."""

@@ -32,6 +32,10 @@ _BLOCKS = 20
 """Parts of a bag whose noise is compared, for how well it is known."""
 _FOURTH = 70.0
 """Sum of the squares of a fourth difference's weights."""
+_OF_MEDIAN = 1.167
+"""Standard deviation of a Gaussian's, found by that median of N values, times the root of N (Rousseeuw, Croux 1993)."""
+_OVERLAP = 2.626
+"""Fourth differences of white noise that count as one: the sum of their squared correlations over all lags."""
 _MEDIAN = 0.6745
 """Of the size of a Gaussian in standard deviations."""
 
@@ -155,7 +159,8 @@ def effort_noise(recording: Recording) -> tuple[FloatArray, FloatArray]:
     """Standard deviation of the white noise of the efforts as they were published, and its own, shape (n,) each [N m].
 
     From fourth differences, in which a motion does not show; by their median, to which the jumps of dry friction are few. NaN
-    where that is 0, as of efforts in steps larger than the noise, and where the bag is too short.
+    where that is 0, as of efforts in steps larger than the noise, and where the bag is too short. Its own is that of
+    white noise, or that between parts of the bag where it is larger.
     """
     fourth = np.abs(np.diff(recording.tau, 4, axis=0))
     if len(fourth) < 10 * _BLOCKS:
@@ -163,8 +168,10 @@ def effort_noise(recording: Recording) -> tuple[FloatArray, FloatArray]:
     scale = _MEDIAN * np.sqrt(_FOURTH)
     noise = np.nanmedian(fourth, axis=0) / scale
     parts = np.array([np.nanmedian(part, axis=0) for part in np.array_split(fourth, _BLOCKS)]) / scale
+    of_parts = parts.std(axis=0, ddof=1) / np.sqrt(_BLOCKS)
+    std = np.maximum(of_parts, _OF_MEDIAN * noise * np.sqrt(_OVERLAP / len(fourth)))
     known = noise > 0.0
-    return np.where(known, noise, np.nan), np.where(known, parts.std(axis=0, ddof=1) / np.sqrt(_BLOCKS), np.nan)
+    return np.where(known, noise, np.nan), np.where(known, std, np.nan)
 
 
 def _told(fit: TrackFit) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
