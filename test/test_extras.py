@@ -9,7 +9,7 @@ import sys
 import pytest
 
 ALONE = """import contextlib, io, json, sys
-for name in ("pybullet", "pybullet_data", "mujoco", "pyarrow", "pyarrow.parquet", "rclpy", "rerun"):
+for name in ("pybullet", "pybullet_data", "mujoco", "pyarrow", "pyarrow.parquet", "rclpy", "rerun", "distributed"):
     sys.modules[name] = None
 from sysid_ros.cli.main import run
 from sysid_ros.nodes import start
@@ -26,6 +26,7 @@ COMMANDS: dict[str, tuple[list[str], str]] = {
     "mjcf": (["export", "model.yaml", "--urdf", "robot.xml", "--out", "new.xml"], "mujoco"),
     "parquet": (["replay", "table.parquet", "--urdf", "robot.urdf"], "tables"),
     "rerun": (["replay", "table.csv", "--urdf", "robot.urdf", "--rerun", "new.rrd"], "rerun"),
+    "batch": (["batch", "bags", "--robots", "robots.yaml", "--out", "store"], "fleet"),
     "demo": (["demo"], "ros"),
     "online_payload_estimator": ([], "ros"),
     "adaptive_controller": ([], "ros"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -26,6 +27,8 @@ _JOIN = 100
 """Writes after which the part files of months that have many are joined."""
 _PARTS = 64
 """Part files of a month that are many while more are written."""
+_NEWS = 2.0
+"""Time after which the number of workers is asked for again [s]."""
 _AGAIN = 3
 """Times that a task is given to a worker alone after workers died over it."""
 
@@ -73,6 +76,7 @@ class Batch:
         self._buffer: list[Results] = []
         self._last_write = time.monotonic()
         self._entries: dict[tuple[str, ...], Any] = {}
+        self._threads, self._asked = 1, -math.inf
         self._hard: list[tuple[Task, tuple[Entry, ...]]] = []
 
     def run(self, patterns: Sequence[str]) -> Counts:
@@ -126,7 +130,7 @@ class Batch:
         known = len(self._index) > 0  # else nothing that a bag contains can be done
         exhausted = False
         while True:
-            while not exhausted and len(running) < _AHEAD * max(threads_of(self._client), 1):
+            while not exhausted and len(running) < self._window():
                 item = next(tasks, None)
                 exhausted = item is None
                 if item is not None:
@@ -144,6 +148,21 @@ class Batch:
             elif (found := self._result(future, task, entries)) is not None:
                 self._take(found)
             future.release()
+
+    def _window(self) -> int:
+        """How many tasks are handed over at once: workers come and go, and are asked for now and then.
+
+        Raises:
+            ClusterError: the scheduler was lost.
+        """
+        now = time.monotonic()
+        if now - self._asked > _NEWS:
+            try:
+                self._threads = max(threads_of(self._client), 1)
+            except (OSError, TimeoutError) as error:
+                raise ClusterError(_LOST) from error
+            self._asked = now
+        return _AHEAD * self._threads
 
     def _submit(self, task: Task, entries: tuple[Entry, ...]) -> Any:
         # robots may be called otherwise and be known alike
