@@ -55,14 +55,14 @@ class TrackRows:
     @classmethod
     def of(cls, known: KnownRobot, smooth: SmoothRecording) -> TrackRows:
         """Of a recording in which nothing changes."""
-        n, motions = known.robot.n, smooth.motions()
+        n, motions = known.robot.n, _motions(known, smooth)
         dry = CoulombFriction(known.robot)
         simple = [np.stack([dry.curve(m), m.v, m.a], axis=1) for m in motions]
         body = [Payload(known.robot, frame=known.frame).columns_along(m) for m in motions]
         turned = [_turned(known, m, (), np.zeros((1, 10))) for m in motions]
         nothing = (np.empty(0), np.empty(0), np.empty(0))
         made = cls(known, smooth, motions, smooth.rows(known.model, SLOW_PART), (), simple, turned, body, nothing)
-        curves = smooth.low_passed([x.reshape(-1, 3 * n) for x in simple]).reshape(-1, 3, n)
+        curves = _low_passed(smooth, [x.reshape(-1, 3 * n) for x in simple]).reshape(-1, 3, n)
         return replace(made, filtered=(curves, made._zeros(), made._bodies()))
 
     @property
@@ -103,7 +103,7 @@ class TrackRows:
         gain = 1.0 + joint[GAIN]
         torque = self.rows.tau - self.rows.y + np.einsum("tcj,cj->tj", curves, joint[[DRY, VISCOUS, ROTOR]])
         torque += turned @ joint[ZERO] + np.einsum("tsjk,sk->tj", bodies, carried)
-        rate = gain * self.smooth.low_passed(self._torque(joint, carried), derivative=True)
+        rate = gain * _low_passed(self.smooth, self._torque(joint, carried), derivative=True)
         Y = np.zeros((len(torque), n, self.p))
         each, at = Y[:, :, : EACH * n].reshape(-1, n, EACH, n), np.arange(n)
         for place, curve in ((DRY, curves[:, 0]), (VISCOUS, curves[:, 1]), (ROTOR, curves[:, 2])):
@@ -121,7 +121,7 @@ class TrackRows:
         if not np.any(delay):
             return self.rows.tau
         later = [np.stack([np.interp(m.t + d, m.t, m.tau[:, j]) for j, d in enumerate(delay)], axis=1) for m in self.motions]
-        return self.smooth.low_passed(later)
+        return _low_passed(self.smooth, later)
 
     def _torque(self, joint: FloatArray, carried: FloatArray) -> list[FloatArray]:
         """T of each stretch, shape (M, n)."""
@@ -134,7 +134,7 @@ class TrackRows:
 
     def _zeros(self) -> FloatArray:
         n = self.n
-        return self.smooth.low_passed([x.reshape(-1, n * n) for x in self.turned]).reshape(-1, n, n)
+        return _low_passed(self.smooth, [x.reshape(-1, n * n) for x in self.turned]).reshape(-1, n, n)
 
     def _bodies(self) -> FloatArray:
         """Columns of each payload while it is carried, shape (N, s, n, 10)."""
@@ -142,7 +142,7 @@ class TrackRows:
         for s in range(self.payloads):
             during = [_which(m.t, self.changes) == s for m in self.motions]
             values = [(x * now[:, None, None]).reshape(-1, 10 * n) for x, now in zip(self.body, during, strict=True)]
-            parts.append(self.smooth.low_passed(values).reshape(-1, n, 10))
+            parts.append(_low_passed(self.smooth, values).reshape(-1, n, 10))
         return np.stack(parts, axis=1)
 
 
@@ -159,3 +159,16 @@ def _turned(known: KnownRobot, motion: Motion, changes: Sequence[float], bodies:
         here = which == s
         out[here] = -known.arm(body).rnea_derivatives_along(motion.q[here], motion.v[here], motion.a[here])[0]
     return out
+
+
+def _motions(known: KnownRobot, smooth: SmoothRecording) -> list[Motion]:
+    """The smooth motion of each stretch at the rate of its filter, before the low-pass."""
+    return [Motion(known.robot, s.t - smooth.start, s.q, s.v, s.a, s.tau) for s in smooth.stretches]
+
+
+def _low_passed(smooth: SmoothRecording, values: Sequence[FloatArray], derivative: bool = False) -> FloatArray:
+    """Values at the points of the motions, shape (M, c) for each, at the rows behind the low-pass, shape (N, c); or, with
+    ``derivative``, their derivative by time there."""
+    kernel, half = smooth.low_pass.slope if derivative else smooth.low_pass.kernel, smooth.low_pass.half
+    at = [(given, m) for given, middle in zip(values, smooth.middles, strict=True) for m in middle]
+    return np.array([kernel @ given[m - half : m + half + 1] for given, m in at]).reshape(-1, values[0].shape[1])

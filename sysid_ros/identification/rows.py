@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -191,23 +191,6 @@ class SmoothRecording:
                 hidden, lever = self._sticking(smooth, middle, rubs)
                 without_sticking(hidden, lever, self.period, Y[rows], y[rows], tau[rows])
         return BagRows(self.name, t, self.period, Y, y, tau, moving, q, v, a, self.cutoff_hz, bool(self.feet))
-
-    def motions(self) -> list[Motion]:
-        """The smooth motion of each stretch at the rate of its filter, before the low-pass."""
-        return [self._motion(smooth, slice(None)) for smooth in self.stretches]
-
-    def low_passed(self, values: Sequence[FloatArray], derivative: bool = False) -> FloatArray:
-        """Values at the points of :meth:`motions`, shape (M, c) for each stretch, at the rows behind the low-pass, shape (N, c).
-
-        Args:
-            derivative: their derivative by time there.
-        """
-        kernel, half = self.low_pass.slope if derivative else self.low_pass.kernel, self.low_pass.half
-        out = np.empty((self.count, values[0].shape[1]))
-        for given, (_, middle, rows) in zip(values, self._parts(), strict=True):
-            for k, m in enumerate(middle, start=rows.start):
-                out[k] = kernel @ given[m - half : m + half + 1]
-        return out
 
     def _settle(self, model: TorqueModel, Y: FloatArray, y: FloatArray) -> None:
         """What IMU and feet have been corrected by already counts as a torque again, so that their parameters are whole."""
