@@ -70,10 +70,8 @@ def identify_recordings(
         raise SettingsError(f"the cut-off is {cutoff_hz} Hz; it must be 0, to choose it, or above.")
     if base is not None:
         if loaded:
-            raise SettingsError(
-                "recordings with a payload are given of a robot on legs, whose payload 'sysid replay --model' estimates. Leave "
-                "them out here."
-            )
+            said = "recordings with a payload are given of a robot on legs, whose payload 'sysid replay --model' estimates. "
+            raise SettingsError(f"{said}Leave them out here.")
         return identify_on_legs(
             base, recordings, validation, provenance, choices, cutoff_hz, max_gap, measured_velocity, problems, progress, gravity
         )

@@ -50,14 +50,13 @@ class ModelFile:
 
     Attributes:
         robot_name, joints, urdf_sha256: the robot that the parameters belong to.
-        effects: its known effects.
+        effects: its known effects. source: the file that it was read from, for messages.
         torque_std: what the model leaves unexplained below ``cutoff_hz``, a joint, shape (n,) [N m].
         correlation_time: for how long that error keeps its sign, a joint, shape (n,) [s]; twice the product with the variance
             is its spectral density at zero frequency.
         uncertainty: directions of the error of all parameters together, shape (number of parameters, c), or None; their product
             with itself transposed is the covariance as far as it makes torque.
-        provenance: bags, command and version it came from.
-        source: the file that it was read from, for messages.
+        provenance: bags, command, version it came from.
     """
 
     robot_name: str
@@ -179,15 +178,11 @@ class ModelFile:
             ModelFileError: it can't be read, is not a model.yaml, or holds arrays that don't fit.
         """
         try:
-            return cls.of_text(path.read_text(), str(path))
-        except OSError as error:
-            raise ModelFileError(
-                f"{path} can't be read: {error.strerror}. Give the model.yaml that 'sysid identify' wrote."
-            ) from None
-        except UnicodeDecodeError as error:
-            raise ModelFileError(
-                f"{path} is not YAML: {in_a_line(error)}. Give the model.yaml that 'sysid identify' wrote."
-            ) from None
+            text = path.read_text()
+        except (OSError, UnicodeDecodeError) as error:
+            why = f"can't be read: {error.strerror}" if isinstance(error, OSError) else f"is not YAML: {in_a_line(error)}"
+            raise ModelFileError(f"{path} {why}. Give the model.yaml that 'sysid identify' wrote.") from None
+        return cls.of_text(text, str(path))
 
     @classmethod
     def of_text(cls, text: str, path: str) -> ModelFile:
@@ -199,16 +194,13 @@ class ModelFile:
         try:
             document = yaml.load(text, Loader=_Loader)
         except yaml.YAMLError as error:
-            raise ModelFileError(
-                f"{path} is not YAML: {in_a_line(error)}. Give the model.yaml that 'sysid identify' wrote."
-            ) from None
+            said = f"{path} is not YAML: {in_a_line(error)}. Give the model.yaml that 'sysid identify' wrote."
+            raise ModelFileError(said) from None
         if not isinstance(document, dict) or "format" not in document:
             raise ModelFileError(f"{path} is no model: it states no format. Give the model.yaml that 'sysid identify' wrote.")
         if document["format"] != FORMAT:
-            raise ModelFileError(
-                f"{path} has format {document['format']}; this version reads format {FORMAT}. Write it again with "
-                "'sysid identify'."
-            )
+            said = f"{path} has format {document['format']}; this version reads format {FORMAT}. "
+            raise ModelFileError(f"{said}Write it again with 'sysid identify'.")
         try:
             return cls._from_document(document, path)
         except (KeyError, TypeError, ValueError) as error:
