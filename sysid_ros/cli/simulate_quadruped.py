@@ -68,7 +68,7 @@ from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 @legged_options
 @opt.JSON
 @opt.FORCE
-def quadruped(
+def command(
     bag: Path, storage: str, json_path: Path | None, force: bool, imu: bool, contacts: bool, simulator: str, **options: Any
 ) -> None:
     """Record a quadruped that stands, sways or trots, with a box put on its back and taken off.
