@@ -1,7 +1,7 @@
 """What changed in a fleet over a year: found, named and dated, beside CUSUM and moving-average charts on the same store.
 
-40 robots, 50 weeks, a bag a week; a tenth of the robots each: Coulomb friction that doubles in two months, an offset of 2 % of the
-effort limit, a zero that slips by half a degree, a gain of 5 %, a tool of 0.3 kg. Seasons, loads, scatter and slow drift in all.
+40 robots, 50 weeks, a bag a week; a tenth of the robots each: Coulomb friction that doubles in two months, an offset of 2 % of
+the effort limit, a zero that slips by half a degree, a gain of 5 %, a tool of 0.3 kg. Seasons, loads, scatter, slow drift in all.
 A found change is an alarm on its robot and joint; every other alarm is a false discovery.
 
     python benchmarks/fleet_changes.py --seeds 10 11 12 [--quiet-seeds 30 31] [--stores FOLDER...] --json out.json
@@ -77,8 +77,8 @@ def of_chart(series: FleetSeries, chart: Chart, limit: float) -> list[Told]:
 
 
 def of_tuned_chart(series: FleetSeries, chart: Chart, truth: Mapping[str, Any]) -> list[Told]:
-    """What a chart tells at the lowest limit at which its false discoveries are at most those stated: chosen with the truth, which
-    nobody has; in its favour."""
+    """What a chart tells at the lowest limit at which its false discoveries are at most those stated: chosen with the truth,
+    which nobody has; in its favour."""
     best: list[Told] = []
     for limit in np.geomspace(1.0, 1000.0, 60):
         told = of_chart(series, chart, float(limit))
@@ -188,7 +188,8 @@ def main() -> int:
 def _said(what: str, result: dict[str, Any]) -> None:
     mine = result["this"]
     rows = mine["changes"]
-    wrong = [(r["cause"], r["found"], r["kind"], r["days"]) for r in rows if not r["kind"] or abs(r["days"] or 99.0) > WEEKS]
+    late = [r for r in rows if not r["kind"] or abs(r["days"]) > WEEKS]
+    wrong = [(r["cause"], r["found"], r["kind"], r["days"]) for r in late]
     print(
         f"{what}: {sum(r['found'] for r in rows)} of {len(rows)}, false {mine['false']}, {mine['seconds']:.0f} s; {wrong}",
         flush=True,

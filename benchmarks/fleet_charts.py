@@ -39,14 +39,14 @@ def cusum(z: Vector) -> tuple[Vector, Vector]:
     out, since = np.zeros((2, z.size)), np.zeros((2, z.size))
     for side, sign in enumerate((1.0, -1.0)):
         total, begin = 0.0, 0
-        for b, value in enumerate(z):
+        for b, value in enumerate(z.tolist()):
             total += sign * value - SLACK
             if total <= 0.0:
                 total, begin = 0.0, b + 1
             out[side, b], since[side, b] = total / DECISION, begin
     which = np.argmax(out, axis=0)
-    b = np.arange(z.size)
-    return out[which, b], since[which, b]
+    at = np.arange(z.size)
+    return out[which, at], since[which, at]
 
 
 def moving_average(z: Vector) -> tuple[Vector, Vector]:
