@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from fleet_charts import Chart, crossings, cusum, moving_average, told_by
+from fleet_charts import Crossing, crossings, cusum, moving_average, told_by
 from rich.console import Console
 from rich.table import Table
 from verdict import Target, conclude
@@ -70,21 +70,20 @@ def of_method(series: FleetSeries) -> tuple[list[Told], list[dict[str, Any]], fl
     return told, more, time.process_time() - began
 
 
-def of_chart(series: FleetSeries, chart: Chart, limit: float) -> list[Told]:
+def of_chart(charted: list[Crossing], limit: float) -> list[Told]:
     """What a chart tells."""
-    found = sorted(told_by(crossings(series, chart), limit), key=lambda c: -c.worst)
+    found = sorted(told_by(charted, limit), key=lambda c: -c.worst)
     return [(c.robot, c.joint, c.quantity, c.day) for c in found]
 
 
-def of_tuned_chart(series: FleetSeries, chart: Chart, truth: Mapping[str, Any]) -> list[Told]:
+def of_tuned_chart(charted: list[Crossing], truth: Mapping[str, Any], start: datetime) -> list[Told]:
     """What a chart tells at the lowest limit at which its false discoveries are at most those stated: chosen with the truth,
     which nobody has; in its favour."""
-    best: list[Told] = []
     for limit in np.geomspace(1.0, 1000.0, 60):
-        told = of_chart(series, chart, float(limit))
-        if told and judged(told, truth, series.start)["false"] <= RATE * len(told):
+        told = of_chart(charted, float(limit))
+        if told and judged(told, truth, start)["false"] <= RATE * len(told):
             return told
-    return best
+    return []
 
 
 def methods(series: FleetSeries, truth: Mapping[str, Any]) -> dict[str, Any]:
@@ -92,8 +91,10 @@ def methods(series: FleetSeries, truth: Mapping[str, Any]) -> dict[str, Any]:
     told, more, seconds = of_method(series)
     out = {"this": judged(told, truth, series.start) | {"seconds": seconds, "intervals": more}}
     for name, chart in (("CUSUM", cusum), ("moving average", moving_average)):
-        out[name] = judged(of_chart(series, chart, 1.0), truth, series.start)
-        out[f"{name}, limit chosen by the truth"] = judged(of_tuned_chart(series, chart, truth), truth, series.start)
+        charted = crossings(series, chart)
+        out[name] = judged(of_chart(charted, 1.0), truth, series.start)
+        tuned = of_tuned_chart(charted, truth, series.start)
+        out[f"{name}, limit chosen by the truth"] = judged(tuned, truth, series.start)
     return out
 
 

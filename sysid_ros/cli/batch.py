@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from sysid_ros.cli import batch_report
 from sysid_ros.cli import options as opt
 from sysid_ros.cli.output import check_outputs, note, report, table, warn, write_json
 from sysid_ros.cli.progress import progress_bar
@@ -15,7 +16,19 @@ from sysid_ros.exceptions import SettingsError
 from sysid_ros.fleet.jobs import JOBS
 
 
-@click.command()
+class _WithReport(click.Command):
+    """The command, or ``report`` where that is its first argument: a bag is called by a path."""
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        """Of one or the other."""
+        if args[:1] == ["report"]:
+            return batch_report.command.make_context(f"{info_name} report", args[1:], parent, **extra)
+        return super().make_context(info_name, args, parent, **extra)
+
+
+@click.command(cls=_WithReport)
 @click.argument("patterns", nargs=-1, required=True, metavar="PATTERN...")
 @opt.path("--robots", required=True, metavar="YAML", help="Which robot a bag is of, and what is known of it: see docs/fleet.md.")
 @opt.path("--out", required=True, metavar="STORE", help="Folder of the results, made where it is not there.")
@@ -46,6 +59,7 @@ def command(
       sysid batch bags/ --robots robots.yaml --out store
       sysid batch 'bags/cell_*/**/*.mcap' --robots robots.yaml --out store --jobs track,replay --workers 4
       sysid batch s3://plant/bags --robots robots.yaml --out store --scheduler tcp://scheduler:8786
+      sysid batch report store
 
     Exit codes: 0 done; 1 done, and some bags have failed, each with its reason in the store; 2 bad input or usage.
     """
