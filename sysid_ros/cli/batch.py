@@ -27,6 +27,10 @@ class _WithReport(click.Command):
             return batch_report.command.make_context(f"{info_name} report", args[1:], parent, **extra)
         return super().make_context(info_name, args, parent, **extra)
 
+    def invoke(self, ctx: click.Context) -> Any:
+        """That whose context it is."""
+        return super().invoke(ctx) if ctx.command is self else ctx.command.invoke(ctx)
+
 
 @click.command(cls=_WithReport)
 @click.argument("patterns", nargs=-1, required=True, metavar="PATTERN...")

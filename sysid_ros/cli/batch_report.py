@@ -68,12 +68,14 @@ def command(store: Path, out: Path | None, rate: float, json_path: Path | None, 
 
 
 def _show(found: Any, series: Any, path: Path) -> None:
+    from sysid_ros.fleet.changes.alarms import percent
+
     columns = ("robot", "what", "since", "95 %", "sure", "costs")
     shown = table(f"What changed on {len(series.robots)} robots", *columns, words=("what", "costs"))
     for a in found:
         c = a.change
         low, high = (f"{series.date(day):%m-%d}" for day in c.since[1:])
-        sure = f"{100.0 * a.probability * a.of_kind:.1f} %"
+        sure = percent(a.probability * a.of_kind)
         shown.add_row(c.robot, a.what, f"{series.date(c.since[0]):%Y-%m-%d}", f"{low}..{high}", sure, a.cost)
     if found:
         report().print(shown)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.fleet.changes.alarms import Alarm
+from sysid_ros.fleet.changes.alarms import Alarm, percent
 from sysid_ros.fleet.changes.fleet_changes import FleetChanges, JointHistory
 from sysid_ros.fleet.changes.quantities import CARRIED, QUANTITIES
 from sysid_ros.fleet.changes.series import RobotSeries
@@ -108,8 +108,8 @@ def _told(alarm: Alarm, changes: FleetChanges) -> dict[str, Any]:
         "day": [round(x, 2) for x in c.since],
         "length": round(c.length, 1) if c.sudden < 0.5 else 0.0,
         "how": "at once" if c.sudden >= 0.5 else f"over {c.length:.0f} days",
-        "probability": _percent(alarm.probability),
-        "of_kind": _percent(alarm.of_kind),
+        "probability": percent(alarm.probability),
+        "of_kind": percent(alarm.of_kind),
         "others": others,
         "cost": alarm.cost,
         "look": alarm.look,
@@ -130,11 +130,6 @@ def commands(alarm: Alarm) -> list[str]:
         f"sysid identify {before} --out {shlex.quote(name)}",
         f"sysid diagnose {after} --model {shlex.quote(name)} --out {out}",
     ]
-
-
-def _percent(p: float) -> str:
-    """A probability as people read it; what rounds to all is said to be more than the last that does not."""
-    return "> 99.9 %" if p > 0.999 else f"{100.0 * p:.3g} %"
 
 
 def _row(robot: RobotSeries, changes: FleetChanges, told: Sequence[dict[str, Any]]) -> dict[str, Any]:

@@ -66,6 +66,11 @@ def alarms(changes: FleetChanges, rate: float = RATE) -> tuple[Alarm, ...]:
     return tuple(_alarm(c, share, robots[c.robot]) for c in told(changes, rate))
 
 
+def percent(p: float) -> str:
+    """A probability as people read it; what rounds to all is said to be more than the last that does not."""
+    return "> 99.9 %" if p > 0.999 else f"{100.0 * p:.3g} %"
+
+
 def changed_share(looks: Sequence[float]) -> float:
     """Share of looks that show a change, from the logarithms of their e-values: where the likelihood of all is greatest."""
     e = np.asarray(looks)

@@ -20,8 +20,8 @@ class Candidate:
     Attributes:
         joint: "" for what is carried. quantity: of ``QUANTITIES``. log_e: logarithm of the e-value that anything changed.
         kinds: probability of each quantity, given that something changed. since: median and ends of its 95 % interval [days].
-        sudden: probability that it came at once. length: how long it took, mean of the posterior [days]. size, std: of the change
-            [SI].
+        sudden: probability that it came at once. length: how long it took, mean of the posterior [days]. size, std: by the last
+            bag [SI].
     """
 
     robot: str
@@ -55,11 +55,13 @@ class Found:
 
 def found_in(robot: str, joint: str, look: Round, best: int, kinds: dict[str, float], courses: Shapes) -> Found:
     """The change of a joint that a look found in its parameter of index ``best``."""
-    w, size = look.weights[best], look.size[best]
+    # a ramp that goes on is told by what there is of it at the last bag
+    there = courses.f[-1]
+    w, size, variance = look.weights[best], look.size[best] * there, look.size_variance[best] * there**2
     whole = w.sum(axis=0)
     part = np.where(whole > 0.0, whole, 1.0)
     mean = np.sum(w * size, axis=0) / part
-    square = np.sum(w * (look.size_variance[best] + size**2), axis=0) / part
+    square = np.sum(w * (variance + size**2), axis=0) / part
     name = list(kinds)[best]
     return Found(robot, joint, name, look.log_e, kinds, courses.begin, courses.end, courses.length, whole, mean, square)
 

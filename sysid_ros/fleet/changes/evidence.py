@@ -126,7 +126,8 @@ class JointEvidence:
         which = np.unravel_index(int(np.argmax(odd)), odd.shape)
         present = self.known.any(axis=0)
         log_change = float(logsumexp(log_of[present]) - np.log(present.sum())) if present.any() else 0.0
-        null = float(np.logaddexp(np.log1p(-_ODD), np.log(_ODD) + log_odd))
+        # at least 1, so that it is an e-value with and without odd bags
+        null = max(0.0, float(np.logaddexp(np.log1p(-_ODD), np.log(_ODD) + log_odd)))
         log_of = np.where(present, log_of, -np.inf)
         return Round(
             log_change - null, log_of, log_odd, weights, size, variance, (int(which[0]), int(which[2]), A2[which[0], which[1]])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -81,12 +81,14 @@ def fleet_changes(series: FleetSeries, said: Callable[[str], None] = lambda s: N
     for number, (key, joints) in enumerate(kinds.items(), start=1):
         said(f"Joint {key[1]} of {key[0]} ({number} of {len(kinds)})")
         _covariates(joints)
+        rounds = []
         for robust in (True, False):
             shared[key] = tuple(_pooled(joints, p, robust) for p in range(len(JOINT_PARAMETERS)))
-            found = [_looked_at(joint, shared[key], known) for joint in joints]
-        for some, e in found:
-            everything += some
-            looks += e
+            rounds.append([_looked_at(joint, shared[key], known) for joint in joints])
+        for first, (some, e) in zip(*rounds, strict=True):
+            capped = [_capped(f, first) for f in some]
+            everything += [f for f in capped if f.log_e > _WORTH]
+            looks += [*(f.log_e for f in capped), *e[len(some) :]]
     said("What the robots carry")
     scatter = scatter_of(series.robots)
     for robot in series.robots:
@@ -98,6 +100,13 @@ def fleet_changes(series: FleetSeries, said: Callable[[str], None] = lambda s: N
     histories = tuple(_history(j, shared[key]) for key, joints in kinds.items() for j in joints)
     candidates = sorted(candidates_of(everything), key=lambda c: -c.log_e)
     return FleetChanges(series, tuple(candidates), tuple(looks), histories, shared)
+
+
+def _capped(found: Found, first: tuple[list[Found], list[float]]) -> Found:
+    """The change with no more evidence than in the first round. In the second the scatter is what is left beside the changes of
+    the first: where one robot with few bags tells it, that speaks for them."""
+    before = [f.log_e for f in first[0] if f.quantity == found.quantity]
+    return replace(found, log_e=min(found.log_e, max(before, default=first[1][-1])))
 
 
 def _covariates(joints: Sequence[_Joint]) -> None:

@@ -27,6 +27,11 @@ _PRIOR_STD = np.array([2.0, 2.0, 4.0, 2.0])
 """Of the logarithms of scatter / stated variance, wander in a year / (stated variance + scatter), spread / (the same), deviation
 / (the same): a factor of 7 is usual each way, and a fleet of some robots tells them all; the spread's is wide, so that a single
 robot is compared with itself alone."""
+_FIRST_STD = 0.5
+"""Of scatter and wander in the first round, about what the median of the steps between neighbours and the prior say: a single
+robot that changed is not taken for one that wanders; some robots outweigh it."""
+_MEDIAN_SQUARE = 0.455
+"""Of a normal variable of variance 1."""
 _YEAR = 365.25
 _DOF = 5.0
 """Of Student's distribution by which odd bags and changes that are not known yet weigh less in the first round."""
@@ -91,12 +96,16 @@ def pooled(series: Sequence[OneSeries], robust: bool) -> Pooled:
     scaled, variance = (y - centre) / unit, np.concatenate([s.variance for s in kept]) / stated
     dof = _DOF if robust else 0.0
 
+    jumps = np.concatenate([np.diff((s.y - centre) / unit) for s in kept if len(s.y) > 1] or [np.zeros(1)])
+    rough = max(0.5 * float(np.median(jumps**2)) / _MEDIAN_SQUARE - 1.0, 0.05)
+    prior, width = _PRIOR.copy(), _PRIOR_STD.copy()
+    if robust:
+        prior[0], width[:2] = np.log(rough), _FIRST_STD
+
     def loss(p: FloatArray) -> float:
         value, _ = _likelihood(days, scaled, variance, x, start, _natural(p), dof)
-        return float(-value + 0.5 * np.sum(((p - _PRIOR) / _PRIOR_STD) ** 2))
+        return float(-value + 0.5 * np.sum(((p - prior) / width) ** 2))
 
-    jumps = np.concatenate([np.diff((s.y - centre) / unit) for s in kept if len(s.y) > 1] or [np.zeros(1)])
-    rough = max(0.5 * float(np.median(jumps**2)) / 0.455 - 1.0, 0.05)
     first = np.array([np.log(rough), -2.0, np.log(max(float(np.var(scaled)), 1.0) / (1.0 + rough)), -2.0])
     best = minimize(loss, first, method="Nelder-Mead", options={"xatol": 0.05, "fatol": 0.02, "maxfev": 240}).x
     r, q, spread, deviation = _natural(best)

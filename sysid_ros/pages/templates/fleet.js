@@ -96,7 +96,7 @@ function show(name, jointName, q) {
   document.querySelectorAll("a.lane").forEach(a => a.toggleAttribute("aria-current", decodeURIComponent(a.hash.slice(1)) === name));
   chosen.hidden = !robot;
   if (!robot) return;
-  const parts = [element("h2", {}, robot.name), element("p", { class: "note" }, `A ${robot.kind}, ${robot.days.length} bags, ${dated(robot.days[0])} to ${dated(robot.days[robot.days.length - 1])}. The line is the trend with its 95 % region, without what temperature and load do; a point is a bag.`)];
+  const parts = [element("h2", {}, robot.name), element("p", { class: "note" }, `Kind ${robot.kind}, ${robot.days.length} bags, ${dated(robot.days[0])} to ${dated(robot.days[robot.days.length - 1])}. The line is the trend with its 95 % region, without what temperature and load do; a point is a bag.`)];
   parts.push(...told(name, null).map(alarmText));
   if (robot.joints.length) {
     const grid = element("div", { class: "sparks" }, element("span"), ...fleet.quantities.slice(0, -1).map(k => element("span", {}, `${k.words} [${k.unit}]`)));
