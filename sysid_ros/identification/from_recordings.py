@@ -95,8 +95,8 @@ def identify_recordings(
     return replace(result, ceiling=_ceiling(robot, result.series))
 
 
-def _ceiling(robot: RobotModel, series: Sequence[ResidualSeries]) -> Ceiling:
-    """What black boxes predict of what the model leaves where it was not fitted."""
+def _ceiling(robot: RobotModel, series: Sequence[ResidualSeries]) -> Ceiling | None:
+    """What black boxes predict of what the model leaves where it was not fitted; None where no stretch is long enough to ask."""
     motions, rest = [], []
     for s in series:
         cuts = np.flatnonzero(np.diff(s.t) > 1.5 * s.period) + 1
@@ -106,7 +106,7 @@ def _ceiling(robot: RobotModel, series: Sequence[ResidualSeries]) -> Ceiling:
                 even = s.t[a] + s.period * np.arange(b - a)
                 motions.append(Motion(robot, even, s.q[rows], s.v[rows], s.a[rows], s.tau_measured[rows], s.tau_nominal[rows]))
                 rest.append(s.residual[rows])
-    return ceiling(robot.joint_names, motions, rest)
+    return ceiling(robot.joint_names, motions, rest) if motions else None
 
 
 def _check_empty(robot: RobotModel, recordings: Sequence[Recording], accept_doubts: bool) -> list[Problem]:
