@@ -26,7 +26,7 @@ from sysid_ros.fleet.changes.evidence import JointEvidence, interval, shapes
 from sysid_ros.fleet.changes.fleet_changes import FleetChanges, fleet_changes
 from sysid_ros.fleet.changes.pooled import OneSeries, pooled
 from sysid_ros.fleet.changes.series import FleetSeries, RobotSeries, fleet_series
-from sysid_ros.fleet.fleet_page import fleet_page
+from sysid_ros.fleet.fleet_page import answer, fleet_page
 from sysid_ros.fleet.schema import JOINT_PARAMETERS
 from sysid_ros.fleet.store import Results, Store
 from sysid_ros.sample import FloatArray
@@ -101,7 +101,7 @@ def simple_evidence(y: FloatArray, std: float, correlation: float = 0.0) -> Join
     n, p = y.shape
     block = std**2 * ((1.0 - correlation) * np.eye(p) + correlation)
     covariance = np.einsum("nm,pq->npmq", np.eye(n), block) + np.einsum("nm,pq->npmq", np.full((n, n), 100.0), np.eye(p))
-    return JointEvidence(y, covariance, np.full(p, std), shapes(7.0 * np.arange(n)))
+    return JointEvidence(y, covariance, np.full(p, std), shapes(np.arange(0.0, 7.0 * n, 7.0)))
 
 
 def test_evidence_has_mean_one_where_nothing_changes() -> None:
@@ -116,7 +116,7 @@ def test_bayes_factor_is_that_of_the_gaussian_densities() -> None:
     rng = np.random.default_rng(4)
     y, std = rng.normal(size=(6, 1)), 1.0
     look = simple_evidence(y, std).look()
-    courses = shapes(7.0 * np.arange(6))
+    courses = shapes(np.arange(0.0, 7.0 * 6, 7.0))
     C = np.eye(6) + 100.0
 
     def log_density(cov: FloatArray) -> float:
@@ -180,7 +180,7 @@ def test_interval_of_a_mixture() -> None:
 
 def test_what_robots_share_is_learned() -> None:
     rng = np.random.default_rng(8)
-    days, made = 7.0 * np.arange(60), []
+    days, made = np.arange(0.0, 7.0 * 60, 7.0), []
     for _ in range(15):
         x = rng.normal(size=(60, 1))
         y = 2.0 + 0.5 * rng.normal() + 0.3 * x[:, 0] + rng.normal(scale=np.hypot(0.1, 0.2), size=60)
@@ -196,7 +196,7 @@ def test_what_robots_share_is_learned() -> None:
 def robot_with(mass: FloatArray) -> RobotSeries:
     n = len(mass)
     names = tuple(f"bag_{k}" for k in range(n))
-    return RobotSeries("r", "k", 7.0 * np.arange(n), names, names, (), mass, np.full(n, 0.03))
+    return RobotSeries("r", "k", np.arange(0.0, 7.0 * n, 7.0), names, names, (), mass, np.full(n, 0.03))
 
 
 def test_products_are_no_tool_and_a_tool_is_told_under_products() -> None:
@@ -275,3 +275,36 @@ def test_a_bag_that_is_written_is_read(tmp_path: Path) -> None:
 
     recording = load(next((out / "robot_01").iterdir()))
     assert recording.duration == pytest.approx(4.0 - 1.0 / 50.0)
+
+
+def test_bags_of_one_date_tell_no_change(tmp_path: Path) -> None:
+    fleet = draw_fleet(replace(SMALL, robots=1, weeks=4, changes={}), URDFS)
+    rows = [Results(r.bag, r.joints, r.payloads) for r in drawn_rows(fleet)]
+    for row in [row for r in rows for row in (r.bag, *r.joints, *r.payloads)]:
+        row["date"] = SMALL.start
+    store = Store(tmp_path / "store", create=True)
+    with store.writing():
+        store.append(rows)
+    series = fleet_series(store)
+    changes = fleet_changes(series)
+    assert alarms(changes) == ()
+    assert "of one date" in series.notes[0]
+    assert "can't be told" in answer((), series)
+
+
+UR10E = Path(__file__).resolve().parents[2] / "shared" / "data" / "ur10e"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not UR10E.is_dir(), reason="the recordings of ../shared/data are not here")
+def test_a_real_arm_as_a_fleet_of_one(tmp_path: Path) -> None:
+    """Its recordings carry one date all: the report tells what was found of each and says that no change can be told."""
+    pytest.importorskip("distributed", reason="the extra fleet is not installed")
+    robots, store = tmp_path / "robots.yaml", tmp_path / "store"
+    robots.write_text(f"robots: [{{robot: ur10e, kind: ur10e, urdf: {UR10E / 'ur10e.urdf'}}}]\n")
+    made = CliRunner().invoke(batch, [str(UR10E), "--robots", str(robots), "--out", str(store), "--workers", "1"])
+    assert made.exit_code == 0, made.output
+    said = CliRunner().invoke(batch, ["report", str(store)])
+    assert said.exit_code == 0, said.output
+    assert "can't be told" in said.output
+    assert len(fleet_series(Store(store)).robots[0].bags) == 6

@@ -69,6 +69,7 @@ def command(store: Path, out: Path | None, rate: float, json_path: Path | None, 
 
 def _show(found: Any, series: Any, path: Path) -> None:
     from sysid_ros.fleet.changes.alarms import percent
+    from sysid_ros.fleet.fleet_page import answer
 
     columns = ("robot", "what", "since", "95 %", "sure", "costs")
     shown = table(f"What changed on {len(series.robots)} robots", *columns, words=("what", "costs"))
@@ -80,5 +81,5 @@ def _show(found: Any, series: Any, path: Path) -> None:
     if found:
         report().print(shown)
     else:
-        report().print(f"Nothing changed on {len(series.robots)} robots that their bags could show.")
+        report().print(answer(found, series))
     note(f"The page is {path}.")

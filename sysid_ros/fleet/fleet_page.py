@@ -12,7 +12,7 @@ import numpy as np
 from sysid_ros.fleet.changes.alarms import Alarm, percent
 from sysid_ros.fleet.changes.fleet_changes import FleetChanges, JointHistory
 from sysid_ros.fleet.changes.quantities import CARRIED, QUANTITIES
-from sysid_ros.fleet.changes.series import RobotSeries
+from sysid_ros.fleet.changes.series import FleetSeries, RobotSeries
 from sysid_ros.fleet.schema import JOINT_PARAMETERS
 from sysid_ros.pages.page import page
 from sysid_ros.sample import FloatArray
@@ -40,7 +40,7 @@ def fleet_page(
     start, end = changes.series.start, changes.series.date(changes.series.last)
     return page(
         "fleet.html",
-        answer=_answer(alarms, len(robots)),
+        answer=answer(alarms, changes.series),
         where=f"{where}, {start:%Y-%m-%d} to {end:%Y-%m-%d}",
         lead=f"{len(robots)} robots, {bags} bags. Of the alarms, at most {100 * rate:g} % are expected to be false.",
         alarms=told,
@@ -60,11 +60,15 @@ def fleet_page(
     )
 
 
-def _answer(alarms: Sequence[Alarm], robots: int) -> str:
-    changed = len({a.change.robot for a in alarms})
+def answer(alarms: Sequence[Alarm], series: FleetSeries) -> str:
+    """In a sentence; robots whose bags are of one date are no robots of which nothing changed."""
+    changed, judged = len({a.change.robot for a in alarms}), sum(r.over_time for r in series.robots)
+    if not judged:
+        return "Whether anything changed can't be told: every robot's bags are of one date."
+    of = f"{judged} robot{'s' if judged > 1 else ''}"
     if not changed:
-        return f"Nothing changed on any of the {robots} robots that their bags could show."
-    return f"{changed} of {robots} robots changed."
+        return f"Nothing changed on {of} that the bags could show."
+    return f"{changed} of {of} changed."
 
 
 def _ordered(changes: FleetChanges, alarms: Sequence[Alarm]) -> list[RobotSeries]:

@@ -51,6 +51,11 @@ class RobotSeries:
     mass: FloatArray
     mass_std: FloatArray
 
+    @property
+    def over_time(self) -> bool:
+        """Whether its bags are of more than one date: of one alone no change can be told."""
+        return bool(self.days[-1] > self.days[0])
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FleetSeries:
@@ -95,6 +100,9 @@ def fleet_series(store: Store) -> FleetSeries:
     payloads = _by_bag(store.read("payloads", ["hash", "model", "version", "job", "mass", "mass_std", "status"]))
     start = min(b["date"] for b in bags).astimezone(UTC)
     robots = [_robot(name, some, joints, payloads, start, notes) for name, some in sorted(by_robot.items())]
+    for robot in robots:
+        if not robot.over_time:
+            notes.append(f"{robot.name}: its {len(robot.bags)} bags are all of one date; whether it changed can't be told.")
     return FleetSeries(start, tuple(robots), tuple(notes))
 
 
