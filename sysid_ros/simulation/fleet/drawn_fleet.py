@@ -21,7 +21,8 @@ USUAL = 35.0
 _COULOMB, _VISCOUS, _ROTOR = (0.015, 0.05), (0.01, 0.03), 0.6
 """Friction as parts of the effort limit, between robots; rotor as a part of what the links weigh about the joint."""
 _BY_TEMPERATURE = dict(zip(LINEAR[:2], (-0.004, -0.012), strict=True))
-"""Change of dry and of viscous friction, the first two [1/K]: grease (Bittencourt, Gunnarsson 2012, find that of viscous friction some times the Coulomb's)."""
+"""Change of dry and of viscous friction, the first two [1/K]: grease
+(Bittencourt, Gunnarsson 2012, find that of viscous friction some times the Coulomb's)."""
 SCATTER = {
     "coulomb_friction": 0.03,
     "viscous_friction": 0.05,
