@@ -14,7 +14,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from sysid_ros.plain_json import plain
+from sysid_ros.files import plain
 
 
 @dataclass(frozen=True, slots=True)

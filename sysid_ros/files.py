@@ -1,15 +1,21 @@
-"""Files and folders that are written whole or not at all: beside their target first, and renamed when they are done."""
+"""Files and folders that are written whole or not at all: beside their target first, and renamed when they are done. Values as
+files of JSON have them."""
 
 from __future__ import annotations
 
 import errno
+import math
 import os
 import secrets
 import shutil
 import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import fields, is_dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from sysid_ros.exceptions import OutputError
 
@@ -212,3 +218,21 @@ _CURES = {
     errno.EPERM: " Choose a folder that you may write to.",
     errno.EROFS: " Choose a folder that you may write to.",
 }
+
+
+def plain(value: Any) -> Any:
+    """Arrays, their numbers and tuples as lists and numbers, complex numbers as [real, imaginary], dataclasses as mappings,
+    numbers that are not finite as None, all else as it is."""
+    if is_dataclass(value):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, dict):
+        return {key: plain(v) for key, v in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, complex):
+        return [plain(value.real), plain(value.imag)]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -10,9 +10,9 @@ from two_mass import FINE, TwoMass, model_of, multisine, published, sweep
 
 from sysid_ros.effects import CoulombFriction
 from sysid_ros.exceptions import DataError
+from sysid_ros.files import plain
 from sysid_ros.frequency_domain import JointCheck, check_frequency
 from sysid_ros.identification import Recording
-from sysid_ros.plain_json import plain
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.known_effect import KnownEffect
 

@@ -16,7 +16,7 @@ MODULES = {".".join(("sysid_ros", *p.relative_to(PACKAGE).with_suffix("").parts)
 MOST_LINES = 36_500
 MOST_FILE_LINES = 300
 MOST_FUNCTION_LINES = 60
-MOST_ROOMS, MOST_ROOT_FILES = 27, 8
+MOST_ROOMS, MOST_ROOT_FILES = 26, 8
 MOST_FILES = {"identification": 28, "diagnosis": 30, "frequency_domain": 16}
 
 

@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "sysid_ros"
 
 # Each unit (a module of the root, or a sub-package) imports only units of earlier rows, and itself.
 LEVELS = (
-    {"exceptions", "plain_json", "sample"},
+    {"exceptions", "sample"},
     {"files"},
     {"estimators"},
     {"online_settings"},
@@ -52,7 +52,6 @@ CONFINED = {
     "pinocchio": {"robot", "floating"},
     "coal": {"robot"},
     "click": {"cli"},
-    "sklearn": {"blackbox"},
 }
 
 

@@ -15,7 +15,7 @@ from sysid_ros.blackbox.left_out_ridge import ridge_path
 from sysid_ros.blackbox.rest_boxes import BOXES
 from sysid_ros.blackbox.rest_inputs import RestInputs, Spread, cutoff_of
 from sysid_ros.exceptions import ModelFileError
-from sysid_ros.plain_json import plain
+from sysid_ros.files import plain
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.motion import Motion
 from sysid_ros.signals.zero_phase import low_passed

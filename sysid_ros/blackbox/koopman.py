@@ -166,7 +166,7 @@ class Koopman(BlackBox):
         for k in range(out.shape[1]):
             now = u[:, d - 1 + k]
             psi = np.column_stack([psi, now]) @ F.T
-            y = np.clip(np.nan_to_num(psi[:, :p]), -limit, limit)
+            y = np.clip(np.nan_to_num(psi[:, :p], nan=np.inf), -limit, limit)  # inf - inf has run away too
             out[:, k] = y
             if relift:
                 older_u = state[:, d * p :]
@@ -176,7 +176,7 @@ class Koopman(BlackBox):
                 state = state[:, : d * p + (d - 1) * u.shape[2]]
                 psi = self.dictionary(state)
             else:
-                psi = np.clip(np.nan_to_num(psi), -1e12, 1e12)
+                psi = np.clip(np.nan_to_num(psi, nan=np.inf), -1e12, 1e12)
         return out
 
     def _error(self, found: Sequence[_Map], pieces: Sequence[Series], fold: NDArray[np.intp], relift: bool) -> float:

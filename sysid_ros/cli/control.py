@@ -16,8 +16,8 @@ from sysid_ros.cli.simulate_output import named_option  # says so where PyBullet
 from sysid_ros.control.control_settings import ControlSettings
 from sysid_ros.control.tracking_run import TrackingRun
 from sysid_ros.exceptions import SettingsError
+from sysid_ros.files import plain
 from sysid_ros.pages import check_plot_paths
-from sysid_ros.plain_json import plain
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation import ArmScenario
 from sysid_ros.simulation.tracking import TRACKED, track

@@ -16,8 +16,7 @@ from sysid_ros.excitation.excitation_settings import ExcitationSettings
 from sysid_ros.excitation.feasibility import Feasibility
 from sysid_ros.excitation.motion_limits import JointLimit, MotionLimits
 from sysid_ros.excitation.multisine import Multisine, crest_factor, multisines
-from sysid_ros.files import check_bag
-from sysid_ros.plain_json import plain
+from sysid_ros.files import check_bag, plain
 from sysid_ros.robot.collision_model import CollisionModel
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray

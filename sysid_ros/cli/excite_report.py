@@ -13,7 +13,7 @@ from sysid_ros.excitation.criteria import Criteria
 from sysid_ros.excitation.excitation_settings import ExcitationSettings
 from sysid_ros.excitation.excite import Excitation
 from sysid_ros.excitation.motion_limits import KINDS
-from sysid_ros.plain_json import plain
+from sysid_ros.files import plain
 
 _EQUATION = "q_j(t) = offset[j] + sum_l sine[l][j] sin((l+1) w t) + cosine[l][j] cos((l+1) w t), w = 2 pi / period"
 _ROWS = (

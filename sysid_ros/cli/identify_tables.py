@@ -12,12 +12,12 @@ from rich.markup import escape
 
 from sysid_ros.cli.output import report, table
 from sysid_ros.effects import Effect, named
+from sysid_ros.files import plain
 from sysid_ros.identification import Identification
 from sysid_ros.identification.free_effects import frictions, own_knobs
 from sysid_ros.identification.result import Parameter, TorqueError
 from sysid_ros.pages.identification_page import summary
 from sysid_ros.pages.residual_curves import residual_curves
-from sysid_ros.plain_json import plain
 
 
 def show(result: Identification, console: Console | None = None, verbose: bool = False) -> None:

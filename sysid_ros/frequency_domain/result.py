@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from sysid_ros.files import plain
 from sysid_ros.frequency_domain.beyond_linear import Distortion, MissingFriction
 from sysid_ros.frequency_domain.causes import Cause
 from sysid_ros.frequency_domain.local_fit import Window
 from sysid_ros.frequency_domain.modes import Modes
 from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.frequency_domain.verdict import Verdict
-from sysid_ros.plain_json import plain
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.postures import Postures
 

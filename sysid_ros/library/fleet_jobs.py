@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.files import plain
 from sysid_ros.fleet.jobs import Opened
 from sysid_ros.fleet.schema import JOINT_PARAMETERS
 from sysid_ros.fleet.store import Results
@@ -15,7 +16,6 @@ from sysid_ros.library.recording import Recording
 from sysid_ros.library.results import Identified, Result
 from sysid_ros.library.robot import Robot
 from sysid_ros.online.carried import Carried
-from sysid_ros.plain_json import plain
 
 _TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 

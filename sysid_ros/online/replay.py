@@ -11,13 +11,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from sysid_ros.files import whole
+from sysid_ros.files import plain, whole
 from sysid_ros.input_gate import Gate
 from sysid_ros.online.carried import Carried, carried
 from sysid_ros.online.live_estimation import explained
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.payload_estimate import PayloadEstimate, PayloadEvent
-from sysid_ros.plain_json import plain
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.sample import ContactRecord, ImuRecord, JointStateRecord
 from sysid_ros.signals.postures import PostureLog, Postures

@@ -189,9 +189,8 @@ class RobotModel:
     def payload_regressor(self, q: FloatArray, v: FloatArray, a: FloatArray, frame: int) -> FloatArray:
         """Y of a body fixed to a frame (index from :meth:`frame_id`), shape (n, 10): ``J_frame' Y_body``, parameters in it."""
         pin.rnea(self.model, self.data, q, v, a)
-        out = np.empty((self.n, 10))
-        self.fill_payload_regressor(q, frame, out)
-        return out
+        body = pin.frameBodyRegressor(self.model, self.data, frame)
+        return np.asarray(pin.computeFrameJacobian(self.model, self.data, q, frame, pin.LOCAL).reshape(6, self.n).T @ body)
 
     def fill_payload_regressor(self, q: FloatArray, frame: int, out: FloatArray) -> None:
         """As :meth:`payload_regressor`, into ``out``, where :meth:`rnea` has just run on the same q, v, a (its body accelerations

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.exceptions import SettingsError
 from sysid_ros.robot.rotation import quaternion, rotation_of
 from sysid_ros.sample import FREE, FloatArray, ImuRecord
 from sysid_ros.simulation.legged_gait import LeggedGait
@@ -17,7 +16,7 @@ from sysid_ros.simulation.legged_robot import IMU_LINK, LeggedRobot, inverse
 from sysid_ros.simulation.legged_scenario import OWN, LeggedScenario
 from sysid_ros.simulation.legged_world import STEP, LeggedWorld
 from sysid_ros.simulation.payload import Payload
-from sysid_ros.simulation.quadruped_scenario import SETTLE_TIME
+from sysid_ros.simulation.quadruped_scenario import SETTLE_TIME, fallen
 from sysid_ros.simulation.quadruped_state import QuadrupedState
 from sysid_ros.simulation.scenario import CONTROL_RATE
 from sysid_ros.simulation.simulation import Simulation
@@ -192,10 +191,7 @@ class LeggedSimulation(Simulation[QuadrupedState]):
     def _check_stands(self, t: float) -> None:
         trunk = self.world.trunk
         if not 0.4 * self.legged.height < trunk.position[2] < 2.0 * self.legged.height or trunk.rotation[2, 2] < 0.6:
-            raise SettingsError(
-                f"payload_mass is {self.scenario.payload_mass} at {self.scenario.payload_com}, and the robot has fallen at "
-                f"{t:.2f} s. Take a lighter payload, nearer to the middle of the back, a smaller slope or a lower speed."
-            )
+            raise fallen(self.scenario, t)
 
     def truth(self, start_time: float = 0.0) -> dict[str, Any]:
         """All that the recording hides, in plain types; times are stamps, ``start_time`` [s] is the first one."""

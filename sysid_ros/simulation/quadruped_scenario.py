@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid_ros.exceptions import SettingsError
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.description import FEET
 from sysid_ros.simulation.quadruped_motion import GAITS
@@ -94,3 +95,11 @@ class QuadrupedScenario(Scenario):
         axis = np.array([math.sin(heading), -math.cos(heading), 0.0])
         cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
         return np.asarray(np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross)
+
+
+def fallen(scenario: QuadrupedScenario, t: float) -> SettingsError:
+    """What is said of a robot that has fallen at t [s]."""
+    return SettingsError(
+        f"payload_mass is {scenario.payload_mass} at {scenario.payload_com}, and the robot has fallen at {t:.2f} s. Take a "
+        "lighter payload, nearer to the middle of the back, a smaller slope or a lower speed."
+    )

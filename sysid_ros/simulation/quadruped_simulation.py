@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.exceptions import SettingsError
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.rotation import quaternion, rotation_of
@@ -20,7 +19,7 @@ from sysid_ros.simulation.payload import Payload
 from sysid_ros.simulation.quadruped import Hoist, QuadrupedWorld
 from sysid_ros.simulation.quadruped_controller import QuadrupedController
 from sysid_ros.simulation.quadruped_motion import Trot, TrunkMotion
-from sysid_ros.simulation.quadruped_scenario import SETTLE_TIME, QuadrupedScenario
+from sysid_ros.simulation.quadruped_scenario import SETTLE_TIME, QuadrupedScenario, fallen
 from sysid_ros.simulation.quadruped_state import QuadrupedState
 from sysid_ros.simulation.scenario import CONTROL_RATE
 from sysid_ros.simulation.simulation import Simulation
@@ -189,10 +188,7 @@ class QuadrupedSimulation(Simulation[QuadrupedState]):
     def _check_stands(self, t: float) -> None:
         height = float(self._ground[:, 2] @ self.world.trunk.position)
         if not 0.1 < height < 0.5:
-            raise SettingsError(
-                f"payload_mass is {self.scenario.payload_mass} at {self.scenario.payload_com}, and the robot has fallen at "
-                f"{t:.2f} s. Take a lighter payload, nearer to the middle of the back, a smaller slope or a lower speed."
-            )
+            raise fallen(self.scenario, t)
 
     def truth(self, start_time: float = 0.0) -> dict[str, Any]:
         """All that the recording hides, in plain types; times are stamps, ``start_time`` [s] is the first one."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 CARRIED = "payload"
 """What is not a joint's: the thing at the tip."""
 
@@ -49,7 +51,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         "torque constant, current sensor, motor magnets (heat), a drive that was exchanged",
     ),
     "joint_offset": Quantity(
-        "zero of the joint", "deg", 57.29577951308232, "zero that slipped", "zero that slipped",
+        "zero of the joint", "deg", float(np.degrees(1.0)), "zero that slipped", "zero that slipped",
         lambda d: f"{1000.0 * abs(d):.2g} mm at the tip for each metre from this joint",
         "collisions at that time, coupling, belt, encoder, mastering; teach the zero anew",
     ),
