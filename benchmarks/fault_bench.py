@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import InertiaStamped
+from geometry_msgs.msg import InertiaStamped, Vector3
 from lifecycle_msgs.srv import ChangeState
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -60,7 +60,8 @@ FAULTS = (
     Fault("a third of the states lost", (), goes_on=True),
     Fault("false payload", ("is not what the arm carries",), goes_on=True),
     Fault("impossible payload", ("no body that can exist",), goes_on=True),
-    Fault("unknown payload picked", (), goes_on=True),
+    Fault("unknown payload picked", ("the model does not know",), goes_on=True),
+    Fault("contact", ("external_force", "something changed", "the model does not know", "from where it should be"), goes_on=True),
     Fault("wild trajectory", ("refused",), goes_on=True),
     Fault("estimator killed", (), goes_on=True),
 )
@@ -111,6 +112,7 @@ class FaultBench:
         self._relay = node.create_publisher(JointState, "relayed", 1)
         self._motions = node.create_publisher(JointTrajectory, "adaptive_controller/joint_trajectory", 1)
         self._payloads = node.create_publisher(InertiaStamped, "online_payload_estimator/payload_committed", _LATCHED)
+        self._push = node.create_publisher(Vector3, "simulated_robot/push", 10)
         self._pick: Any = node.create_client(Trigger, "simulated_robot/pick")
         best = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._kept = (
@@ -139,6 +141,8 @@ class FaultBench:
         self._said.clear()
         begin = len(self._seen)
         self._inject(fault)
+        if fault.name == "contact":  # what the force itself moves is not the controller's doing
+            begin = len(self._seen)
         self._spin(max(WATCHED, duration - at + 0.5 if fault.goes_on else 0.0))
         outcome = self._judge(fault, at, begin, goal)
         self._recover()
@@ -151,7 +155,7 @@ class FaultBench:
         efforts = np.array(self._efforts[-2000:]).reshape(-1, self.robot.n)
         passed = bool(np.any(np.abs(efforts) > self.robot.effort_limit + 1e-6) or np.any(np.abs(v) > self.robot.velocity_limit))
         if fault.goes_on:
-            moved = float(np.max(self._away[begin:]))
+            moved = float(np.max(self._away[begin:])) - (self._away[begin] if fault.name == "contact" else 0.0)
             faster = 0.0
         else:
             moved = float(np.abs(q - q[0]).max())
@@ -176,6 +180,12 @@ class FaultBench:
             self._pick.call_async(Trigger.Request())
         elif name in ("false payload", "impossible payload"):
             self._tell(4.0, 0.02 if name == "false payload" else -0.02)
+        elif name == "contact":
+            force = self._rng.normal(size=3)
+            force *= self._rng.uniform(10.0, 40.0) / np.linalg.norm(force)
+            self._push.publish(Vector3(x=force[0], y=force[1], z=force[2]))
+            self._spin(float(self._rng.uniform(0.1, 0.5)))
+            self._push.publish(Vector3())
         elif name == "wild trajectory":
             wild = self._rng.choice(["far", "nan", "fast"])
             q = self._seen[-1][1] + {"far": 5.0, "nan": np.nan, "fast": 0.5}[wild]

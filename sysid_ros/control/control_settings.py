@@ -26,7 +26,7 @@ class ControlSettings(Settings):
     expected_radius: float = setting(0.1, "of a ball with that mass about the frame's origin", "m", 0.001, 5.0)
     blend: float = setting(0.3, "time over which computed torque takes over a new payload", "s", 0.0, 60.0)
     adaptation_time: float = setting(0.05, "of the adaptive laws, at the posture where they are fastest", "s", 0.001, 60.0)
-    composite_time: float = setting(0.5, "in which the composite law is drawn towards the estimator", "s", 0.001, 60.0)
+    composite_time: float = setting(0.2, "in which the composite law is drawn towards the estimator", "s", 0.001, 60.0)
     loop_delay: float = setting(
         0.004, "from a joint state to the effort that answers it, the period of the joint states included", "s", 0.0001, 1.0
     )

@@ -27,6 +27,14 @@ class Reference:
     v: FloatArray
     a: FloatArray
 
+    def advance(self, later: Reference, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Where an arm measured at q and v, shape (n,) each, will be when ``later`` is wanted, if its error stays the same.
+
+        A torque acts some time after the state that it answers. Model and motion are taken at that time, the error is that of
+        now: so the delay costs no accuracy along a wanted motion, and the feedback is what it was.
+        """
+        return q + later.q - self.q, v + later.v - self.v
+
 
 class TrackingController(ABC):
     """A control law ``tau = k(q, v, reference)``, with or without a memory of what the arm carries.

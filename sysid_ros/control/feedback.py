@@ -16,23 +16,27 @@ _FIRMEST = 0.5
 class Feedback:
     """The inertia M_e = M + alpha M_p that all laws weight their feedback by, and their bandwidth w.
 
-    M_p is what the usual payload adds. An arm without it that obeys ``M a = -2 w M_e v`` a delay T late is damped at rates up to
-    ``2 w (1 + alpha lambda)``, lambda the largest eigenvalue of M^-1 M_p over all postures; alpha is the largest up to 1 for
+    M_p is what the usual payload adds. A law damps by ``w ((2 - k) M + k M_e)``: k is 2 for computed torque, 1 for laws whose
+    wanted acceleration holds the error's velocity. An arm without payload that obeys this a delay T late is damped at rates up to
+    ``w (2 + k alpha lambda)``, lambda the largest eigenvalue of M^-1 M_p over all postures; alpha is the largest up to 1 for
     which that is at most 0.5 / T, and w is lowered only where alpha = 0 is not enough.
 
     Args:
-        arm: the model. settings: bandwidth, usual payload and delay of the loop.
+        arm: the model. settings: bandwidth, usual payload and delay of the loop. weighted: k.
 
     Attributes:
-        bandwidth: w [rad/s]. share: alpha. delay: T [s]. notes: what was lowered, a sentence each.
+        bandwidth: w [rad/s]. share: alpha. delay: T [s].
+        lead: T / 2, when a torque is taken to act [s]: the true delay lies somewhere between none and T.
+        notes: what was lowered, a sentence each.
     """
 
-    def __init__(self, arm: ArmTorque, settings: ControlSettings) -> None:
-        self._arm, self.delay = arm, settings.loop_delay
-        most = _FIRMEST / (2.0 * settings.loop_delay)
-        self.bandwidth = min(settings.bandwidth, most)
+    def __init__(self, arm: ArmTorque, settings: ControlSettings, weighted: float = 2.0) -> None:
+        self._arm, self.delay, self.lead = arm, settings.loop_delay, settings.loop_delay / 2.0
+        fastest = _FIRMEST / settings.loop_delay
+        self.bandwidth = min(settings.bandwidth, fastest / 2.0)
         heaviest = _largest_added(arm, settings.expected_payload)
-        self.share = float(np.clip((most / self.bandwidth - 1.0) / max(heaviest, 1e-12), 0.0, 1.0))
+        self.share = float(np.clip((fastest / self.bandwidth - 2.0) / max(weighted * heaviest, 1e-12), 0.0, 1.0))
+        self._firmest = 1.0 + self.share * heaviest
         self._added: FloatArray = self.share * settings.expected_payload
         self.notes: tuple[str, ...] = ()
         if self.bandwidth < settings.bandwidth:
@@ -46,6 +50,10 @@ class Feedback:
                 "usual payload's inertia, or the lightest joint would tremble. Shorten the delay for firmer joints, or give the "
                 "rotors' inertia in model.yaml.",
             )
+
+    def calm(self, delay: float) -> float:
+        """Largest w [rad/s] for which ``M a = -2 w M_e v`` is as calm with that delay [s] as a law is with its own."""
+        return _FIRMEST / (2.0 * self._firmest * delay)
 
     def weighted(self, q: FloatArray, x: FloatArray) -> FloatArray:
         """``M_e(q) x``, shape (n,)."""

@@ -126,8 +126,10 @@ class LiveControl:
         if self.yields:
             self._give_up_if_fast(t, v)
             return self._limited(self._yielding(t, q, v, period), period)
-        tau = self._limited(self.law.torque(q, v, self.reference, period), period)
-        columns, rest = self._arm.split(q, v, v, self.reference.a, self.reference.v)
+        wanted = self._motion.at(t - self._begin + self.law.feedback.lead)
+        q, v = self.reference.advance(wanted, q, v)
+        tau = self._limited(self.law.torque(q, v, wanted, period), period)
+        columns, rest = self._arm.split(q, v, v, wanted.a, wanted.v)
         self.unmodelled.add(tau - rest - columns @ self.law.payload, period)
         if (payload := self.told.choose(columns, self.law.payload, self.unmodelled)) is not None:
             self.law.tell(payload)
@@ -185,9 +187,9 @@ class LiveControl:
         self._motion, self._begin = TimedMotion.braking(q + away, still, self.safety.braking_time), t
         self.reference = self._motion.at(0.0)
         self.error = away
-        # as calm with the delay that there is as the law's own feedback with the one that it is made for
-        w = min(_YIELDING * self.law.feedback.bandwidth, _YIELDING * 0.5 / max(self._period, self.law.feedback.delay))
-        pull = self.law.feedback.weighted(q, w**2 * away - 2.0 * w * v)
+        feedback = self.law.feedback
+        w = min(_YIELDING * feedback.bandwidth, feedback.calm(max(self._period, feedback.delay)))
+        pull = feedback.weighted(q, w**2 * away - 2.0 * w * v)
         self.unmodelled.add(pull, period)
         columns, rest = self._arm.split(q, still, still, still, still)
         return np.asarray(rest + columns @ self.law.payload + pull)
@@ -276,8 +278,7 @@ class LiveControl:
                 f"the motion is of joints {', '.join(joint_names)}; it must be of {', '.join(self.robot.joint_names)}."
             )
         order = [list(joint_names).index(name) for name in self.robot.joint_names]
-        q = q[:, order]
-        v, a = (None if x is None else x[:, order] for x in (v, a))
+        q, v, a = q[:, order], *(None if x is None else x[:, order] for x in (v, a))
         if len(t) and not t[0] >= 0.0:
             raise DataError(f"the motion begins at {t[0]:g} s; it must begin at 0 or later.")
         now = self.reference

@@ -39,7 +39,7 @@ class SlotineLi(TrackingController):
     def __init__(self, arm: ArmTorque, settings: ControlSettings, composite: bool = False) -> None:
         self._arm, self._settings, self._composite = arm, settings, composite
         self._heard: FloatArray | None = None
-        self.feedback = Feedback(arm, settings)
+        self.feedback = Feedback(arm, settings, weighted=1.0)
         self._payload: FloatArray = np.zeros(10)
         self.gain = adaptation_gain(arm, settings, self.feedback)
 

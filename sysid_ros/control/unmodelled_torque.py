@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from scipy.stats import chi2
 
 from sysid_ros.sample import FloatArray
 
@@ -12,6 +13,7 @@ _MEAN, _SCATTER = 0.1, 5.0
 """Time constants of the mean and of the squared scatter about it [s]."""
 _FIRST: Final = 0.01
 """Standard deviation before anything is known of it, in parts of the effort limit: the friction of a good gear."""
+_CHANCE: Final = 1e-3
 _SAME: Final = 1.0
 """Squared distance, in standard deviations of the torque, up to which two values told one after the other are of one payload."""
 CLEARLY: Final = 3.0
@@ -38,7 +40,8 @@ class UnmodelledTorque:
         """Nothing is known."""
         self.mean: FloatArray = np.zeros_like(self._first)
         self.variance: FloatArray = self._first.copy()
-        self._time = 0.0
+        self._time, self._furthest = 0.0, 0.0
+        self._strangest: FloatArray = np.zeros_like(self._first)
 
     def add(self, torque: FloatArray, period: float) -> None:
         """Take in what was sent beyond the model for ``period`` [s], shape (n,) [N m]."""
@@ -49,6 +52,15 @@ class UnmodelledTorque:
         self.variance = (1.0 - scatter) * self.variance + scatter * (torque - self.mean) ** 2
         part = min(period / min(_MEAN, self._time), 1.0)
         self.mean = self.mean + part * (torque - self.mean)
+        if (distance := self.distance(self.mean)) > self._furthest:
+            self._furthest, self._strangest = distance, self.mean
+
+    def strangest(self) -> FloatArray | None:
+        """The mean that was furthest from nothing since the last call, shape (n,) [N m]; None where chance makes it as large in
+        one of a thousand: friction, weight or forces that the model does not know."""
+        far, strangest = self._furthest, self._strangest
+        self._furthest, self._strangest = 0.0, np.zeros_like(self._first)
+        return strangest if chi2.sf(far, len(strangest)) < _CHANCE else None
 
     def distance(self, change: FloatArray) -> float:
         """Squared, of a change of the torque, shape (n,), in standard deviations."""

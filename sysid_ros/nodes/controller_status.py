@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from sysid_ros.control.live_control import LiveControl
@@ -61,6 +62,10 @@ def control_status(live: LiveControl, heard: Heard) -> DiagnosticStatus:
         level, texts = Level.ERROR, [*texts, f"{live.trouble}."]
     if live.reference is None or heard.age > live.safety.state_timeout:
         level, texts[0] = Level.ERROR, _no_states(live, heard)
+    if (beyond := live.unmodelled.strangest()) is not None:
+        j = int(np.argmax(np.abs(beyond) / live.robot.effort_limit))
+        texts = [*texts, f"The feedback added {abs(beyond[j]):.2g} on {live.robot.joint_names[j]} that the model does not know: "]
+        texts[-1] += "something carried, friction, or a force from outside."
     values: dict[str, Any] = {"state": "active", "mass": float(live.law.payload[0])}
     values |= {f"error.{n}": float(x) for n, x in zip(live.robot.joint_names, live.error, strict=True)}
     return status_message("controller", level, " ".join(texts), values)

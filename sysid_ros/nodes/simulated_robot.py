@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import rclpy
-from geometry_msgs.msg import InertiaStamped
+from geometry_msgs.msg import InertiaStamped, Vector3
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -78,7 +78,8 @@ class SimulatedRobot(Node):
 
     Topics: ``joint_states`` (reliable, depth 10, as joint_state_broadcaster), ``robot_description`` and ``~/truth`` (latched: the
     payload carried now, com in the tip link's frame and inertia about it; mass 0 while there is none); of the quadruped ``imu``
-    and ``contacts`` too. Services ``~/pick`` and ``~/drop``. With ``commanded`` the arm obeys ``effort_commands``
+    and ``contacts`` too. Services ``~/pick`` and ``~/drop``. A force on ``~/push`` (geometry_msgs/Vector3, the base's axes) [N]
+    presses on the arm's payload frame until the next comes. With ``commanded`` the arm obeys ``effort_commands``
     (Float64MultiArray, one effort a joint), the last one until the next comes; where none comes for ``command_timeout`` its own
     drives bring it to rest and hold it, as those of a real arm do, until the next.
 
@@ -99,6 +100,9 @@ class SimulatedRobot(Node):
         if self._commanded:
             newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
             self._effort_commands = self.create_subscription(Float64MultiArray, "effort_commands", self._on_efforts, newest)
+        self._push = None
+        if isinstance(self.simulation, ArmSimulation):
+            self._push = self.create_subscription(Vector3, "~/push", self._on_push, 10)
         self._drop_service = self.create_service(Trigger, "~/drop", self._on_drop)
         self._message = JointState(name=list(self.simulation.robot.joint_names))
         self._trunk = TrunkOutputs(self) if isinstance(self.simulation, QuadrupedSimulation) else None
@@ -211,6 +215,11 @@ class SimulatedRobot(Node):
                 f"A command was not used: {n} finite efforts are needed, {np.isfinite(effort).sum()} of its {effort.size} are.",
                 throttle_duration_sec=5.0,
             )
+
+    def _on_push(self, message: Vector3) -> None:
+        push = np.array([message.x, message.y, message.z])
+        if isinstance(self.simulation, ArmSimulation) and np.isfinite(push).all():
+            self.simulation.push = push
 
     def _publish(self, m: Measurement | QuadrupedState) -> None:
         message = self._message

@@ -76,6 +76,7 @@ class ArmSimulation(Simulation[Measurement]):
 
     Attributes:
         robot: model of the empty arm.
+        push: force on the payload frame's origin along the base's axes, shape (3,) [N]; it stays until another is set.
     """
 
     def __init__(self, scenario: ArmScenario, command: Command | None = None) -> None:
@@ -99,6 +100,8 @@ class ArmSimulation(Simulation[Measurement]):
         self._noise = np.random.default_rng(noise_seed)
         self.trajectory = _motion(scenario, np.random.default_rng(motion_seed), self.robot, loaded)
         self._schedule = _schedule(scenario)
+        self._tip = self.robot.frame_id(self.frame)
+        self.push: FloatArray = np.zeros(3)
         self.world: ArmWorld = ArmWorld(self.urdf, self.frame)
         self.world.reset(self.trajectory.centre, np.zeros(n))
 
@@ -147,7 +150,10 @@ class ArmSimulation(Simulation[Measurement]):
         q, v = world.q, world.v
         q_d, v_d, a_d = self._reference
         tau = self._command(q, v, Reference(q_d[i], v_d[i], a_d[i]))
-        world.step(self._drive.link_torque(self._models[self.carries], q, v, tau))
+        at_links = self._drive.link_torque(self._models[self.carries], q, v, tau)
+        if np.any(self.push):
+            at_links = at_links + self.robot.frame_jacobian_along(q[None], self._tip)[0].T @ self.push
+        world.step(at_links)
         self._k += 1
         return q, 0.5 * (v + world.v), tau
 

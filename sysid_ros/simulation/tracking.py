@@ -18,6 +18,7 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.arm_simulation import ArmSimulation
 from sysid_ros.simulation.scenario import CONTROL_RATE, ArmScenario
+from sysid_ros.simulation.trajectory import ExcitingTrajectory
 from sysid_ros.torque.model_file import ModelFile
 
 _LOST = 1.0
@@ -41,15 +42,20 @@ class _Tracked:
         self._limit = robot.effort_limit
         # the law's answer to one state acts until the next, so a period is there without it
         self._late: deque[FloatArray] = deque(maxlen=max(1, round(delay * CONTROL_RATE)))
-        self.clipped = 0
+        self.clipped, self._steps = 0, 0
+        self.motion: ExcitingTrajectory | None = None
         self.wanted = np.zeros(robot.n)
 
     def command(self, q: FloatArray, v: FloatArray, reference: Reference) -> FloatArray:
         s = self._scenario
         seen_q = q + s.encoder_noise * self._noise.standard_normal(len(q))
         seen_v = v + s.velocity_noise * self._noise.standard_normal(len(q))
-        tau = self._law.torque(seen_q, seen_v, reference, 1.0 / CONTROL_RATE)
         self.wanted = reference.q
+        assert self.motion is not None
+        lead = self._law.feedback.lead
+        later = Reference(*(x[0] for x in self.motion.sample(np.array([self._steps / CONTROL_RATE + lead]))))
+        self._steps += 1
+        tau = self._law.torque(*reference.advance(later, seen_q, seen_v), later, 1.0 / CONTROL_RATE)
         allowed = np.clip(tau, -self._limit, self._limit)
         self.clipped += bool(np.any(allowed != tau))
         self._late.append(allowed)
@@ -85,6 +91,7 @@ def track(
     controller = make_law("computed_torque" if law == "informed" else law, arm, settings)
     tracked = _Tracked(controller, scenario, robot, settings.loop_delay)
     simulation = ArmSimulation(scenario, tracked.command)
+    tracked.motion = simulation.trajectory
     listens = law in ("certainty_equivalence", "composite")
     estimation = OnlineEstimation(robot, OnlineSettings(frame_id=frame), known) if listens else None
     rows, lost, events = [], None, 0
