@@ -96,16 +96,18 @@ def test_computed_torque_makes_the_error_fall_as_it_promises(name: str, delay: f
     assert mass @ (a - wanted.a) == pytest.approx(law.feedback.weighted(s.q, feedback), rel=1e-6)
 
 
+@pytest.mark.parametrize("weighted", [1.0, 2.0])
 @pytest.mark.parametrize("name", ["iiwa", "small_arm"])
-def test_feedback_is_as_firm_as_the_delay_allows(name: str) -> None:
+def test_feedback_is_as_firm_as_the_delay_allows(name: str, weighted: float) -> None:
     arm, shares = ArmTorque(robot(name)), []
     for delay in (1e-4, 1e-3, 4e-3, 0.01, 0.1):
-        feedback = Feedback(arm, ControlSettings(loop_delay=delay))
+        feedback = Feedback(arm, ControlSettings(loop_delay=delay), weighted)
         shares.append(feedback.share)
         fastest = 0.0
         for q in postures(arm):
             bare = np.column_stack([arm.inertial_torque(q, e, np.zeros(10)) for e in np.eye(arm.robot.n)])
-            rates = np.linalg.eigvals(np.linalg.solve(bare, 2.0 * feedback.bandwidth * feedback.matrix(q)))
+            damping = feedback.bandwidth * ((2.0 - weighted) * bare + weighted * feedback.matrix(q))
+            rates = np.linalg.eigvals(np.linalg.solve(bare, damping))
             fastest = max(fastest, float(np.abs(rates).max()))
         assert fastest * delay <= 0.5 * (1.0 + 1e-6)
         assert bool(feedback.notes) == (feedback.share < 0.5 or feedback.bandwidth < 20.0)

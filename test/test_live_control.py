@@ -175,6 +175,40 @@ def test_an_arm_that_yields_stays_where_it_is_pushed_to(arm: Callable[..., Arm])
     assert np.abs(v[-1]).max() < 0.3
 
 
+def test_a_delay_that_is_known_costs_no_accuracy_along_a_motion(arm: Callable[..., Arm]) -> None:
+    furthest = []
+    for lead in (0.0, 1.5 / RATE):  # an answer acts from the next state to the one after it
+        one = arm(payload=1.0)
+        one.live.law.feedback.lead = lead
+        one.run(0.3)
+        goal, still = one.centre + np.array([0.6, -0.4, 0.6, 0.4, 0.6, 0.6, 0.6]), np.zeros((1, 7))
+        one.live.follow(one.sim.robot.joint_names, np.array([1.0]), goal[None], still, still)  # no jump of the acceleration
+        errors = []
+        for _ in range(100):
+            one.run(0.01)
+            errors.append(np.abs(one.live.error))
+        furthest.append(np.max(errors))
+    assert furthest[1] < 0.4 * furthest[0]
+
+
+def test_a_push_moves_the_arm_and_is_told(arm: Callable[..., Arm]) -> None:
+    one = arm()
+    one.run(1.0)
+    assert one.live.unmodelled.strangest() is None
+    one.sim.push = np.array([0.0, 40.0, 0.0])
+    one.run(0.3)
+    beyond = one.live.unmodelled.strangest()
+    assert beyond is not None
+    lever = one.sim.robot.frame_jacobian_along(one.sim.world.q[None], one.sim.robot.frame_id(one.sim.frame))[0, 1]
+    assert beyond @ lever < 0.0
+    one.sim.push = np.zeros(3)
+    q, _ = one.run(2.0)
+    assert np.abs(q[-1] - one.centre).max() < 5e-3
+    one.live.unmodelled.strangest()
+    one.run(0.5)
+    assert one.live.unmodelled.strangest() is None
+
+
 def test_efforts_do_not_jump(arm: Callable[..., Arm]) -> None:
     one = arm(effort_rise_time=0.5)
     one.run(0.3)
