@@ -209,6 +209,21 @@ def test_a_push_moves_the_arm_and_is_told(arm: Callable[..., Arm]) -> None:
     assert one.live.unmodelled.strangest() is None
 
 
+def test_a_force_is_not_kept_as_a_payload_when_the_arm_yields(arm: Callable[..., Arm]) -> None:
+    one = arm(law="slotine_li", error_limit=0.1)
+    one.run(1.0)
+    one.sim.push = np.array([0.0, 150.0, -60.0])
+    for _ in range(40):
+        one.run(0.02)
+        if one.live.yields:
+            break
+    assert one.live.yields
+    assert one.live.law.payload[0] < 0.5
+    one.sim.push = np.zeros(3)
+    _, v = one.run(1.5)
+    assert np.abs(v[-1]).max() < 0.05
+
+
 def test_efforts_do_not_jump(arm: Callable[..., Arm]) -> None:
     one = arm(effort_rise_time=0.5)
     one.run(0.3)

@@ -58,6 +58,9 @@ class TrackingController(ABC):
     def payload(self) -> FloatArray:
         """The payload that the law believes in now, ten parameters in its frame, shape (10,)."""
 
+    def recall(self, payload: FloatArray) -> None:  # noqa: B027 - what learns nothing has nothing to take back
+        """Go back to a payload that was believed in before, shape (10,): what was learned since may be somebody's force."""
+
     def tell(self, payload: FloatArray | None) -> None:  # noqa: B027 - to hear nothing is right for most laws
         """Hear of the payload that may be believed, shape (10,), or that none may be (None). Most laws do not listen."""
 

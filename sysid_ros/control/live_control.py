@@ -10,6 +10,7 @@ from sysid_ros.control.allowed_motion import require_allowed
 from sysid_ros.control.arm_torque import ArmTorque
 from sysid_ros.control.control_settings import SafetySettings
 from sysid_ros.control.controller import Reference, TrackingController
+from sysid_ros.control.state_age import StatePeriod
 from sysid_ros.control.timed_motion import TimedMotion
 from sysid_ros.control.unmodelled_torque import ToldPayload, UnmodelledTorque
 from sysid_ros.exceptions import DataError
@@ -18,8 +19,6 @@ from sysid_ros.sample import FloatArray
 _TOO_FAST = 1.5
 """Speed in parts of the URDF's limit from which something is wrong."""
 _JITTER = 1.05
-_TO_KNOW, _AVERAGE = 50, 200
-"""States after which their period is known, some of them lost, and over which it is averaged."""
 _YIELDING = 0.5
 """Bandwidth of an arm that yields, in those of its law, where its states come fast enough for that."""
 _GIVES_WAY = 0.05
@@ -28,14 +27,14 @@ _STAYS_FAST = 0.1
 """For so long may an arm that yields be too fast [s]."""
 _COAST = 0.03
 """So far may a joint go without states along the motion that it has, before it is brought to rest [rad or m]."""
+_NEAR = 0.1
+"""Error, in parts of ``error_limit``, up to which what the law learns from it is no stranger's force."""
 _BRAKING_WAY = 0.07
 """On which an arm without states comes to rest, unless ``braking_time`` is shorter [rad or m]."""
 _BRAKING = 7.0
 """Slow joints are not braked harder than this [rad/s^2 or m/s^2]; what goes on for long without states goes astray."""
 _GRID = 0.01
 """Shortest time of a motion that brakes [s]."""
-_GRACE = 3.0
-"""Periods of the joint states after which one is missing."""
 _OLDEST = 2.0
 """Age of a state in delays of the loop from which it counts as lost: with the delay itself that makes three, and from pi on what
 is damped as firmly as :class:`.Feedback` allows swings up."""
@@ -68,12 +67,12 @@ class LiveControl:
         self.following = self.yields = self.given_up = False
         self.reference: Reference | None = None
         self.error: FloatArray = np.zeros(robot.n)
-        self.clipped = np.zeros(robot.n, dtype=int)
-        self.trouble = ""
-        self._period, self._states, self._fast_since = 0.0, 0, 0.0
+        self.clipped, self.trouble = np.zeros(robot.n, dtype=int), ""
+        self._period, self._fast_since = StatePeriod(), 0.0
         self._limit = safety.effort_limit_scale * robot.effort_limit
         self.unmodelled, self.told = UnmodelledTorque(robot.effort_limit), ToldPayload()
         self._sent: FloatArray | None = None
+        self._calm = law.payload
         self._braking: tuple[TimedMotion, float] | None = None
         self._motion: TimedMotion | None = None
         self._begin = 0.0
@@ -110,9 +109,7 @@ class LiveControl:
             self._come_to_rest(t, q, v, self._shortly(v))
             period, self._braking = 0.0, None
         if period > 0.0:
-            self._states += 1
-            counted = period if self._states == 1 else min(period, _GRACE * self._period)  # a lost one says little of the rate
-            self._period += (counted - self._period) / min(self._states, _AVERAGE)
+            self._period.add(period)
         self._last_t, self._state = t, (q, v)
         assert self._motion is not None
         self.reference = self._motion.at(t - self._begin)
@@ -122,7 +119,10 @@ class LiveControl:
         if not self.yields and (fault := self._fault(v)):
             self.trouble, self.yields, self.following, self._fast_since = fault, True, False, t
             self._come_to_rest(t, q, np.zeros_like(q), self.safety.braking_time)
-            self.unmodelled.forget()  # what the feedback has been adding may be somebody's force
+            self.unmodelled.forget()  # what the feedback has been adding may be somebody's force, and what was learned from it
+            self.law.recall(self._calm)
+        if not np.any(np.abs(self.error) > _NEAR * self.safety.error_limit):
+            self._calm = self.law.payload
         if self.yields:
             self._give_up_if_fast(t, v)
             return self._limited(self._yielding(t, q, v, period), period)
@@ -139,7 +139,7 @@ class LiveControl:
         """Within the limits of the torque and of its change, shape (n,)."""
         allowed = np.clip(tau, -self._limit, self._limit)
         if self._sent is not None and np.isfinite(self._limit).all():
-            step = self._limit * min(max(period, self._period) / self.safety.effort_rise_time, 1.0)
+            step = self._limit * min(max(period, self._period.mean) / self.safety.effort_rise_time, 1.0)
             allowed = np.clip(allowed, self._sent - step, self._sent + step)
         self.clipped += allowed != tau
         self._sent = np.asarray(allowed)
@@ -162,21 +162,18 @@ class LiveControl:
             )
 
     def _fault(self, v: FloatArray) -> str:
-        far, fast = np.abs(self.error), np.abs(v) / self.robot.velocity_limit
+        far, fast, limit = np.abs(self.error), np.abs(v) / self.robot.velocity_limit, self.safety.error_limit
         j, k = int(np.argmax(far)), int(np.argmax(fast))
         names, end = self.robot.joint_names, "The arm yields, its weight held, until ~/hold"
         # not >, so that NaN is a fault too
-        if not far[j] <= self.safety.error_limit:
-            limit = self.safety.error_limit
+        if not far[j] <= limit:
             return f"{names[j]} was {far[j]:.2f} from where it should be; {limit:g} is allowed (error_limit). {end}"
         if not fast[k] <= _TOO_FAST:
             return f"{names[k]} moved at {abs(v[k]):.1f} a second, {fast[k]:.1f} times what the URDF allows. {end}"
-        if self._states > _TO_KNOW and not self._period <= _JITTER * self.law.feedback.delay:
-            period, assumed = 1e3 * self._period, 1e3 * self.law.feedback.delay
-            return (
-                f"The joint states come every {period:.1f} ms; the gains are for a loop_delay of {assumed:g} ms. Set it to more. "
-                f"{end}"
-            )
+        if self._period.known and not self._period.mean <= _JITTER * self.law.feedback.delay:
+            period, assumed = 1e3 * self._period.mean, 1e3 * self.law.feedback.delay
+            text = f"The joint states come every {period:.1f} ms; the gains are for a loop_delay of {assumed:g} ms. Set it to more."
+            return f"{text} {end}"
         return ""
 
     def _yielding(self, t: float, q: FloatArray, v: FloatArray, period: float) -> FloatArray:
@@ -188,11 +185,10 @@ class LiveControl:
         self.reference = self._motion.at(0.0)
         self.error = away
         feedback = self.law.feedback
-        w = min(_YIELDING * feedback.bandwidth, feedback.calm(max(self._period, feedback.delay)))
+        w = min(_YIELDING * feedback.bandwidth, feedback.calm(max(self._period.mean, feedback.delay)))
         pull = feedback.weighted(q, w**2 * away - 2.0 * w * v)
         self.unmodelled.add(pull, period)
-        columns, rest = self._arm.split(q, still, still, still, still)
-        return np.asarray(rest + columns @ self.law.payload + pull)
+        return np.asarray(self._weight(q) + pull)
 
     def hold(self, at_once: bool = False) -> None:
         """Bring the arm to rest now, along the motion that it has, within ``braking_time`` or as shortly as after a fault; where
@@ -211,7 +207,7 @@ class LiveControl:
         Args:
             silent: time since the last state [s].
         """
-        if self._motion is None or self._last_t is None or self._state is None or silent <= _GRACE * self._period:
+        if self._motion is None or self._last_t is None or self._state is None or silent <= self._period.missing:
             return None
         speed = float(np.abs(self.reference.v).max()) if self.reference is not None else 0.0
         if self._braking is None and silent > min(_COAST / max(speed, 1e-9), self.safety.state_timeout):
@@ -225,16 +221,20 @@ class LiveControl:
                 return None
             wanted = motion.at(silent - begin)
         columns, rest = self._arm.split(wanted.q, wanted.v, wanted.v, wanted.a, wanted.v)
-        return self._limited(rest + columns @ self.law.payload + self.unmodelled.mean, self._period)
+        return self._limited(rest + columns @ self.law.payload + self.unmodelled.mean, self._period.mean)
 
     def torque_at_rest(self) -> FloatArray | None:
         """Torque that holds the posture where the arm is, or must be by now, shape (n,) [N m]; None before the first state."""
         if self._state is None:
             return None
-        q = self._place(self._state[0])
-        still = np.zeros(self.robot.n)
+        held = self._weight(self._place(self._state[0])) + self.unmodelled.mean
+        return np.asarray(np.clip(held, -self._limit, self._limit))
+
+    def _weight(self, q: FloatArray) -> FloatArray:
+        """Torque that holds arm and payload at rest at q, by all that is known, shape (n,) [N m]."""
+        still = np.zeros_like(q)
         columns, rest = self._arm.split(q, still, still, still, still)
-        return np.asarray(np.clip(rest + columns @ self.law.payload + self.unmodelled.mean, -self._limit, self._limit))
+        return np.asarray(rest + columns @ self.law.payload)
 
     def gravity(self) -> FloatArray:
         """Torque that the links' weight asks for where the arm is, or must be by now, by the URDF, shape (n,) [N m]."""

@@ -65,6 +65,9 @@ class SlotineLi(TrackingController):
                 self._payload *= self._settings.largest_mass / self._payload[0]
         return np.asarray(tau)
 
+    def recall(self, payload: FloatArray) -> None:
+        self._payload = np.array(payload)
+
     def tell(self, payload: FloatArray | None) -> None:
         if self._composite:
             self._heard = payload
