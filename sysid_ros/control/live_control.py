@@ -66,16 +66,14 @@ class LiveControl:
         self.law, self.robot, self.safety, self._arm = law, robot, safety, arm
         self.following = self.yields = self.given_up = False
         self.reference: Reference | None = None
-        self.error: FloatArray = np.zeros(robot.n)
-        self.clipped, self.trouble = np.zeros(robot.n, dtype=int), ""
-        self._period, self._fast_since = StatePeriod(), 0.0
+        self.error, self.clipped, self.trouble = np.zeros(robot.n), np.zeros(robot.n, dtype=int), ""
+        self._period, self._fast_since, self._begin = StatePeriod(), 0.0, 0.0
         self._limit = safety.effort_limit_scale * robot.effort_limit
         self.unmodelled, self.told = UnmodelledTorque(robot.effort_limit), ToldPayload()
         self._sent: FloatArray | None = None
         self._calm = law.payload
         self._braking: tuple[TimedMotion, float] | None = None
         self._motion: TimedMotion | None = None
-        self._begin = 0.0
         self._last_t: float | None = None
         self._state: tuple[FloatArray, FloatArray] | None = None
 
@@ -92,8 +90,7 @@ class LiveControl:
     def forget(self) -> None:
         """Hold the arm where the next state finds it."""
         self.following = self.yields = self.given_up = False
-        self.reference, self._motion, self._last_t, self._state = None, None, None, None
-        self._sent = self._braking = None
+        self.reference = self._motion = self._last_t = self._state = self._sent = self._braking = None
         self.unmodelled.forget()
 
     def command(self, t: float, q: FloatArray, v: FloatArray) -> FloatArray:
@@ -130,7 +127,8 @@ class LiveControl:
         q, v = self.reference.advance(wanted, q, v)
         tau = self._limited(self.law.torque(q, v, wanted, period), period)
         columns, rest = self._arm.split(q, v, v, wanted.a, wanted.v)
-        self.unmodelled.add(tau - rest - columns @ self.law.payload, period)
+        beyond = tau - rest - columns @ self.law.payload
+        self.unmodelled.add(beyond, period, columns @ (self.law.payload - self.told.payload))
         if (payload := self.told.choose(columns, self.law.payload, self.unmodelled)) is not None:
             self.law.tell(payload)
         return tau
@@ -172,7 +170,9 @@ class LiveControl:
             return f"{names[k]} moved at {abs(v[k]):.1f} a second, {fast[k]:.1f} times what the URDF allows. {end}"
         if self._period.known and not self._period.mean <= _JITTER * self.law.feedback.delay:
             period, assumed = 1e3 * self._period.mean, 1e3 * self.law.feedback.delay
-            text = f"The joint states come every {period:.1f} ms; the gains are for a loop_delay of {assumed:g} ms. Set it to more."
+            text = (
+                f"The joint states come every {period:.1f} ms; the gains are for a loop_delay of {assumed:g} ms. Set it to more."
+            )
             return f"{text} {end}"
         return ""
 

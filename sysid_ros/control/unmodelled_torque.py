@@ -41,10 +41,12 @@ class UnmodelledTorque:
         self.mean: FloatArray = np.zeros_like(self._first)
         self.variance: FloatArray = self._first.copy()
         self._time, self._furthest = 0.0, 0.0
-        self._strangest: FloatArray = np.zeros_like(self._first)
+        self._strange: FloatArray = np.zeros_like(self._first)
+        self._strangest = self._strange
 
-    def add(self, torque: FloatArray, period: float) -> None:
-        """Take in what was sent beyond the model for ``period`` [s], shape (n,) [N m]."""
+    def add(self, torque: FloatArray, period: float, learned: FloatArray | None = None) -> None:
+        """Take in what was sent beyond the model for ``period`` [s], shape (n,) [N m]; ``learned`` is that part of the model,
+        shape (n,), which nobody told it."""
         if not period > 0.0:
             return
         self._time += period
@@ -52,12 +54,13 @@ class UnmodelledTorque:
         self.variance = (1.0 - scatter) * self.variance + scatter * (torque - self.mean) ** 2
         part = min(period / min(_MEAN, self._time), 1.0)
         self.mean = self.mean + part * (torque - self.mean)
-        if (distance := self.distance(self.mean)) > self._furthest:
-            self._furthest, self._strangest = distance, self.mean
+        self._strange = self._strange + part * (torque + (0.0 if learned is None else learned) - self._strange)
+        if (distance := self.distance(self._strange)) > self._furthest:
+            self._furthest, self._strangest = distance, self._strange
 
     def strangest(self) -> FloatArray | None:
-        """The mean that was furthest from nothing since the last call, shape (n,) [N m]; None where chance makes it as large in
-        one of a thousand: friction, weight or forces that the model does not know."""
+        """What was furthest beyond the model and what was told, on average over a tenth of a second since the last call, shape
+        (n,) [N m]: friction, weight or forces that nobody knows. None where chance makes it as large in one of a thousand."""
         far, strangest = self._furthest, self._strangest
         self._furthest, self._strangest = 0.0, np.zeros_like(self._first)
         return strangest if chi2.sf(far, len(strangest)) < _CHANCE else None
@@ -90,6 +93,11 @@ class ToldPayload:
         self._before: FloatArray = np.zeros(10)
         self._new = False
         self.refused = False
+
+    @property
+    def payload(self) -> FloatArray:
+        """That was told last and is believed, shape (10,); zeros where there is none."""
+        return np.zeros(10) if self._told is None or self.refused else self._told
 
     @property
     def mass(self) -> float:

@@ -64,8 +64,11 @@ def control_status(live: LiveControl, heard: Heard) -> DiagnosticStatus:
         level, texts[0] = Level.ERROR, _no_states(live, heard)
     if (beyond := live.unmodelled.strangest()) is not None:
         j = int(np.argmax(np.abs(beyond) / live.robot.effort_limit))
-        texts = [*texts, f"The feedback added {abs(beyond[j]):.2g} on {live.robot.joint_names[j]} that the model does not know: "]
-        texts[-1] += "something carried, friction, or a force from outside."
+        texts = [
+            *texts,
+            f"{live.robot.joint_names[j]} took {abs(beyond[j]):.2g} more or less than the model and what was told explain: ",
+        ]
+        texts[-1] += "something is carried, rubs, or presses from outside."
     values: dict[str, Any] = {"state": "active", "mass": float(live.law.payload[0])}
     values |= {f"error.{n}": float(x) for n, x in zip(live.robot.joint_names, live.error, strict=True)}
     return status_message("controller", level, " ".join(texts), values)
