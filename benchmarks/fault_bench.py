@@ -11,7 +11,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import rclpy
@@ -91,11 +91,15 @@ class FaultBench:
     """The nodes as processes, and this process between the arm's states and the controller; within ``with``.
 
     Args:
-        executor: of the controller. rng: draws motions and moments.
+        executor: of the controller. rng: draws motions and moments. namespace: of all nodes. rate: of the joint states [Hz].
+        delay: ``loop_delay`` [s].
     """
 
-    def __init__(self, executor: str, rng: np.random.Generator) -> None:
+    def __init__(
+        self, executor: str, rng: np.random.Generator, namespace: str = "", rate: int = RATE, delay: float = 0.006
+    ) -> None:
         self._executor_name, self._rng = executor, rng
+        self._namespace, self._rate, self._delay = namespace, rate, delay
         self._folder = Path(tempfile.mkdtemp(prefix="faults_"))
         (self._folder / "arm.urdf").write_text(arm_description())
         self.robot = RobotModel.from_urdf(arm_description())
@@ -109,9 +113,9 @@ class FaultBench:
         self._logged: dict[Path, int] = {}
         self._late: list[tuple[float, JointState]] = []
 
-    def __enter__(self) -> FaultBench:
+    def __enter__(self) -> Self:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        self.node = node = rclpy.create_node("fault_bench")
+        self.node = node = rclpy.create_node("fault_bench", namespace=self._namespace)
         self._ros = SingleThreadedExecutor()
         self._ros.add_node(node)
         self._relay = node.create_publisher(JointState, "relayed", 1)
@@ -272,10 +276,12 @@ class FaultBench:
     def _prepare(self) -> None:
         """All three nodes run, the arm is held and empty, and no fault is left."""
         self._spoil, self._late = lambda message: message, []
-        self._start("simulated_robot", "-p commanded:=true -p pick_time:=-1.0 -p payload_mass:=1.0", RATE)
+        self._start("simulated_robot", "-p commanded:=true -p pick_time:=-1.0 -p payload_mass:=1.0", self._rate)
         urdf = f"-p urdf_path:={self._folder}/arm.urdf"
         self._start("online_payload_estimator", urdf)
-        delay = f"-p loop_delay:=0.006 -p executor:={self._executor_name} -p payload_from:=committed -r joint_states:=relayed"
+        delay = (
+            f"-p loop_delay:={self._delay} -p executor:={self._executor_name} -p payload_from:=committed -r joint_states:=relayed"
+        )
         self._start("adaptive_controller", f"-p autostart:=true {urdf} {delay}")
         self._wanted = None
         self._until(lambda: self._wanted is not None, "the controller's first reference")
@@ -293,7 +299,7 @@ class FaultBench:
         process = self._processes.get(name)
         if process is not None and process.poll() is None:
             return
-        command = [sys.executable, "-c", _NODE.format(name), "--ros-args", *arguments.split()]
+        command = [sys.executable, "-c", _NODE.format(name), "--ros-args", "-r", f"__ns:=/{self._namespace}", *arguments.split()]
         command += ["-p", f"rate:={rate}"] if rate else []
         with (self._folder / f"{name}.log").open("wb") as log:
             self._processes[name] = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=os.environ.copy())
