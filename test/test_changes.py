@@ -9,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from motions import Motion, measurements
-from robots import robot
+from robots import robot, urdf
 
-from sysid_ros.effects import BaseTilt, Payload
+from sysid_ros.effects import Payload
 from sysid_ros.effects.base_tilt import tilted_gravity
 from sysid_ros.estimators import ESTIMATORS
 from sysid_ros.online.link_inexactness import link_inexactness
@@ -19,6 +19,7 @@ from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement
 from sysid_ros.signals.cutoff import default_cutoff, position_noise
 
@@ -38,11 +39,11 @@ def stream(
     tilt: tuple[float, float] | None = None,
 ) -> list[Measurement]:
     """An arm that picks up and drops; its links differ by ``links`` (10 n,) from the URDF's, its base by ``tilt``."""
-    effects: list[tuple[object, ...]] = [(Payload(MODEL), BODY, pick, drop)]
-    if tilt is not None:
-        effects.append((BaseTilt(MODEL, around=tilt), np.array(tilt)))
-    motion = Motion(MODEL if links is None else MODEL.with_links(links), seed=seed)
-    return measurements(motion, seconds, RATE, effects, 0.1, encoder_noise, velocity=False)  # type: ignore[arg-type]
+    model = MODEL if links is None else MODEL.with_links(links)
+    if tilt is not None:  # links and payload alike
+        model = RobotModel.from_urdf(urdf("iiwa"), gravity=tuple(tilted_gravity(MODEL.gravity, *tilt)))
+    motion, effects = Motion(model, seed=seed), [(Payload(model), BODY, pick, drop)]
+    return measurements(motion, seconds, RATE, effects, 0.1, encoder_noise, velocity=False)
 
 
 def pushed(recording: list[Measurement], begin: float, end: float, force: FloatArray) -> list[Measurement]:
@@ -170,6 +171,23 @@ def test_a_tilted_base_is_said_and_does_no_harm() -> None:
     np.testing.assert_allclose(told, tilted_gravity(MODEL.gravity, 0.07, -0.05), atol=0.17)  # 1 degree
     assert abs(series[-1].theta[0] - 1.5) < 3.0 * series[-1].mass_std
     assert [e.kind for e in online.events] == ["pick"]
+
+
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_how_a_base_is_tilted_stays_as_uncertain_as_the_data_leave_it(seed: int) -> None:
+    """What was found when it was told is no truth: the angles go on being estimated, with an interval that holds."""
+    tilt = (0.07, -0.05)
+    online, _ = run(stream(6.0, pick=NEVER, seed=seed, tilt=tilt))
+    assert [w for w in online.warnings if "tilted" in w]
+    assert online.estimator is not None
+    found = online._free.tilt
+    assert found is not None
+    where = online._free.tilt_slice
+    theta, covariance = online.estimator.theta[where], online.estimator.covariance()[where, where]
+    g = found.robot.gravity + np.cross(theta @ found.axes, found.robot.gravity)
+    left = np.cross(g, tilted_gravity(MODEL.gravity, *tilt)) @ found.axes.T / (g @ g)
+    assert left @ np.linalg.solve(covariance, left) < 13.8  # 99.9 % quantile of chi-squared with 2 degrees of freedom
+    assert np.sqrt(covariance.diagonal().max()) < 0.01
 
 
 def test_a_level_base_is_known_to_be_level() -> None:

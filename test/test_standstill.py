@@ -10,6 +10,7 @@ from motions import Motion, measurements
 from robots import robot
 
 from sysid_ros.effects import CoulombFriction, Payload
+from sysid_ros.estimators import JumpRule, Problem, VariableForgetting
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.online.rows import Rows
@@ -61,22 +62,43 @@ def test_a_pick_of_a_standing_arm_is_not_denied(seed: int, mass: float) -> None:
     assert not denied
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_drop_at_the_instant_of_the_stop_is_not_denied(seed: int) -> None:
+    """When the arm has come to rest all torques are those of after the drop already."""
+    full, empty = stream(2.0, 3.0, seed), stream(0.0, np.inf, seed)
+    dropped = START + STOPS
+    series = estimates([a if a.t < dropped else b for a, b in zip(full, empty, strict=True)])
+    standing = [e for e in series if dropped + 0.3 <= e.t < START + GOES]
+    assert standing
+    assert not [e for e in standing if e.status == "ok"]
+    assert abs(series[-1].mass) < 4.0 * series[-1].mass_std
+
+
+def test_to_stop_is_no_change() -> None:
+    """Friction that the motion had turned falls back; no payload would do that."""
+    standing = [e for e in estimates(stream(2.0, 3.0, 4)) if START + STOPS + 0.3 <= e.t < START + GOES]
+    assert {e.status for e in standing} == {"ok"}
+
+
 def test_a_long_stand_keeps_nothing_and_stamps_that_jump_back_end_it() -> None:
     watch, n = Standstill(np.ones(10)), MODEL.n
+    nothing = VariableForgetting(
+        Problem(np.full(10, 1e-3), np.full(n, 1e-4), 0.01, 60.0, JumpRule(slice(0, 10), np.full(10, np.inf), 0.0))
+    )
 
-    def row(t: float, jump: float = 0.0, stands: bool = True) -> None:
+    def row(t: float, jump: float = 0.0, quiet: bool = True) -> None:
         zero = np.zeros(n)
         sample = Sample(t, zero, zero, zero, zero)
-        rows = Rows(np.ones((n, 10)), zero, zero, zero, zero, zero, np.zeros((n, 0)), sample)
-        watch.add(rows, stands, np.full(n, jump), np.full(n, 1e-4), np.full(n, 0.1), 0.1)
+        rows = Rows(np.ones((n, 10)), np.full(n, jump), zero, zero, zero, zero, np.zeros((n, 0)), sample)
+        watch.add(rows, quiet, nothing, np.full(n, 0.1), 0.1)
 
     for k in range(3000):
         row(0.01 * k, 20.0 if k > 50 else 0.0)
     assert watch.told
-    assert len(watch._left) < 20
-    row(30.0, stands=False)
+    assert len(watch._before) < 20
+    row(30.0, quiet=False)
     assert watch.told
-    row(1.0, stands=False)  # the bag is played again
+    row(1.0, quiet=False)  # the bag is played again
     assert not watch.told
     assert not watch.lasts
 

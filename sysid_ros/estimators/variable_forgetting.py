@@ -261,9 +261,12 @@ class VariableForgetting(Estimator):
         self._search = JumpSearch(self._jump, self._prior_variance)
         self.misfits = 0
 
-    def forget(self) -> None:
-        """Forget the parameters that may jump, and keep what is known of the noise."""
+    def forget(self, everything: bool = False) -> None:
+        """Forget the parameters that may jump, or all, and keep what is known of the noise."""
         self._theta[self._jump.block] = 0.0
+        if everything:
+            self._theta, self._P = np.zeros(self.p), np.diag(self._prior_variance)
+            self._sensitivity[:] = 0.0
         self._settling = 0
         self._spread_count = min(self._spread_count, round(self.SPREAD_ANEW / self._period))
         self._search = JumpSearch(self._jump, self._prior_variance)

@@ -31,7 +31,7 @@ class ChangeWatch:
 
     Attributes:
         tare: taken from what is estimated. trial: of the newest change, while it is not known what it was.
-        standstill: what may have changed while the arm stands.
+        standstill: what may have changed while the arm hardly moves.
     """
 
     def __init__(self, free: FreeParameters, log: EventLog) -> None:
@@ -41,10 +41,10 @@ class ChangeWatch:
         self.trial: ChangeTrial | None = None
         self.standstill = Standstill(self._prior_std**2)
 
-    def stand(self, rows: Rows, stands: bool, left: FloatArray, estimator: Estimator, front_end: FrontEnd) -> None:
-        """Look whether the torques of a standing arm have changed. ``left``: of the row's torques, shape (n,) [N m]."""
-        hidden = self._free.extra_variance(rows, estimator, front_end.passed) if stands else None
-        self.standstill.add(rows, stands and estimator.noise_known, left, estimator.row_variance, hidden, front_end.memory)
+    def stand(self, rows: Rows, quiet: bool, estimator: Estimator, front_end: FrontEnd) -> None:
+        """Look whether the torques of an arm that hardly moves have changed."""
+        hidden = self._free.hidden_variance(rows, estimator) if quiet and estimator.noise_known else None
+        self.standstill.add(rows, quiet, estimator, hidden, front_end.memory)
 
     def take(self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd) -> tuple[Estimator, Estimate]:
         """Take in a row while there is a trial; the estimator that goes on, and what it says. ``hold``: nothing excites the

@@ -130,12 +130,15 @@ class FreeParameters:
 
     def settle_tilt(self, estimator: Estimator) -> bool:
         """Ask whether the base is tilted; True where gravity was turned because it is, so that rows of before do not hold.
-        Not to be asked once it is known, see ``tilt_is_open``."""
+        Not to be asked once it is known to be level, see ``tilt_is_open``."""
         assert self.tilt is not None
         where = self.tilt_slice
         theta = estimator.theta[where]
-        turned = self.tilt.settle(theta, estimator.covariance()[where, where])
-        if turned:
+        found = bool(self.tilt.told)
+        turned = self.tilt.settle(theta, estimator.covariance()[where, where], estimator.noise_covariance()[where, where])
+        if turned and not found:  # half its square, which no column holds, is in all that was learned
+            estimator.forget(everything=True)
+        elif turned:
             estimator.shift(where, -theta)
         if self.tilt.level:
             estimator.fix(where, _LEVEL * self._settings.base_tilt_std)
@@ -159,12 +162,16 @@ class FreeParameters:
         Args:
             estimator: that takes them in. passed: as of :class:`.FrontEnd`.
         """
-        if self.friction is None:
-            return None
-        extra = self.friction.hidden_variance(rows.slow, rows.speed, *estimator.marginal(self.friction_slice))
-        if rows.fresh and estimator.noise_known:
+        extra = self.hidden_variance(rows, estimator)
+        if extra is not None and rows.fresh and estimator.noise_known:
             extra += np.maximum(estimator.row_variance / passed - estimator.noise_variance, 0.0) / self.extra_colour
         return extra
+
+    def hidden_variance(self, rows: Rows, estimator: Estimator) -> FloatArray | None:
+        """Variance of what dry friction hides of the rows, shape (n,); None of a floating base."""
+        if self.friction is None:
+            return None
+        return self.friction.hidden_variance(rows.slow, rows.speed, *estimator.marginal(self.friction_slice))
 
     def noise_density(self, measurements: list[Measurement], sample_period: float) -> FloatArray:
         """Least spectral density of the torque noise, shape (n,) [(N m)^2 s].

@@ -190,11 +190,12 @@ class OnlineEstimation:
         due = rows.sample.t >= self._next_publish
         if self._ground is not None and not self._on_ground(rows, front_end, self._ground):
             return self._held(rows, self._ground) if due and self._ground.lifted else None
-        self._still = self._still + front_end.period if max(rows.speed.tolist()) < self.settings.standstill_velocity else 0.0
+        fastest, friction = max(rows.speed.tolist()), self._free.friction
+        self._still = self._still + front_end.period if fastest < self.settings.standstill_velocity else 0.0
         hold = self._still > _STANDS and self.base is None
         if self._free.legs is not None:
             self._free.carry(estimator, front_end)
-        known, jumps, extra, friction = estimator.noise_known, estimator.jumps, None, self._free.friction
+        known, jumps, extra = estimator.noise_known, estimator.jumps, None
         if self._changes.trial is not None:
             self.estimator, estimate = self._changes.take(rows, hold, estimator, front_end)
             estimator = self.estimator
@@ -209,8 +210,9 @@ class OnlineEstimation:
             if estimate.status != "not_finite" and (jumped or estimator.misfits):
                 estimate = self._changes.changed(rows, hold, estimator, front_end, estimate, jumped, known)
         self._outliers += estimate.status == "outlier"
-        if hold or self._changes.standstill.lasts:
-            self._changes.stand(rows, hold, estimate.innovation, estimator, front_end)
+        quiet = hold or (friction is not None and fastest < self.settings.low_velocity)
+        if quiet or self._changes.standstill.lasts:
+            self._changes.stand(rows, quiet, estimator, front_end)
         if not hold and estimator.noise_known:
             judgement.check.add(rows.tau, rows.Y, rows.y, estimate.theta[PAYLOAD])
         if estimate.status == "not_finite":
@@ -253,11 +255,12 @@ class OnlineEstimation:
         if self.base is not None:
             covariance[0, 0] += self._doubt(float(theta[0])) ** 2
         std = np.sqrt(covariance.diagonal())
-        asked = self._free.tilt_is_open and self.estimator.noise_known and self._changes.trial is None
+        fits = self.estimator.noise_known and self._changes.trial is None and estimate.status == "ok"
+        asked = fits and self._free.tilt_is_open
         if asked and self._free.settle_tilt(self.estimator):
             assert self._front_end is not None
-            assert self._free.tilt is not None
             self._front_end.rest()
+        if asked and self._free.tilt is not None and self._free.tilt.told:
             self._warnings["tilt"] = self._free.tilt.told
         status, reason = judgement.status(estimate, self.estimator, float(theta[0]), float(std[0]))
         if self._free.legs is not None and self._stances is not None:

@@ -15,6 +15,10 @@ _USUALLY_LEVEL = math.log(20.0)
 """Logarithm of the odds that a base is level, before any data: nineteen in twenty."""
 _SURE = math.log(100.0)
 """And of those at which it is decided."""
+_SMALL = 0.005
+"""Up to here what is left out of an angle, half its square, is a hundred thousandth of the torque of gravity [rad]."""
+_CLEAR = 9.2
+"""99 % quantile of chi-squared with 2 degrees of freedom: from there on what is left of the angles is not noise."""
 
 
 class SmallTilt(Effect):
@@ -22,14 +26,15 @@ class SmallTilt(Effect):
     heavy in another direction, by two small angles [rad] about the axes e_k across gravity.
 
     Most bases are level, and once that is known the columns are not needed. Where one is tilted, the robot's gravity is turned by
-    what was found, so that what is carried is heavy in the right direction too, and the angles are what is left.
+    what was found, so that what is carried is heavy in the right direction too, and the angles are what is left. They stay free,
+    because what was found is uncertain; where they grow until a small angle is none, gravity is turned again.
 
     Args:
         robot: the arm; its gravity may be turned. prior_std: of the angles [rad].
 
     Attributes:
-        level: True once it is known not to be tilted, or no further. axes: e_k, shape (2, 3).
-        told: a sentence once it was found to be tilted.
+        level: True once it is known not to be tilted. axes: e_k, shape (2, 3).
+        told: a sentence once it was found to be tilted, with what is known now.
     """
 
     id: ClassVar[str] = "small_tilt"
@@ -50,25 +55,35 @@ class SmallTilt(Effect):
     def fill(self, sample: Sample, out: FloatArray) -> None:
         np.matmul(self.robot.base_acceleration_columns(sample.q), self._turned, out=out)
 
-    def settle(self, theta: FloatArray, covariance: FloatArray) -> bool:
-        """Whether gravity was turned by the two parameters (2,), of the covariance (2, 2), because the base is tilted.
+    def settle(self, theta: FloatArray, covariance: FloatArray, noise: FloatArray) -> bool:
+        """Whether gravity was turned by the two parameters (2,), of the covariance (2, 2), because the base is tilted. ``noise``:
+        the part of that which is no error of the links.
 
         What the data say for a level base is the density of the posterior at zero over that of the prior (Dickey 1971).
         """
         distance = float(theta @ np.linalg.solve(covariance, theta))
         size = 0.5 * math.log(float(np.linalg.det(covariance))) - math.log(self._prior_std**2)
         odds = _USUALLY_LEVEL - 0.5 * distance - size
-        self.level = odds > _SURE
-        if odds > -_SURE:
-            return False
-        robot = self.robot
-        gravity = robot.gravity + np.cross(theta @ self.axes, robot.gravity)
-        robot.gravity = gravity * (np.linalg.norm(self._set) / np.linalg.norm(gravity))
-        robot.model.gravity.linear = robot.gravity
-        angle = float(np.arccos(np.clip(robot.gravity @ self._set / (self._set @ self._set), -1.0, 1.0)))
+        if self.told:  # zero is what was found, of which the odds say nothing; what is carried is heavy along gravity, as turned
+            turns = float(theta @ theta) > _SMALL**2 and float(theta @ np.linalg.solve(noise, theta)) > _CLEAR
+        else:
+            self.level, turns = odds > _SURE, odds < -_SURE
+        if turns or self.told:
+            gravity = self._tell(theta, covariance)
+        if turns:
+            self.robot.gravity = gravity
+            self.robot.model.gravity.linear = gravity
+        return turns
+
+    def _tell(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Say how the base is tilted, by the two parameters (2,) of the covariance (2, 2) beside what gravity was turned by; the
+        gravity of that, shape (3,) [m/s^2]."""
+        gravity = self.robot.gravity + np.cross(theta @ self.axes, self.robot.gravity)
+        gravity *= np.linalg.norm(self._set) / np.linalg.norm(gravity)
+        angle = float(np.arccos(np.clip(gravity @ self._set / (self._set @ self._set), -1.0, 1.0)))
         std = math.sqrt(float(np.linalg.eigvalsh(covariance)[-1]))
         self.told = (
             f"The base is tilted by {math.degrees(angle):.1f} degrees (std {math.degrees(std):.1f}) against 'gravity'; the "
-            f"payload is estimated with that. Set gravity to [{', '.join(f'{x:.2f}' for x in robot.gravity)}], or level the base."
+            f"payload is estimated with that. Set gravity to [{', '.join(f'{x:.2f}' for x in gravity)}], or level the base."
         )
-        return True
+        return np.asarray(gravity)

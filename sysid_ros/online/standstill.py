@@ -1,4 +1,4 @@
-"""Standstill: whether something was put on an arm, or taken off, while it stood and friction could hide it."""
+"""Standstill: whether something was put on an arm, or taken off, while it hardly moved and friction could hide it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections import deque
 
 import numpy as np
 
+from sysid_ros.estimators import Estimator
 from sysid_ros.online.rows import Rows
 from sysid_ros.sample import FloatArray
 
@@ -18,62 +19,70 @@ _SHOWS = 0.3
 
 
 class Standstill:
-    """Compares what is left of the torques of a standing arm with what was left a low-pass's memory before.
+    """Compares what is left of the torques of an arm that hardly moves with what was left a low-pass's memory T before.
 
-    At rest the payload hides in dry friction, which may hold any torque up to its own, so that nothing is learned then. But
-    friction does not change at once by itself. Let d be the change of what is left, R the variance of its noise and S that of dry
-    friction: ``d ~ N(0, 2 R + 2 S (1 - exp(-T / _CREEPS)))`` where nothing happened, and where the payload changed its own
-    covariance ``Y P Y'`` beside, with P that of the prior. Where the second is much likelier, what is carried is not known until
-    the arm moves.
+    There the payload hides in dry friction, which may hold any torque up to its own, so that little is learned, and nothing at
+    rest. But friction does not change at once by itself. With S(t) the variance of what it may hide of a row, it changes within T
+    by the variance ``S(t) + S(t - T) - 2 exp(-T / _CREEPS) sqrt(S(t) S(t - T))``: nearly all of S where the arm stops in between,
+    a part where it has stood all the time. Let d be the change of what is left, ``D`` that variance, that of the noise of both
+    rows and that of what the change of the columns makes of the errors of all parameters: ``d ~ N(0, D)`` where nothing happened,
+    and where the payload changed its own covariance ``Y P0 Y'`` beside, with that of the prior. Where the second is much
+    likelier, what is carried is not known until the arm moves.
 
     Args:
         prior_variance: of the payload's ten parameters, shape (10,).
 
     Attributes:
         told: what has happened, in a sentence, as long as the motion has not shown what it was; else empty.
-        lasts: the arm stands, or what happened while it stood is still told.
+        lasts: the arm hardly moves, or what happened while it did is still told.
     """
 
     def __init__(self, prior_variance: FloatArray) -> None:
         self._prior_variance = prior_variance
-        self._left: deque[tuple[float, FloatArray]] = deque()
+        self._before: deque[tuple[Rows, FloatArray]] = deque()
         self._moves_since = 0.0
         self.told = ""
         self.lasts = False
 
-    def add(self, rows: Rows, stands: bool, left: FloatArray, noise: FloatArray, hidden: FloatArray | None, apart: float) -> None:
+    def add(self, rows: Rows, quiet: bool, estimator: Estimator, hidden: FloatArray | None, apart: float) -> None:
         """Take in a row.
 
         Args:
-            stands: whether the arm does. left: of the row's torques, shape (n,) [N m]. noise, hidden: variance of a row, and what
-                dry friction may hide of it at rest, shape (n,) [(N m)^2]. apart: how long before is compared with [s].
+            quiet: whether the arm hardly moves, and the noise is known. estimator: that knows the parameters and the noise.
+            hidden: variance of what dry friction may hide, shape (n,) [(N m)^2]. apart: how long before is compared with [s].
         """
         t = rows.sample.t
-        if not stands:
-            if self._left:
-                self._left.clear()
+        if not quiet or hidden is None:
+            if self._before:
+                self._before.clear()
                 self._moves_since = t
             if not 0.0 <= t - self._moves_since <= _SHOWS:  # or the stamps have jumped back
                 self.told = ""
             self.lasts = bool(self.told)
             return
         self.lasts = True
-        if self._left and not 0.0 < t - self._left[-1][0] < apart:
-            self._left.clear()
-        self._left.append((t, left))
-        if t - self._left[0][0] < apart:
+        if self._before and not 0.0 < t - self._before[-1][0].sample.t < apart:
+            self._before.clear()
+        self._before.append((rows, hidden))
+        if t - self._before[0][0].sample.t < apart:
             return
-        before, was = self._left.popleft()
-        if self.told or hidden is None:
-            return
-        creep = 2.0 * (1.0 - np.exp(-(t - before) / _CREEPS))
-        change, alone = left - was, 2.0 * noise + creep * hidden
-        columns = rows.Y[:, : self._prior_variance.size]
-        both = np.diag(alone) + (columns * self._prior_variance) @ columns.T
-        likelier = _logarithm(change, both) - _logarithm(change, np.diag(alone))
-        if likelier > _LIKELIER:
+        was, could = self._before.popleft()
+        if not self.told:
+            self._compare(rows, hidden, was, could, estimator)
+
+    def _compare(self, rows: Rows, hidden: FloatArray, was: Rows, could: FloatArray, estimator: Estimator) -> None:
+        apart = rows.sample.t - was.sample.t
+        columns, considered = rows.Y - was.Y, rows.considered - was.considered
+        change = rows.y - was.y - columns @ estimator.theta
+        keeps = np.exp(-apart / _CREEPS)
+        friction = np.maximum(hidden + could - 2.0 * keeps * np.sqrt(hidden * could), 0.0)
+        moved = columns @ estimator.noise_covariance() @ columns.T + considered @ considered.T
+        alone = np.diag(2.0 * estimator.row_variance + friction) + moved
+        payload = rows.Y[:, : self._prior_variance.size]
+        both = alone + (payload * self._prior_variance) @ payload.T
+        if _logarithm(change, both) - _logarithm(change, alone) > _LIKELIER:
             self.told = (
-                f"The torques changed by {np.abs(change).max():.2g} N m within {t - before:.2g} s while the arm stood. "
+                f"The torques changed by {np.abs(change).max():.2g} N m within {apart:.2g} s while the arm stood, or nearly so. "
                 "Whether that is the payload or friction shows when it moves."
             )
 
