@@ -125,6 +125,8 @@ class Outcome:
         ok, bad: estimates that said ``ok``, and those of them beyond three standard deviations.
         worst: largest of these normalised errors. missed, false: events. late: from the pick to the event [s].
         within: time from pick until the mass is within 5 % for good [s]; NaN where it is not. statuses: how often each was.
+        dropped: time from drop until the mass is within 75 g of what is left for good [s]; NaN where it is not.
+        early_bound: as ``bound``, of the mass alone, 0.15 s after the pick [kg].
     """
 
     arm: str
@@ -146,6 +148,8 @@ class Outcome:
     false: int = 0
     late: float = np.nan
     within: float = np.nan
+    dropped: float = np.nan
+    early_bound: float = np.nan
     statuses: dict[str, int] = field(default_factory=dict)
     events: list[tuple[float, str]] = field(default_factory=list)
     trace: list[tuple[float, float, float, str, float]] = field(default_factory=list)
@@ -295,6 +299,7 @@ def run(name: str, seed: int, settings: OnlineSettings | None = None, keep: bool
     estimates, found, estimation = _estimate(model, settings or OnlineSettings(), t, stamps, shown, tau, kept, c)
     _score(outcome, c, estimates, found, estimation, carried)
     outcome.bound = _bound(columns, v, t, c, model).tolist()
+    outcome.early_bound = float(_bound(columns, v, t, c, model, LATENCIES[0])[0])
     if keep:
         outcome.trace = [(at, float(e.theta[0]), e.mass_std, e.status, float(carried(at)[0])) for at, e in estimates]
     return outcome
@@ -383,6 +388,10 @@ def _score(
     wrong = [k for k, inside in enumerate(right) if not inside]
     if not wrong or wrong[-1] + 1 < len(times):
         out.within = times[wrong[-1] + 1 if wrong else 0] - begin
+    if DROP in changes:
+        since = [(at - DROP, abs(float(e.theta[0]) - carried(at)[0]) <= 0.075) for at, e in estimates if at >= DROP]
+        last = max((k for k, (_, inside) in enumerate(since) if not inside), default=-1)
+        out.dropped = since[last + 1][0] if last + 1 < len(since) else np.nan
     left = [(e, at) for e, at in zip(estimation.events, found, strict=True) if e.kind != "external_force"]
     pushed = [at for e, at in zip(estimation.events, found, strict=True) if e.kind == "external_force"]
     for change in changes:
@@ -402,14 +411,16 @@ def _score(
     out.events = [(round(e.t - 100.0, 3), e.kind) for e in estimation.events]
 
 
-def _bound(columns: FloatArray, v: FloatArray, t: FloatArray, c: Condition, model: RobotModel) -> FloatArray:
-    """Cramer-Rao bound of the std of the ten parameters 5 s after the pick, from all rows up to then, shape (10,).
+def _bound(
+    columns: FloatArray, v: FloatArray, t: FloatArray, c: Condition, model: RobotModel, after_pick: float = 5.0
+) -> FloatArray:
+    """Cramer-Rao bound of the std of the ten parameters so long after the pick [s], from all rows up to then, shape (10,).
 
     Unknown are also what was carried before, and offset, Coulomb and viscous friction of each joint, with the settings' priors;
     regressors are true and noise is white.
     """
     begin, n, s = 0.0 if c.duration else PICK, model.n, OnlineSettings()
-    used = t < begin + 5.0
+    used = t < begin + after_pick
     body = [s.prior_mass_std] + [s.prior_first_moment_std] * 3 + [s.prior_inertia_std] * 6
     size = s.friction_unknown * np.where(np.isfinite(model.effort_limit), model.effort_limit, 50.0)
     prior = np.concatenate([body, body, 0.2 * size, size, 2.0 * size])
