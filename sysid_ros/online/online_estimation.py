@@ -257,8 +257,7 @@ class OnlineEstimation:
         std = np.sqrt(covariance.diagonal())
         fits = self.estimator.noise_known and self._changes.trial is None and estimate.status == "ok"
         asked = fits and self._free.tilt_is_open
-        if asked and self._free.settle_tilt(self.estimator):
-            assert self._front_end is not None
+        if asked and self._free.settle_tilt(self.estimator) and self._front_end is not None:
             self._front_end.rest()
         if asked and self._free.tilt is not None and self._free.tilt.told:
             self._warnings["tilt"] = self._free.tilt.told
