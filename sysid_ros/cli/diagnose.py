@@ -9,16 +9,17 @@ import click
 import numpy as np
 
 from sysid_ros.cli import options as opt
+from sysid_ros.cli.diagnose_legs import check_of_legs, diagnosed, legs_of
 from sysid_ros.cli.diagnose_output import check_results, show, write_files
 from sysid_ros.cli.inputs import open_bag, provenance, read_config, require_same_robot, settings_from
 from sysid_ros.cli.output import ManyValues, note, warn
 from sysid_ros.cli.progress import progress_bar, stages
+from sysid_ros.cli.recordings import TrunkTopics
 from sysid_ros.diagnosis import Diagnosis, diagnose
 from sysid_ros.diagnosis.reporting import with_ranking
 from sysid_ros.diagnosis.result import RankedUrdf
 from sysid_ros.diagnosis.robot_hypotheses import rank_urdfs
 from sysid_ros.exceptions import DataError, RobotModelError
-from sysid_ros.floating.floating_base import require_held
 from sysid_ros.input_gate.missing_joints import missing_joints
 from sysid_ros.input_gate.raw_messages import read_messages
 from sysid_ros.online_settings import OnlineSettings
@@ -52,6 +53,8 @@ Reading = tuple[str, Path | None]
 @opt.CONFIG
 @opt.TOPIC
 @opt.COLUMNS
+@opt.IMU_TOPIC
+@opt.CONTACT_TOPIC
 @opt.RERUN
 @opt.JSON
 @opt.FORCE
@@ -67,13 +70,16 @@ def command(
     config_path: Path | None,
     topic: str,
     columns_path: Path | None,
+    imu_topic: str,
+    contact_topic: str,
     rerun_path: Path | None,
     json_path: Path | None,
     force: bool,
 ) -> int:
     """Find what the model of a robot gets wrong: the causes by name, with evidence, and a model extended by them.
 
-    Give bags of a robot that moves all of its joints (15 to 30 s of positions and efforts, slow and fast) and its URDF. Without
+    Give bags of a robot that moves all of its joints (15 to 30 s of positions and efforts, slow and fast) and its URDF; of a
+    robot on legs with its IMU, while its trunk sways over feet that stand, widely and quickly. Without
     --validate the last part of each bag is held out. It takes about as long as the recording, up to three times as long where
     much is wrong. Temperatures of joints (Temperature or DynamicJointState messages) are read where a bag has them.
 
@@ -89,6 +95,7 @@ def command(
     \b
     Example:
       sysid diagnose run1/ --urdf arm.urdf --validate run2/ --out diagnosis/
+      sysid diagnose sway/ --urdf quadruped.urdf --imu-topic /imu/data --out diagnosis/
 
     The verdict is "explained", "partly explained", "unexplained", "nothing wrong" or "refused": the recordings can't be judged,
     with the reason and the cure.
@@ -103,15 +110,22 @@ def command(
     origin = provenance(bags, validate=validate, urdf=urdfs or "/robot_description of the first bag", model=model_path)
     robot: RobotModel | None = None
     chosen = urdfs[0] if urdfs else None
+    read = topic, columns_path
+    if base := legs_of(bags[0], chosen, topic, settings, columns_path):
+        check_of_legs(urdfs, model_path, simulator)
+        robot = base.robot
     try:
-        robots, fitted, judged = _read_with_urdfs(bags, validate, urdfs, settings, (topic, columns_path))
-        ranked = _ranked(urdfs, robots, fitted)
-        likeliest = max(ranked, key=lambda x: x.probability).urdf if ranked else next(iter(robots))
-        robot, chosen = robots[likeliest], Path(likeliest) if urdfs else None
-        result = with_ranking(_diagnosed(robot, fitted, judged, known, origin, simulator), ranked)
+        if base:
+            result = diagnosed(base, bags, validate, chosen, settings, (*read, TrunkTopics(imu_topic, contact_topic)), origin)
+        else:
+            robots, fitted, judged = _read_with_urdfs(bags, validate, urdfs, settings, read)
+            ranked = _ranked(urdfs, robots, fitted)
+            likeliest = max(ranked, key=lambda x: x.probability).urdf if ranked else next(iter(robots))
+            robot, chosen = robots[likeliest], Path(likeliest) if urdfs else None
+            result = with_ranking(_diagnosed(robot, fitted, judged, known, origin, simulator), ranked)
     except (DataError, RobotModelError) as error:
         result = Diagnosis("refused", robot.joint_names if robot else (), refusal=str(error))
-    write_files(result, robot, out_path, origin, json_path, chosen, rerun_path)
+    write_files(result, robot, out_path, origin, json_path, chosen, rerun_path, base)
     show(result)
     note(f"Written to {out_path} in {time.monotonic() - started:.0f} s.")
     return BAD_INPUT if result.verdict == "refused" else 0
@@ -181,7 +195,6 @@ def _read_all(
         source, own = open_bag(path, read[0], urdf, settings, read[1])
         if robot is None:
             robot = own
-            require_held(own, settings, "'sysid diagnose'")
             if not settings.joint_names and (reason := missing_joints(own)):
                 raise RobotModelError(f"bag '{path}': {reason}")
         require_same_robot(path, own, robot)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from sysid_ros.diagnosis.result import Predictions, TorqueRmse
 from sysid_ros.effects.wording import first_sentence, listed, percent
 from sysid_ros.exceptions import ModelFileError, RobotModelError
 from sysid_ros.files import check_folder, whole_files, write_text
+from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.pages import check_plot_paths
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.torque.mjcf_export import export_mjcf
@@ -47,12 +49,13 @@ def write_files(
     json_path: Path | None = None,
     urdf: Path | None = None,
     rerun_path: Path | None = None,
+    base: FloatingBase | None = None,
 ) -> None:
     """Write the report, the document for machines, the extended model and its predictions into a folder, all or none of them;
     the document also where else it is asked for, and the recording of Rerun.
 
     Args:
-        urdf: the robot's file, beside which meshes are looked for.
+        urdf: the robot's file, beside which meshes are looked for. base: of a robot on legs.
 
     Raises:
         OutputError: they can't be written.
@@ -69,7 +72,7 @@ def write_files(
         if result.hybrid is not None:
             write_json(room / "hybrid.json", result.hybrid.as_dict())
         if robot is not None:
-            for sentence in _write_robots(result, robot, room):
+            for sentence in _write_robots(result, robot, room, base):
                 note(sentence)
     if json_path:
         write_json(json_path, result.as_dict())
@@ -85,15 +88,17 @@ def _arrays(p: Predictions) -> dict[str, Any]:
     return {"t": p.t, **names, "tau_measured": p.measured, "tau_nominal": p.nominal, "tau_extended": p.extended, **hybrid}
 
 
-def _write_robots(result: Diagnosis, robot: RobotModel, room: Path) -> list[str]:
+def _write_robots(result: Diagnosis, robot: RobotModel, room: Path, base: FloatingBase | None) -> list[str]:
     """The extended robot as URDF and MJCF; what they can't hold, in words."""
     if result.urdf_model is None:
         return []
     try:
-        notes = export_urdf(robot, result.urdf_model, room / "extended.urdf")
+        notes = export_urdf(robot, result.urdf_model, room / "extended.urdf", base)
     except (ModelFileError, RobotModelError) as error:
-        write_text(room / "extended.urdf", robot.urdf)
+        write_text(room / "extended.urdf", base.legs.urdf if base else robot.urdf)
         notes = [f"extended.urdf is the URDF as it was given: {error} model.yaml has what was found."]
+    if base is not None:
+        return [*notes, "There is no extended.xml: MJCF is written of arms. extended.urdf has what a description can hold."]
     try:
         notes += export_mjcf(robot, result.urdf_model, room / "extended.xml")
     except ModelFileError as error:
@@ -114,7 +119,7 @@ def show(result: Diagnosis, console: Console | None = None) -> None:
     if result.causes:
         console.print(_causes(result))
     if result.torque is not None:
-        console.print(_errors(result.torque))
+        console.print(_errors(result.torque, result.units))
     if result.ceiling is not None:
         console.print(escape(result.ceiling.sentence))
     for sentence in (*result.record_next, *result.notes):
@@ -137,10 +142,13 @@ def _causes(result: Diagnosis) -> Table:
     return out
 
 
-def _errors(t: TorqueRmse) -> Table:
-    title = "Torque error on data that were not fitted, below 8 Hz: rms in N m"
-    out = table(title, "joint", "torque", "error before", "error after", "of torque", "noise")
+def _errors(t: TorqueRmse, units: Sequence[str]) -> Table:
+    """What each joint, or each row of a robot on legs, is off by; ``units`` of them, empty for N m."""
+    what = "Error of the force and the moment on the robot" if units else "Torque error"
+    title = f"{what} on data that were not fitted, below 8 Hz: rms{'' if units else ' in N m'}"
+    out = table(title, "" if units else "joint", "torque", "error before", "error after", "of torque", "noise")
     for j, name in enumerate(t.joints):
         part = f"{100.0 * t.after[j] / max(t.torque[j], 1e-12):.1f} %"
-        out.add_row(name, f"{t.torque[j]:.3g}", f"{t.before[j]:.3g}", f"{t.after[j]:.3g}", part, f"{t.noise_floor[j]:.2g}")
+        numbers = f"{t.torque[j]:.3g}", f"{t.before[j]:.3g}", f"{t.after[j]:.3g}", part, f"{t.noise_floor[j]:.2g}"
+        out.add_row(f"{name} ({units[j]})" if units else name, *numbers)
     return out

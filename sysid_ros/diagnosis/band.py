@@ -45,6 +45,9 @@ class Band:
 
     Args:
         motions: recordings without gaps.
+        active: joints whose rows are to be judged where no rest leaves them undetermined, shape (n,), bool, as of a robot on
+            legs, see :mod:`.leg_rows`; None: those that move enough.
+        cutoff: upper end of the band [Hz].
 
     Attributes:
         f: frequency of each coefficient, shape (K,) [Hz]. segment: which segment it belongs to, shape (K,).
@@ -53,14 +56,17 @@ class Band:
         seconds: time that the rows cover [s].
     """
 
-    def __init__(self, motions: Sequence[Motion]) -> None:
+    def __init__(self, motions: Sequence[Motion], active: NDArray[np.bool_] | None = None, cutoff: float = CUTOFF) -> None:
         self.motions = tuple(motions)
         robot = self.motions[0].robot
         self.n = robot.n
         stands = np.where(robot.is_prismatic, _STANDS_SLIDE, _STANDS)
-        self.moving = [_without_twitches(np.abs(m.v) > stands, m.period) for m in self.motions]
+        if active is None:
+            self.moving = [_without_twitches(np.abs(m.v) > stands, m.period) for m in self.motions]
+        else:
+            self.moving = [np.ones(m.v.shape, dtype=np.bool_) for m in self.motions]
         self.moves = np.mean(np.concatenate(self.moving), axis=0)
-        self.active = self.moves > _FEWEST
+        self.active = self.moves > _FEWEST if active is None else active
         self._bridges = [
             [_Bridge(moving[:, j], round(_ANCHOR / m.period)) for j in range(self.n)]
             for m, moving in zip(self.motions, self.moving, strict=True)
@@ -75,7 +81,7 @@ class Band:
             for a, end in pairwise(edges):
                 b = a + _quick(int(end - a))
                 seconds = (b - a) * motion.period
-                count = int(min(2.0 * CUTOFF, 0.8 / motion.period) * seconds)
+                count = int(min(2.0 * cutoff, 0.8 / motion.period) * seconds)
                 f.append(np.arange(count) / (2.0 * seconds))
                 segment.append(np.full(count, len(self.slices)))
                 self.slices.append((i, slice(int(a), int(b)), count))

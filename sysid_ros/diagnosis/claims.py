@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -12,12 +13,12 @@ from sysid_ros.diagnosis.covariance import Estimates, with_knobs
 from sysid_ros.diagnosis.evidence import Evidence, Part, fewest, removed_power, shapley
 from sysid_ros.diagnosis.fit import Fit, visible
 from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.posterior import SIGNATURE, Posterior, drift_cause, rivals
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Finding
-from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects import EFFECTS, Parameter
+from sysid_ros.effects import Parameter, named
 from sysid_ros.effects.parameter import by_delta_method
 from sysid_ros.effects.wording import of_joints
 from sysid_ros.robot.robot_model import RobotModel
@@ -25,6 +26,17 @@ from sysid_ros.sample import FloatArray
 
 _LIKELIER = 0.5
 """Probability from which a cause is likelier than not."""
+
+
+class Selected(Protocol):
+    """A search that has ended: its candidates, what it has found, and how many it tried."""
+
+    tried: int
+
+    @property
+    def library(self) -> Library: ...
+    @property
+    def fit(self) -> Fit: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +48,7 @@ class Judged:
     """
 
     train: Prepared
-    selection: Selection
+    selection: Selected
     posterior: Posterior
     held: HeldOut
 
@@ -169,7 +181,8 @@ def _companions_last(findings: Sequence[Finding]) -> list[Finding]:
 
     def key(f: Finding) -> tuple[float, bool]:
         own = f.heldout_gain or 0.0
-        brings = [g for g in by_name.get(EFFECTS[f.id].companion, ()) if set(g.joints) <= set(f.joints)]
+        kind = named(f.id)
+        brings = [g for g in by_name.get(kind.companion if kind else "", ()) if set(g.joints) <= set(f.joints)]
         return max([own, *(g.heldout_gain or 0.0 for g in brings)]), bool(brings)
 
     return sorted(findings, key=key, reverse=True)

@@ -95,7 +95,7 @@ def _knobs(library: Library, fit: Fit) -> list[_Knob]:
     """The knobs of all terms."""
     out = []
     for term in fit.terms:
-        for knob in term.effect.knobs:
+        for knob in () if term.fixed else term.effect.knobs:
             if knob.name in term.effect.settings:
                 value = float(term.effect.settings[knob.name])
                 step = knob.step * value if knob.logarithmic else knob.step
@@ -123,13 +123,15 @@ def _equations(
         for term, slope in slopes.items():
             X[:, index == fit.slices[fit.terms.index(term)].start] = slope[:, j, None]
         unknown = first + each * i + np.arange(each)
-        information[unknown, unknown] += unknown_prior(max(problem.scale) if fit.inexact and j not in scaled_joints else 0.0)
+        information[unknown, unknown] += unknown_prior(max(problem.scale) if fit.inexact and j not in scaled_joints else 0.0)[
+            :each
+        ]
         every = np.concatenate([index, np.arange(count, first), unknown])
         root = np.sqrt(fit.variance[:, j, None])
         columns = np.concatenate([X, *(knob.slope[:, j, None] for knob in knobs), never[:, :, j].T], axis=1) / root
         residual = fit.residual[:, j] / root[:, 0]
         information[np.ix_(every, every)] += columns.T @ columns
-        score[unknown] += columns[:, -each:].T @ residual
+        score[unknown] += columns[:, columns.shape[1] - each :].T @ residual
         blocks.add(columns, residual, every)
     known = np.concatenate([*(t.prior for t in fit.terms), problem.prior if fit.inexact else np.zeros(0)])
     information[np.arange(count), np.arange(count)] += known
@@ -153,13 +155,15 @@ def _slope(library: Library, term: Term) -> FloatArray:
 
 
 def unknown_columns(problem: Problem, dry: FloatArray, whole: bool = False) -> FloatArray:
-    """Of each joint, shape (c, K, n).
+    """Of each joint, shape (c, K, n); none where the problem considers what is never known itself.
 
     Args:
         dry: level of the dry friction on each joint, shape (n,) [N m].
         whole: the torque constant is one of all that the drives give, as far as that is known, else of what the links need: while
             sets are compared what rubs may leave one.
     """
+    if problem.considered:
+        return np.zeros((0, *problem.y.shape))
     curves = []
     for motion in problem.band.motions:
         unit = np.where(motion.robot.is_prismatic, SLIDE, 1.0)

@@ -6,8 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from sysid_ros.diagnosis.channel_faults import fault_evidence, undone
 from sysid_ros.diagnosis.claims import Judged
 from sysid_ros.diagnosis.contacts import Contact, contacts_held_out, contacts_in, without
@@ -15,7 +13,7 @@ from sysid_ros.diagnosis.extended_model import extended_model, urdf_part
 from sysid_ros.diagnosis.fault_findings import contact_findings, message_finding, signal_findings, with_faults
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.gain import gain_or_why_not
-from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.heldout import HeldOut, split
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.reporting import report, with_ceiling
@@ -33,8 +31,6 @@ from sysid_ros.simulation.simulators import installed
 from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.model_file import ModelFile
 
-_HELD_OUT = 0.3
-"""Part of the recordings that is held out where no others are given to judge on."""
 _MOST_CONTACTS = 8
 """Contacts after which no more are looked for."""
 _WHOLLY = ("explained", "nothing_wrong")
@@ -75,7 +71,7 @@ def diagnose(
     recordings, validation = [r for r, _ in ordered], [r for r, _ in ordered_validation]
     if reason := refusal_of(robot, recordings, validation):
         return Diagnosis("refused", robot.joint_names, refusal=reason, notes=notes)
-    fitted, judged = (recordings, validation) if validation else _split(recordings)
+    fitted, judged = (recordings, validation) if validation else split(recordings)
     fitted, partly = known_everywhere(fitted, judged, robot.joint_names)
     notes += partly
 
@@ -159,14 +155,3 @@ def _in_order(robot: RobotModel, recordings: Sequence[Recording]) -> list[tuple[
                 f"{recording.name} has {recording.q.shape[1]} joints, the robot has {robot.n}: {', '.join(robot.joint_names)}."
             )
     return [in_order(r) for r in recordings]
-
-
-def _split(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Recording]]:
-    """The first and the last part of each recording."""
-    first: list[Recording] = []
-    last: list[Recording] = []
-    for r in recordings:
-        cut = int(np.searchsorted(r.t, r.t[0] + (1.0 - _HELD_OUT) * r.seconds))
-        for part, s, word in ((first, slice(None, cut), "first part"), (last, slice(cut, None), "held-out part")):
-            part.append(r.at(s, f"{r.name} ({word})"))
-    return first, last

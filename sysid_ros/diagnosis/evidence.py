@@ -147,6 +147,8 @@ def removed_power(problem: Problem, held: HeldOut, fit: Fit, parts: Sequence[Par
     before = max(float(np.sum(held.rms(judged.y) ** 2 * weight)), 1e-12)
     own = [(p.of, p.unless) for p in parts for _ in range(p.term.p)]
     last = 1 + max((i for p in parts for i in p.of), default=-1)
+    # what is considered is no cause, and would take a part of one that is more of the same
+    own += [(frozenset({-1}), None)] * (problem.considered if fit.inexact else 0)
     own += [(frozenset({last}), None)] * (m - len(own))
 
     @cache

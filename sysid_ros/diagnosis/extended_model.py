@@ -125,7 +125,7 @@ def urdf_part(robot: RobotModel, model: ModelFile, train: Prepared) -> tuple[Mod
     bad = [
         name
         for name, body in zip(robot.body_names, links.reshape(-1, 10), strict=True)
-        if not inertial_parameters.is_physical(body)
+        if np.any(body) and not inertial_parameters.is_physical(body)  # nothing hangs on what only lets a trunk float
     ]
     if bad:
         found = _nearest(robot, model, train, links)

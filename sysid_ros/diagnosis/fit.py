@@ -33,6 +33,8 @@ _SEEN_OF_ALL = 0.003
 """Least part of the nominal residual of all joints (rms, each over its noise), for effects that not every arm has."""
 _FLOORS, _FLOORS_OF_NOISE = 0.4, 1.0
 """Least size (rms) of such an effect in noise floors, all joints together, and where its columns hold the noise themselves."""
+_EXACT = 1e-3
+"""Part of their usual inexactness that links have which are exact."""
 _EDGE = 0.1
 """What changes within this part of the recordings from their start or end is no event: it may have been there always."""
 
@@ -101,13 +103,14 @@ class Problem:
     Args:
         band: the frequency domain. y: torque that the nominal model leaves, shape (K, n).
         nuisance: columns of what no model gets exactly right, shape (K, n, c). nuisance_std: their usual size, shape (c,).
+        considered: how many of them, the first ones, are no links': their size is always the usual one.
 
     Attributes:
         scale: by how much more or less than usual masses, the first quarter of what no model gets right, and places are inexact.
     """
 
-    def __init__(self, band: Band, y: FloatArray, nuisance: FloatArray, nuisance_std: FloatArray) -> None:
-        self.band, self.y = band, y
+    def __init__(self, band: Band, y: FloatArray, nuisance: FloatArray, nuisance_std: FloatArray, considered: int = 0) -> None:
+        self.band, self.y, self.considered = band, y, considered
         self.active = np.flatnonzero(band.active)
         self.nuisance, self.usual_prior, self.scale = nuisance, 1.0 / nuisance_std**2, (1.0, 1.0)
 
@@ -118,8 +121,9 @@ class Problem:
 
     def prior_of(self, scale: tuple[float, float]) -> FloatArray:
         """The same with masses and places that are so inexact."""
-        masses = np.arange(len(self.usual_prior)) < len(self.usual_prior) // 4
-        return np.asarray(self.usual_prior / np.where(masses, *scale) ** 2)
+        links = np.arange(len(self.usual_prior) - self.considered)
+        sizes = np.maximum(np.where(links < len(links) // 4, *scale), _EXACT)
+        return np.asarray(self.usual_prior / np.concatenate([np.ones(self.considered), sizes]) ** 2)
 
     def blocks(self, terms: Sequence[Term], inexact: bool) -> tuple[dict[int, Block], int]:
         """Columns of each active joint, and the number of parameters."""

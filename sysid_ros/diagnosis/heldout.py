@@ -12,9 +12,10 @@ from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared, links_off, torques
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects import EFFECTS, LinkInertia
+from sysid_ros.effects import EFFECTS
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 
 OUTSIDE = 0.1
 """Time before the first and after the last instant of a recording, for an event that was before it, or after [s]."""
@@ -22,6 +23,8 @@ _UNSEEN = 0.3
 """Ends of a recording in which a change shows too little to be dated [s]."""
 _GRID, _FINE = 41, 21
 """Times in a recording that are tried first, and about the best of them."""
+_HELD_OUT = 0.3
+"""Part of the recordings that is held out where no others are given to judge on."""
 _USUAL = 0.5
 """Effects that so many joints have, but for those of inertia, are what every model of a joint has."""
 _WORSE = 1.05
@@ -84,12 +87,12 @@ class HeldOut:
         out = [x.copy() for x in self.prepared.nominal]
         for term in fit.terms:
             theta = term.theta_of_effect(fit.theta_of(term))
-            for i, motion in enumerate(self.library.motions):
-                out[i] += self.terms[term].effect.torque_along(motion, theta)
+            for i in range(len(out)):
+                out[i] += self.library.along(self.terms[term], theta, i)
         if fit.inexact:
-            links, off = LinkInertia(robot), links_off(robot, fit)
-            for i, motion in enumerate(self.library.motions):
-                out[i] += links.torque_along(motion, off)
+            off = links_off(robot, fit)
+            for i in range(len(out)):
+                out[i] += self.library.links_along(off, i)
         return out
 
 
@@ -223,3 +226,14 @@ def no_worse(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit
         options = [x for x in options if np.all(error(x) <= allowed) and error(x)[j] < error(fit)[j]]
         fit = min(options, key=lambda x: float(error(x)[j]), default=fit)
     return fit
+
+
+def split(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Recording]]:
+    """The first and the last part of each recording."""
+    first: list[Recording] = []
+    last: list[Recording] = []
+    for r in recordings:
+        cut = int(np.searchsorted(r.t, r.t[0] + (1.0 - _HELD_OUT) * r.seconds))
+        for part, s, word in ((first, slice(None, cut), "first part"), (last, slice(cut, None), "held-out part")):
+            part.append(r.at(s, f"{r.name} ({word})"))
+    return first, last

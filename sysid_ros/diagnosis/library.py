@@ -11,7 +11,7 @@ from scipy import special
 
 from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.term import Term, depends_on_torques
-from sysid_ros.effects import EFFECTS, Effect, Motion, Scope
+from sysid_ros.effects import EFFECTS, Effect, LinkInertia, Motion, Scope
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
@@ -138,6 +138,14 @@ class Library:
         joints = term.joints if len(term.joints) < self.robot.n else ()
         return self.whole(term.id, joints, term.basis, term.form, **settings)
 
+    def along(self, term: Term, theta: FloatArray, index: int) -> FloatArray:
+        """Torque of a term with parameters of its effect on the grid of one motion, shape (N, n) [N m]."""
+        return term.effect.torque_along(self.motions[index], theta)
+
+    def links_along(self, change: FloatArray, index: int) -> FloatArray:
+        """Torque of a change of the links' inertials, shape (10 n,), on the grid of one motion, shape (N, n) [N m]."""
+        return LinkInertia(self.robot).torque_along(self.motions[index], change)
+
     @property
     def of_joints(self) -> tuple[str, ...]:
         """Effects that load one joint at a time."""
@@ -174,6 +182,10 @@ class Library:
         return terms
 
 
+Places = dict[type[Effect], dict[int | None, int]]
+"""Where an effect can be, a joint or link, None where it is the whole robot's; and how many forms of it were tried there."""
+
+
 class SetPrior:
     """Log-probability of sets of terms.
 
@@ -187,20 +199,30 @@ class SetPrior:
     """
 
     def __init__(self, library: Library, joints: Sequence[int]) -> None:
-        self._places: dict[str, int] = {}
         motions, n = library.motions, library.robot.n
-        self._parameter = max(0.5 * float(np.log(len(library.band.f))) - 1.0, 0.0)
-        self._forms: dict[tuple[str, int | None], float] = {}
+        places: Places = {}
         for kind in EFFECTS.values():
             if kind.scope is Scope.JOINT:
-                self._places[kind.id] = len(joints)
-                for j in joints:
-                    self._forms[kind.id, int(j)] = float(np.log(max(len(library.local_options(kind.id, int(j))), 1)))
+                places[kind] = {int(j): len(library.local_options(kind.id, int(j))) for j in joints}
             else:
-                self._places[kind.id] = n if kind.scope is Scope.LINK else 1
-                for place in range(n) if kind.scope is Scope.LINK else (None,):
-                    self._forms[kind.id, place] = float(np.log(max(len(kind.candidates(motions, place)), 1)))
+                each = range(n) if kind.scope is Scope.LINK else (None,)
+                places[kind] = {place: len(kind.candidates(motions, place)) for place in each}
+        self._set(places, len(library.band.f))
 
+    @classmethod
+    def of_places(cls, places: Places, rows: int) -> SetPrior:
+        """Where each effect can be: its places with the number of its forms there; ``rows`` of the recordings."""
+        prior = cls.__new__(cls)
+        prior._set(places, rows)
+        return prior
+
+    def _set(self, places: Places, rows: int) -> None:
+        self._kinds = {kind.id: kind for kind in places}
+        self._places = {kind.id: len(each) for kind, each in places.items()}
+        self._parameter = max(0.5 * float(np.log(rows)) - 1.0, 0.0)
+        self._forms = {
+            (kind.id, place): float(np.log(max(forms, 1))) for kind, each in places.items() for place, forms in each.items()
+        }
         self._beside: tuple[tuple[Term, ...] | None, NDArray[np.intp], float] = (None, np.zeros(0, dtype=np.intp), 0.0)
         self._none = np.array([sum(self._without(id_, factor) for id_ in self._places) for factor in _WORLDS])
         self._number = {id_: i for i, id_ in enumerate(self._places)}
@@ -229,7 +251,7 @@ class SetPrior:
 
     def cost(self, term: Term) -> float:
         """What a term costs for its parameters and for being one of several forms."""
-        place = term.joints[0] if EFFECTS[term.id].scope is not Scope.ARM else None
+        place = term.joints[0] if term.kind.scope is not Scope.ARM else None
         return self._forms.get((term.id, place), 0.0) + self._parameter * term.cost
 
     def price(self, term: Term, present: tuple[Term, ...]) -> float:
@@ -243,7 +265,7 @@ class SetPrior:
 
     def _table(self, id_: str, factor: float) -> FloatArray:
         """Log-probability of each number of places that have an effect less that of none, shape (places + 1,)."""
-        kind, places = EFFECTS[id_], self._places[id_]
+        kind, places = self._kinds[id_], self._places[id_]
         usual, count = factor * kind.usual, np.arange(places + 1)
         if kind.scope is not Scope.JOINT:
             # of a whole arm, or of one link among all: so usual on the arm, wherever it is
@@ -253,7 +275,7 @@ class SetPrior:
         return np.asarray(special.betaln(a + count, b + places - count) - special.betaln(a, b + places))
 
     def _without(self, id_: str, factor: float) -> float:
-        kind, places = EFFECTS[id_], self._places[id_]
+        kind, places = self._kinds[id_], self._places[id_]
         usual = factor * kind.usual
         if kind.scope is not Scope.JOINT:
             return places * float(np.log1p(-usual / places))

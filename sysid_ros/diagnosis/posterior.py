@@ -14,7 +14,7 @@ from sysid_ros.diagnosis.knobs import refine
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.set_search import SetSearch, State
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects import EFFECTS, Depends
+from sysid_ros.effects import EFFECTS, Depends, named
 from sysid_ros.sample import FloatArray
 
 _DRAWS = 400
@@ -90,12 +90,12 @@ def posterior_of(search: SetSearch, state: State, *others: State) -> Posterior:
     for i, against in rivals.items():
         term = search.pool[i]
         told = _shares(against, scatter[i])
-        same = sum(s for rival, s in zip(against, told, strict=True) if EFFECTS.get(rival.name) is term.kind)
+        same = sum(s for rival, s in zip(against, told, strict=True) if named(rival.name) is term.kind)
         probability[term] = float(min(1.0 - np.sum(told) + same, 1.0))
         nothing[term] = float(sum(s for rival, s in zip(against, _shares(against, 1.0), strict=True) if not rival.name))
         instead[term] = {}
         for rival, s in zip(against, told, strict=True):
-            if rival.name and EFFECTS[rival.name] is not term.kind:
+            if rival.name and named(rival.name) is not term.kind:
                 instead[term][rival.name] = instead[term].get(rival.name, 0.0) + float(s)
     return Posterior(probability, nothing, instead)
 
@@ -155,7 +155,7 @@ def _same_while_moving(problem: Problem, library: Library, fit: Fit, terms: Sequ
         kinds = [EFFECTS[part] for part in whole.sum_of]
         if kind not in kinds:
             continue
-        rows = dict.fromkeys(t.row for t in terms)
+        rows = dict.fromkeys(t.row for t in terms if t.row is not None)
         groups = [[t for t in fit.terms if t.row == row and t.kind in kinds] for row in rows]
         groups = [sorted(g, key=lambda t: kinds.index(t.kind)) for g in groups if len(g) == len(kinds)]
         other = [_in_place(library, g[0], whole.id) for g in groups]

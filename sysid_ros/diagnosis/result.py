@@ -11,7 +11,7 @@ import numpy as np
 from sysid_ros.blackbox.ceiling_result import Ceiling
 from sysid_ros.blackbox.hybrid import Hybrid
 from sysid_ros.diagnosis.gain import SimulationError, Tracking
-from sysid_ros.effects import EFFECTS, Parameter
+from sysid_ros.effects import Parameter, named
 from sysid_ros.effects.wording import capital, first_sentence, listed, percent
 from sysid_ros.sample import FloatArray
 from sysid_ros.torque.model_file import ModelFile
@@ -64,7 +64,7 @@ class Finding:
     @property
     def look_alikes(self) -> tuple[str, ...]:
         """What explains these recordings as well, in words."""
-        return tuple(EFFECTS[id_].label if id_ in EFFECTS else id_ for id_ in self.cannot_be_told_from)
+        return tuple(kind.label if (kind := named(id_)) else id_ for id_ in self.cannot_be_told_from)
 
     @property
     def sentence(self) -> str:
@@ -169,6 +169,7 @@ class Diagnosis:
         temperature: how what is left goes with the temperature of each joint, where one is known.
         urdfs: of several URDFs that were given, each with the probability that it is the robot's; the likeliest was diagnosed.
         ceiling: what black boxes predict of what is left. hybrid: the extended model with what they predict, where they do.
+        units: of the torque of each joint; empty for N m.
     """
 
     verdict: str
@@ -190,6 +191,7 @@ class Diagnosis:
     urdfs: tuple[RankedUrdf, ...] = ()
     ceiling: Ceiling | None = None
     hybrid: Hybrid | None = None
+    units: tuple[str, ...] = ()
 
     @property
     def causes(self) -> tuple[Finding, ...]:
@@ -240,6 +242,7 @@ class Diagnosis:
                 "after": torque.after.tolist(),
                 "noise_floor": torque.noise_floor.tolist(),
                 "torque": torque.torque.tolist(),
+                **({"units": list(self.units)} if self.units else {}),
             },
             "simulation": SimulationError.as_dict(self.simulation),
             "unexplained_fraction": self.unexplained_fraction,

@@ -81,14 +81,15 @@ class SetSearch:
         members = tuple(sorted(members))
         at = [self._at[i] for i in members]
         prior = [self._prior[i] for i in members]
-        if scale:
+        if inexact := scale > 0 or self.problem.considered > 0:
             at.append(self.left_out.inexact)
             prior.append(self.problem.prior_of(SCALES[scale]))
         at.append(self.left_out.unknown)
-        prior.append(np.tile(unknown_prior(max(SCALES[scale])), self.left_out.joints))
+        each = len(self.left_out.unknown) // max(self.left_out.joints, 1)
+        prior.append(np.tile(unknown_prior(max(SCALES[scale]))[:each], self.left_out.joints))
         where = np.concatenate(at)
         predicted = self.left_out.of(where, np.concatenate(prior))
-        narrowed = self._narrowed(predicted) if scale else 0.0
+        narrowed = self._narrowed(predicted) if inexact else 0.0
         return State(members, scale, predicted, narrowed, self._score(predicted.likelihood, members) - narrowed)
 
     def _narrowed(self, predicted: Predicted) -> float:
@@ -106,8 +107,9 @@ class SetSearch:
 
     def fit(self, members: Sequence[int], scale: int, noise: Noise | None = None) -> Fit:
         """The fitted rows with a set."""
-        self.problem.scale = SCALES[scale or SCALES.index((1.0, 1.0))]
-        return self.problem.fit([self.pool[i] for i in members], noise or self.noise, 0, inexact=scale > 0)
+        always = self.problem.considered > 0
+        self.problem.scale = SCALES[scale if scale or always else SCALES.index((1.0, 1.0))]
+        return self.problem.fit([self.pool[i] for i in members], noise or self.noise, 0, inexact=always or scale > 0)
 
     def climb(self, state: State, thorough: bool = True) -> State:
         """The best set that single moves reach, then moves of several terms if it is to be thorough, then single ones again."""
@@ -243,18 +245,18 @@ class SetSearch:
             found = tuple(sorted((members - gone) | new))
             moves.append((self._score(likelihood, found) - state.narrowed, found, state.scale))
 
-        for kind in dict.fromkeys(t.kind for t in self.pool if t.row is not None):
+        for kind in dict.fromkeys(t.kind for t in self.pool if t.joint is not None):
             own = {i for i in self._best_of_each_joint(state, kind) if not self._against[i] & members}
             if len(own - members) > 1:
                 moved(set(), own - members)
-            present = {i for i in members if self.pool[i].kind is kind and self.pool[i].row is not None}
+            present = {i for i in members if self.pool[i].kind is kind and self.pool[i].joint is not None}
             if len(present) > 1:
                 moved(present, set())
             for other in forms_of(kind.family):
-                rows = {self.pool[i].row for i in present}
-                others = {i for i in self._best_of_each_joint(state, other) if self.pool[i].row in rows}
+                rows = {self.pool[i].joint for i in present}
+                others = {i for i in self._best_of_each_joint(state, other) if self.pool[i].joint in rows}
                 if other is not kind and len(others) > 1:
-                    replaced = {i for i in present if self.pool[i].row in {self.pool[k].row for k in others}}
+                    replaced = {i for i in present if self.pool[i].joint in {self.pool[k].joint for k in others}}
                     moved(replaced, {i for i in others if not self._against[i] & (members - replaced)})
         few = [k for k in state.members if not self.pool[k].expected]
         for found, likelihood in self.replaced(state, few):
@@ -279,8 +281,8 @@ class SetSearch:
         """Of the terms of an effect on each joint the one that is in the set, else the last that was proposed."""
         out: dict[int, int] = {}
         for i, t in enumerate(self.pool):
-            if t.kind is kind and t.row is not None and (t.row not in out or out[t.row] not in state.members):
-                out[t.row] = i
+            if t.kind is kind and t.joint is not None and (t.joint not in out or out[t.joint] not in state.members):
+                out[t.joint] = i
         return list(out.values())
 
     def _overlap(self, i: int, k: int) -> bool:

@@ -9,7 +9,7 @@ from itertools import chain, combinations, product
 
 import numpy as np
 
-from sysid_ros.effects import EFFECTS, Depends, Effect, forms_of
+from sysid_ros.effects import EFFECTS, Depends, Effect, Scope, forms_of
 from sysid_ros.sample import FloatArray
 
 _EXPECTED = 0.15
@@ -28,6 +28,7 @@ class Term:
         basis: the effect's parameters are ``basis @ theta``, shape (effect.p, p); None for the identity.
         form: which of several forms with the same name it is, for messages.
         load: the effect's reference torque on the recordings [N m].
+        fixed: its knobs stay as they are.
     """
 
     effect: Effect
@@ -37,6 +38,7 @@ class Term:
     basis: FloatArray | None = None
     form: str = ""
     load: float = 0.0
+    fixed: bool = False
 
     @cached_property
     def id(self) -> str:
@@ -61,7 +63,12 @@ class Term:
     @cached_property
     def expected(self) -> bool:
         """True for what every arm has on every joint, large or small."""
-        return self.row is not None and self.effect.usual > _EXPECTED
+        return self.joint is not None and self.effect.usual > _EXPECTED
+
+    @cached_property
+    def joint(self) -> int | None:
+        """The joint that it belongs to where it belongs to one, else None. On a robot on legs it loads the whole robot, too."""
+        return self.joints[0] if self.row is None and self.kind.scope is Scope.JOINT else self.row
 
     @property
     def simplest(self) -> type[Effect] | None:
@@ -93,7 +100,7 @@ class Term:
     @cached_property
     def cost(self) -> int:
         """Number of parameters that data have to tell, with the nonlinear ones."""
-        return self.effect.free_parameters(self.form, self.p) + len(self.effect.knobs)
+        return self.effect.free_parameters(self.form, self.p) + (0 if self.fixed else len(self.effect.knobs))
 
     def rows(self, theta: FloatArray) -> FloatArray:
         """Rows of all joints that parameters of its columns make, shape (K, n)."""

@@ -13,6 +13,10 @@ from sysid_ros.signals.trunk_channels import TrunkSetup
 
 USUAL = 0.1
 """Standard deviation of a bias that is nothing unusual [m/s^2]."""
+_LEFT = 0.04
+"""The same where an IMU's driver has taken out what it shows at rest: what a change of its temperature leaves [m/s^2]."""
+_CAUSE, _WRONG = "cause", 1.0
+"""Form of one that is a cause, and its usual size [m/s^2]: a tenth of gravity."""
 
 
 class AccelerometerBias(Effect):
@@ -36,6 +40,7 @@ class AccelerometerBias(Effect):
     words = "a bias of the accelerometer ({sizes})"
     setting_names = ("frame",)
     acts = Acts.LINK
+    on_legs = True
     signature = "a force that keeps its direction in the base while the base turns, on all links by their mass"
     look_alikes = ("base_tilt", "payload", "external_force")
     separated_by = "rolling and pitching the base, by which gravity turns against the bias"
@@ -54,7 +59,13 @@ class AccelerometerBias(Effect):
             out -= self.robot.base_acceleration_columns_of(sample.q, self._frame_index, self.load)
 
     def prior_std(self, form: str = "") -> FloatArray:
-        return self.expected[1]
+        return np.full(3, _WRONG) if form == _CAUSE else self.expected[1]
+
+    def candidates_on_legs(self) -> list[Candidate]:
+        return [Candidate(form=_CAUSE)]
+
+    def usual_on_legs(self, torque: float) -> float:
+        return _LEFT
 
     @property
     def nominal(self) -> FloatArray:

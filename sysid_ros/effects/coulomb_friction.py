@@ -45,6 +45,7 @@ class CoulombFriction(DryFriction, JointEffect):
     label = "Coulomb friction"
     words = "{unmodelled} dry friction (Coulomb) on {where} ({Fc})"
     usual = 0.9
+    on_legs = True
     in_urdf = True
     signature = "two levels of equal size by direction of motion"
     look_alikes = ("stribeck_friction", "presliding_hysteresis", "asymmetric_coulomb_friction")

@@ -10,6 +10,7 @@ import numpy as np
 
 from sysid_ros.effects.arguments import carrying, of_slide, positive
 from sysid_ros.effects.described import Described
+from sysid_ros.effects.on_legs import OnLegs
 from sysid_ros.effects.searched import Searched
 from sysid_ros.effects.traits import Acts, Curve, Depends, Knob, Scope
 from sysid_ros.exceptions import ModelFileError
@@ -20,10 +21,11 @@ from sysid_ros.signals.motion import Motion
 __all__ = ["Acts", "Depends", "Effect", "JointCurves", "JointEffect", "Knob", "carrying", "positive"]
 
 
-class Effect(Described, Searched):
+class Effect(Described, Searched, OnLegs):
     """One cause of torque, linear in its parameters: ``tau_effect = Y(q, v, a) theta``. What a search asks of it stands in
     :class:`sysid_ros.effects.searched.Searched`, what a description can hold of it in
-    :class:`sysid_ros.effects.described.Described`.
+    :class:`sysid_ros.effects.described.Described`, what is asked where it moves a robot on legs in
+    :class:`sysid_ros.effects.on_legs.OnLegs`.
 
     A nonlinear knob (the width of a sign function, a frame) is a constructor argument; ``settings`` gives it back, so that an
     effect can be written to ``model.yaml`` and made again by :meth:`from_settings`.

@@ -1,14 +1,19 @@
 """Feet that touch the ground elsewhere than the description says."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from sysid_ros.effects.traits import Candidate
 from sysid_ros.effects.trunk_effect import TrunkEffect
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FREE, FloatArray
 from sysid_ros.signals.motion import Motion
 from sysid_ros.signals.trunk_channels import TrunkSetup
+
+_OTHER = 0.01
+"""Usual size of an error that is a cause [m]: feet of another make, or worn ones."""
 
 
 class FootRadius(TrunkEffect):
@@ -31,6 +36,7 @@ class FootRadius(TrunkEffect):
     separated_by = "swaying, by which the forces on the feet change their direction in the legs"
     expected = 1.5e-3
     """By how much feet are pressed together, where the description tells what they are; who knows less says so in ``unsure``."""
+    always = expected
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), feet: Sequence[str] = ()) -> None:
         super().__init__(robot, joints)
@@ -40,7 +46,19 @@ class FootRadius(TrunkEffect):
         self.unsure: FloatArray = np.full(len(self.feet), self.expected)
 
     def prior_std(self, form: str = "") -> FloatArray:
+        return np.full(len(self.feet), _OTHER) if form else self.unsure
+
+    def usual_on_legs(self, torque: float) -> FloatArray | float:
         return self.unsure
+
+    @classmethod
+    def settings_on_legs(cls, trunk: str, feet: Sequence[str]) -> dict[str, Any]:
+        return {"feet": list(feet)}
+
+    def candidates_on_legs(self) -> list[Candidate]:
+        each = np.eye(len(self.feet))
+        one = [Candidate(basis=column[:, None], form=foot) for foot, column in zip(self.feet, each, strict=True)]
+        return [*one, Candidate(basis=np.ones((len(self.feet), 1)), form="all alike"), Candidate(basis=each, form="each")]
 
     def columns_along(self, motion: Motion) -> FloatArray:
         out = np.zeros((len(motion.t), self.robot.n, self.p))

@@ -22,6 +22,8 @@ class ImuDelay(TrunkEffect):
     separated_by = "quick motions of the trunk along all axes"
     expected = 0.01
     """Ten milliseconds: what drivers buffer."""
+    always = 1e-3
+    """Half a message of a usual IMU."""
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
         super().__init__(robot, joints)

@@ -22,6 +22,8 @@ class ImuLever(PlacementEffect):
     separated_by = "turning the trunk about all axes quickly"
     expected = 0.03
     """Three centimetres: the size of its board and of what it is mounted on."""
+    always = 2e-3
+    """Two millimetres: what a drawing of it is read by."""
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
         super().__init__(robot, joints)

@@ -17,6 +17,8 @@ from sysid_ros.signals.motion import Motion
 
 _SCALE = "scale"
 """Form in which all inertials of a link are off by one factor: the parameter is that less 1."""
+_PLACE, _PLACE_STD = "place", 0.05
+"""Form in which a link is as heavy as the description says and lies elsewhere, by three lengths, and their usual size [m]."""
 
 
 class LinkInertia(Effect):
@@ -36,6 +38,7 @@ class LinkInertia(Effect):
     usual = 0.9
     replaces_links = True
     in_urdf = True
+    on_legs = True
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = ()) -> None:
         super().__init__(robot, joints)
@@ -77,9 +80,16 @@ class LinkInertia(Effect):
         scale = [Candidate(basis=nominal[:, None], form=_SCALE)] if np.any(nominal) else []
         return [*scale, Candidate(form=COMPACT), Candidate(form="full")]
 
+    def candidates_on_legs(self) -> list[Candidate]:
+        own = self.nominal
+        scale, place = Candidate(basis=own[:, None], form=_SCALE), Candidate(basis=_by_place(own), form=_PLACE)
+        return [scale, place, Candidate(form=COMPACT), Candidate(form="full")]
+
     def prior_std(self, form: str = "") -> FloatArray:
         if form == _SCALE:
             return super().prior_std()
+        if form == _PLACE:
+            return np.full(3, _PLACE_STD)
         return np.tile(COMPACT_STD if form == COMPACT else BODY_STD, len(self.joints))
 
     def free_parameters(self, form: str, columns: int) -> int:
@@ -91,6 +101,8 @@ class LinkInertia(Effect):
         joint = int(self.joints[0])
         if form == _SCALE:
             return bool(theta[0] > -1.0)
+        if form == _PLACE:
+            return True  # its prior says how far
         if self.robot.body_names[joint] == self.robot.default_frame and theta[0] > 0.0:
             return False
         return within_reach(self.robot, self.robot.pi[10 * joint : 10 * joint + 4] + theta[:4], std)
@@ -121,3 +133,15 @@ class LinkInertia(Effect):
         names = " or ".join(f"'{b.name}' ({b.theta[0]:.3g} kg)" for b in matching(self.robot, joint, -first[0], first[1]))
         what = f"mass and place of the URDF's {names}: not mounted?" if names else f"around {place} of its frame"
         return f"the model has {size} on {link} that are not there ({what})"
+
+
+def _by_place(pi: FloatArray) -> FloatArray:
+    """Derivative of ten parameters by the place of the body, shape (10, 3): ``d(mc) = m dc`` and, with the inertia about the
+    centre of mass as it is, ``dI = m (2 (c . dc) 1 - c dc' - dc c')``."""
+    mass, c = float(pi[0]), pi[1:4] / max(float(pi[0]), 1e-12)
+    out = np.zeros((10, 3))
+    out[1:4] = mass * np.eye(3)
+    for k, unit in enumerate(np.eye(3)):
+        moved = mass * (2.0 * float(c @ unit) * np.eye(3) - np.outer(c, unit) - np.outer(unit, c))
+        out[4:, k] = moved[0, 0], moved[0, 1], moved[1, 1], moved[0, 2], moved[1, 2], moved[2, 2]
+    return out

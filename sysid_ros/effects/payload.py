@@ -45,6 +45,7 @@ class Payload(Effect):
     inertial: ClassVar[bool] = True
     carried: ClassVar[bool] = True
     usual: ClassVar[float] = 0.2
+    on_legs: ClassVar[bool] = True
     signature: ClassVar[str] = "gravity and inertial torque in all joints that carry the tool, of a body with a positive mass"
     look_alikes: ClassVar[tuple[str, ...]] = ("link_inertia", "external_force")
     separated_by: ClassVar[str] = "changes of the wrist's orientation, and accelerations"
@@ -76,6 +77,13 @@ class Payload(Effect):
 
     def columns_along(self, motion: Motion) -> FloatArray:
         return motion.payload_regressor(self.frame)
+
+    @classmethod
+    def settings_on_legs(cls, trunk: str, feet: Sequence[str]) -> dict[str, Any]:
+        return {"frame": trunk}
+
+    def candidates_on_legs(self) -> list[Candidate]:
+        return self.candidates((), None)
 
     @classmethod
     def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:

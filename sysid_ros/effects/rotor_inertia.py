@@ -20,6 +20,7 @@ class RotorInertia(JointEffect):
     nonnegative = True
     inertial = True
     usual = 0.9
+    on_legs = True
     simple = Curve.ACCELERATION
     symbol = "J"
     unit = "kg m^2"

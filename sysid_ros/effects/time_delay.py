@@ -30,6 +30,7 @@ class TimeDelay(Effect):
     words = "efforts that come late ({delay})"
     setting_names = ("around",)
     acts = Acts.MEASUREMENT
+    on_legs = True
     depends_on = frozenset({Depends.DRIVE})
     usual = 0.2
     between = (-_LONGEST, _LONGEST)
@@ -51,6 +52,9 @@ class TimeDelay(Effect):
             earlier = [np.interp(motion.t - self.around, motion.t, drive[:, j]) for j in range(self.robot.n)]
             return np.asarray((np.stack(earlier, axis=1) - drive) / self.around)[:, :, None]
         return np.asarray(-motion.rate_of(motion.drive_torque))[:, :, None]
+
+    def usual_on_legs(self, torque: float) -> float:
+        return 0.5 * _SAMPLING
 
     def as_delay(self, theta: FloatArray) -> float:
         return float(theta[0])

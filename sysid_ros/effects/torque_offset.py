@@ -7,6 +7,10 @@ from sysid_ros.effects.traits import Curve
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
+_ON_LEGS = 0.01
+"""What a motor whose current is measured shows without a torque, over what a leg's joint holds while the robot stands; supposed,
+not measured on robots."""
+
 
 class TorqueOffset(JointEffect):
     """``tau_j = offset_j`` [N m]."""
@@ -15,6 +19,7 @@ class TorqueOffset(JointEffect):
     label = "torque offset"
     words = "efforts with a constant offset on {where} ({offset})"
     acts = Acts.MEASUREMENT
+    on_legs = True
     usual = 0.5
     signature = "a constant, at rest and in motion"
     look_alikes = ("asymmetric_coulomb_friction", "spring", "joint_offset")
@@ -22,6 +27,9 @@ class TorqueOffset(JointEffect):
     simple = Curve.ONE
     symbol = "offset"
     unit = "N m"
+
+    def usual_on_legs(self, torque: float) -> float:
+        return _ON_LEGS * torque
 
     def curve(self, sample: Sample | Motion) -> FloatArray:
         return np.ones(sample.q.shape)

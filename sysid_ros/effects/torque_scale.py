@@ -10,6 +10,9 @@ from sysid_ros.signals.motion import Motion
 _USUAL_ERROR = 0.5
 """Usual size of a wrong gain: torque constants and currents' units are off by a part or by half, seldom by several times."""
 
+_ON_LEGS = 0.02
+"""What torque constants are off by from motor to motor."""
+
 
 class TorqueScale(JointCurves):
     """``tau_j = (gain - 1) tau_link``, gain = measured / true; the parameter is gain - 1 [1]."""
@@ -18,6 +21,7 @@ class TorqueScale(JointCurves):
     label = "wrong gain of the torque"
     words = "efforts with a wrong gain on {where} (measured over true: {gain})"
     acts = Acts.MEASUREMENT
+    on_legs = True
     of_own_torque = True
     depends_on = frozenset({Depends.DRIVE})
     usual = 0.1
@@ -30,6 +34,9 @@ class TorqueScale(JointCurves):
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         return np.array(load)[None]
+
+    def usual_on_legs(self, torque: float) -> float:
+        return _ON_LEGS
 
     def as_gain(self, theta: FloatArray) -> FloatArray:
         return 1.0 + self.of_symbol("gain_error", theta)

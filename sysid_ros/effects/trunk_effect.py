@@ -19,15 +19,21 @@ class TrunkEffect(Effect):
     Where it is known it is no torque: what the IMU shows is corrected by it (:meth:`as_setup`), exactly.
 
     Attributes:
-        expected: standard deviation of each parameter before any data.
+        expected: standard deviation of each parameter before any data, where it is one that is wrong.
+        always: the same of what no robot is free of.
     """
 
     acts = Acts.MEASUREMENT
     usual = 0.1
+    on_legs = True
     expected: ClassVar[float]
+    always: ClassVar[float]
 
     def prior_std(self, form: str = "") -> FloatArray:
         return np.full(self.p, self.expected)
+
+    def usual_on_legs(self, torque: float) -> FloatArray | float:
+        return self.always
 
     @abstractmethod
     def as_setup(self, theta: FloatArray) -> TrunkSetup: ...

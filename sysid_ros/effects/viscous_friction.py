@@ -13,6 +13,7 @@ class ViscousFriction(JointEffect):
     label = "viscous friction"
     words = "{unmodelled} viscous friction on {where} ({b})"
     usual = 0.9
+    on_legs = True
     in_urdf = True
     signature = "a straight line against the speed"
     look_alikes = ("time_delay", "quadratic_friction", "coulomb_friction")

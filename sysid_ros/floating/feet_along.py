@@ -33,6 +33,8 @@ class FeetAlong:
         loaded: joints of legs whose foot may touch the ground, shape (M, n - 6), bool.
         by_radius: derivative of what stands on the left by the radius of each foot, shape (M, 6, k) [N/m], [N].
         forces: of the ground on the feet in the axes of the trunk, shape (M, k, 3) [N].
+        drive: torques nearest to the measured ones with which the feet carry the robot of the URDF, shape (M, n) [N m]: what is
+            measured without its noise, and without what the URDF does not know.
     """
 
     matrix: FloatArray
@@ -40,6 +42,7 @@ class FeetAlong:
     loaded: NDArray[np.bool_]
     by_radius: FloatArray
     forces: FloatArray
+    drive: FloatArray
 
     @classmethod
     def of(
@@ -65,7 +68,8 @@ class FeetAlong:
         count, k, n = len(motion.t), len(base.contact_frames), base.robot.n
         matrix, by_radius = np.empty((count, FREE, n - FREE)), np.empty((count, FREE, k))
         trusted, forces, size = np.zeros(count, dtype=np.bool_), np.empty((count, k, 3)), np.empty((count, k))
-        rest = motion.tau - (base.robot.rnea_along(motion.q, motion.v, motion.a) if torque is None else torque)
+        rigid = base.robot.rnea_along(motion.q, motion.v, motion.a)
+        rest = motion.tau - (rigid if torque is None else torque)
         for i in range(count):
             sample = Sample(float(motion.t[i]), motion.q[i], motion.v[i], motion.a[i], motion.tau[i])
             stance = projection.update(sample, rest[i], None)
@@ -81,7 +85,7 @@ class FeetAlong:
         touches = ndimage.binary_dilation(touches, np.ones((2 * reach + 1, 1), dtype=bool))
         legs = base.contacts.carriers[:, FREE:]
         loaded = (touches.astype(float) @ legs.astype(float)) > 0.0
-        return cls(matrix, trusted, loaded, by_radius, forces)
+        return cls(matrix, trusted, loaded, by_radius, forces, _balanced(matrix, motion.tau, rigid))
 
     def project(self, rows: FloatArray, where: slice = slice(None)) -> FloatArray:
         """``P rows`` for rows of shape (M, n, ...), the six of the whole robot zero where they may not be used."""
@@ -96,6 +100,17 @@ class FeetAlong:
         ground, of whose force a little is much."""
         nothing = np.zeros((len(self.trusted), FREE)) + ~self.trusted[:, None]
         return np.hstack([nothing, 10.0 * self.loaded])
+
+
+def _balanced(matrix: FloatArray, tau: FloatArray, rigid: FloatArray) -> FloatArray:
+    """The least change of torques tau (M, n) by which ``A tau_l = rigid_b + A rigid_l``, for A of shape (M, 6, n - 6)."""
+    left = np.einsum("mij,mj->mi", matrix, tau[:, FREE:] - rigid[:, FREE:]) - rigid[:, :FREE]
+    square = matrix @ np.swapaxes(matrix, 1, 2)
+    square += 1e-9 * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(FREE)
+    change = np.einsum("mij,mi->mj", matrix, np.linalg.solve(square, left[:, :, None])[:, :, 0])
+    out = tau.copy()
+    out[:, FREE:] -= change
+    return out
 
 
 def _believed(reported: FloatArray, touches: NDArray[np.bool_], period: float) -> NDArray[np.bool_]:

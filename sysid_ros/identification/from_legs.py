@@ -123,14 +123,14 @@ def identify_on_legs(
     found = [*problems, *(p for c in checked for p in c.problems)]
     cutoff = CutOff(cutoff_hz, "as given") if cutoff_hz else choose_cutoff(recordings, base.legs.joint_names, max_gap)
     first = len(recordings)
-    setup, known, shown = TrunkSetup(), None, _shown(checked[:first], gravity)
+    setup, known, shown = TrunkSetup(), None, shown_by(checked[:first], gravity)
     for turn, stands in enumerate(STANDS):
         progress(f"filtering, round {turn + 1} of {len(STANDS)}")
         made = rows_on_legs(base, checked[:first], cutoff.hz, max_gap, measured_velocity, setup, known, shown, stands)
         bags = made.rows()
         prior = Prior.of(made.model, base)
         if turn == 0:
-            found += _accepted(_check_weight(bags, prior.mean), choices.accept_doubts)
+            found += _accepted(check_weight(bags, prior.mean), choices.accept_doubts)
         theta = fit(bags, prior.mean, prior.std, choices.method).theta
         if turn < len(STANDS) - 1:
             setup, known = learned(made.model, theta)
@@ -141,7 +141,7 @@ def identify_on_legs(
     return replace(result, friction="coulomb")
 
 
-def _shown(recordings: Sequence[CheckedRecording], gravity: float) -> ShownGravity | None:
+def shown_by(recordings: Sequence[CheckedRecording], gravity: float) -> ShownGravity | None:
     """What the accelerometer shows beside its motion."""
     return shown_gravity([(c.recording.t, c.recording.trunk) for c in recordings if c.recording.trunk is not None], gravity)
 
@@ -159,7 +159,7 @@ def _require_of_legs(choices: Choices) -> None:
             )
 
 
-def _check_weight(bags: Sequence[BagRows], nominal: FloatArray) -> Problem | None:
+def check_weight(bags: Sequence[BagRows], nominal: FloatArray) -> Problem | None:
     """Do the torques of the legs carry the weight that the URDF says? Friction and rotors are not known yet."""
     slopes = [_weight(bag, nominal) for bag in bags]
     listed = ", ".join(f"{bag.name} {x:.3g}" for bag, x in zip(bags, slopes, strict=True))

@@ -273,8 +273,9 @@ class SmoothRecording:
                 out[k] += self.low_pass.slope @ momentum[window]
 
     def _motion(self, s: SmoothMotion, where: slice) -> Motion:
-        motion = Motion(self.robot, s.t[where] - self.start, s.q[where], s.v[where], s.a[where], s.tau[where])
         feet = self._feet_of(s)
+        drive = None if feet is None else feet.drive[where]
+        motion = Motion(self.robot, s.t[where] - self.start, s.q[where], s.v[where], s.a[where], s.tau[where], drive_torque=drive)
         motion.by_radius = None if feet is None else feet.by_radius[where]
         return motion
 

@@ -52,13 +52,13 @@ def diagnosis_page(
         robot: to be shown. urdf: its file, beside which meshes are looked for.
     """
     p = result.predictions
-    units = ["N m"] * len(result.joints)
+    units = result.units or ["N m"] * len(result.joints)
     floor = result.torque.noise_floor if result.torque is not None else np.zeros(len(result.joints))
     chip, meaning = _VERDICTS[result.verdict]
     return page(
         "diagnosis.html",
         title=f"Diagnosis of {name}" if name else "Diagnosis",
-        where=f"{len(result.joints)} joints; {_judged_on(provenance)}." if result.joints else "",
+        where=f"{_rows(result)}; {_judged_on(provenance)}." if result.joints else "",
         result=result,
         chip=chip,
         view=diagnosis_view(robot, urdf, result),
@@ -92,7 +92,7 @@ def recording_of(path: Path, result: Diagnosis, robot: RobotModel | None, urdf: 
 
     figures = []
     if (p := result.predictions) is not None:
-        units = ["N m"] * len(result.joints)
+        units = result.units or ["N m"] * len(result.joints)
         figures.append(replace(torque_figure(p, units), title="Torque"))
         if result.torque is not None:
             figures.append(replace(residual_figure(p, units, result.torque.noise_floor), title="What is left"))
@@ -152,8 +152,14 @@ def _errors(result: Diagnosis) -> list[dict[str, Any]]:
             name, colour = _MODELS[i]
             part = percent(parts[i, j]) if i < 2 else ""
             bars.append({"name": name, "colour": colour, "value": values[i, j], "part": part, "width": widths[i, j]})
-        out.append({"joint": joint, "torque": float(t.torque[j]), "bars": bars})
+        out.append(
+            {"joint": f"{joint} ({result.units[j]})" if result.units else joint, "torque": float(t.torque[j]), "bars": bars}
+        )
     return out
+
+
+def _rows(result: Diagnosis) -> str:
+    return "force and moment on the whole robot" if result.units else f"{len(result.joints)} joints"
 
 
 def _judged_on(provenance: Mapping[str, object]) -> str:

@@ -15,13 +15,14 @@ _MOST = 3
 
 
 def diagnosis_view(robot: RobotModel | None, urdf: Path | None, result: Diagnosis) -> View | None:
-    """The view in the motion that the diagnosis was judged on; None where there is no robot or nothing was judged.
+    """The view in the motion that the diagnosis was judged on; None where there is no robot, where
+    nothing was judged, and on legs, whose rows are of the whole robot.
 
     Args:
         urdf: the robot's file, beside which meshes are looked for.
     """
     p = result.predictions
-    if robot is None or p is None:
+    if robot is None or p is None or p.q.shape[1] != robot.n:
         return None
     main = [f for f in result.causes if f.headline][:_MOST] or list(result.causes[:1])
     bodies = {i: body for i, f in enumerate(main) if (body := _body(robot, f)) is not None}

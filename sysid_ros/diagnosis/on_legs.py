@@ -1,0 +1,138 @@
+"""diagnose_on_legs: from recordings of a robot on legs to the causes of what its model gets wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sysid_ros.diagnosis.claims import Judged
+from sysid_ros.diagnosis.extended_model import extended_model, urdf_part
+from sysid_ros.diagnosis.heldout import split
+from sysid_ros.diagnosis.leg_rows import corrected_again, corrections, leg_libraries, leg_model
+from sysid_ros.diagnosis.leg_search import search_legs
+from sysid_ros.diagnosis.reporting import report
+from sysid_ros.diagnosis.result import Diagnosis, Predictions, TorqueRmse
+from sysid_ros.effects import Depends
+from sysid_ros.exceptions import DataError
+from sysid_ros.floating.floating_base import FloatingBase
+from sysid_ros.identification.channel_checks import CheckedRecording, check_channels
+from sysid_ros.identification.from_legs import shown_by
+from sysid_ros.identification.spectrum import choose_cutoff
+from sysid_ros.sample import FREE, FloatArray
+from sysid_ros.signals.recording import Recording
+from sysid_ros.torque.model_file import ModelFile, urdf_digest
+
+_UNITS = ("N",) * 3 + ("N m",) * 3
+_AGAIN = 2
+"""How often recordings are corrected by gains and delays that were found."""
+_JUDGED = (
+    "A robot on legs is judged by the force and the moment on all of it, free of the forces on its feet: what the torques of the "
+    "legs, with the ground, would have to be, less what they are."
+)
+_NOT_SIMULATED = "Nothing was simulated: the gain in simulation is one of arms."
+
+Progress = Callable[[str], None]
+
+
+def diagnose_on_legs(
+    base: FloatingBase,
+    recordings: Sequence[Recording],
+    validation: Sequence[Recording] = (),
+    progress: Progress = lambda sentence: None,
+    provenance: dict[str, Any] | None = None,
+    gravity: float = 9.81,
+    max_gap: float = 0.1,
+) -> Diagnosis:
+    """What is wrong with the nominal model of a robot on legs, its IMU and its feet.
+
+    Its rows are those of :func:`.identify_on_legs`; the search, the probabilities and the report are those of an arm.
+
+    Args:
+        base: the nominal model. recordings: to fit on, with a trunk. validation: to judge on, never fitted; without any, the last
+            part of the recordings is held out. gravity: its size [m/s^2]. max_gap: a longer gap is not bridged [s].
+
+    Raises:
+        DataError: no recording is given, one has no IMU or is too short, or the torques do not carry the robot.
+    """
+    progress("filtering")
+    told, fitted, notes = judged_on_legs(base, recordings, validation, progress, gravity, max_gap)
+    found, train = report(told), told.train
+    model = extended_model(base.robot, None, told.fit, told.values, train, {r.name: r.start for r in fitted}, provenance or {})
+    model = replace(model, urdf_sha256=urdf_digest(base.legs.urdf), torque_std=_errors_of_legs(told, model, fitted))
+    urdf_model, changes = urdf_part(base.robot, model, train)
+    return replace(
+        _of_trunk(found), model=model, urdf_model=urdf_model, notes=(_JUDGED, *notes, *changes, *found.notes, _NOT_SIMULATED)
+    )
+
+
+def judged_on_legs(
+    base: FloatingBase,
+    recordings: Sequence[Recording],
+    validation: Sequence[Recording] = (),
+    progress: Progress = lambda sentence: None,
+    gravity: float = 9.81,
+    max_gap: float = 0.1,
+) -> tuple[Judged, Sequence[Recording], tuple[str, ...]]:
+    """The search of :func:`diagnose_on_legs`, which has the arguments, the recordings that were fitted, and what is doubtful
+    about the recordings, a sentence each.
+
+    Raises:
+        DataError: as there.
+    """
+    if not recordings:
+        raise DataError("no recording is given. Give at least one bag.")
+    fitted, judged = (recordings, validation) if validation else split(recordings)
+    first, second = ([check_channels(base.legs, r, max_gap) for r in part] for part in (fitted, judged))
+    notes = tuple(dict.fromkeys(p.text for c in (*first, *second) for p in c.problems))
+    cutoff = choose_cutoff(recordings, base.legs.joint_names, max_gap).hz
+    return _searched(base, first, second, cutoff, gravity, progress), fitted, notes
+
+
+def _searched(
+    base: FloatingBase,
+    fitted: Sequence[CheckedRecording],
+    judged: Sequence[CheckedRecording],
+    cutoff_hz: float,
+    gravity: float,
+    progress: Progress,
+) -> Judged:
+    """The most probable causes. Gains and delays of the torques are found to first order; then the recordings are corrected by
+    them, and all is asked again."""
+    shown = shown_by(fitted, gravity)
+    by = corrections(base, fitted, cutoff_hz, shown, progress)
+    for turn in range(_AGAIN + 1):
+        progress("computing what each effect would do")
+        train, held = leg_libraries(base, (fitted, judged), cutoff_hz, shown, by)
+        selection, posterior, on = search_legs(train, held, progress)
+        follow = [t for t in selection.fit.terms if Depends.DRIVE in t.effect.depends_on]
+        if turn == _AGAIN or not follow:
+            break
+        by, moved = corrected_again(leg_model(base, shown), by, selection.fit)
+        if not moved:
+            break
+    return Judged(train.prepared, selection, posterior, on)
+
+
+def _errors_of_legs(told: Judged, model: ModelFile, recordings: Sequence[Recording]) -> FloatArray:
+    """Standard deviation of what is left of each row, shape (n,); that of the legs' joints is the same part of their torque as
+    that of the force is of the force on the whole robot."""
+    out, tau = model.torque_std.copy(), np.concatenate([m.tau for m in told.train.motions])
+    size = np.sqrt(np.mean(tau**2, axis=0))
+    part = float(np.linalg.norm(out[:3]) / max(float(np.linalg.norm(size[:3])), 1e-12))
+    out[FREE:] = part * np.sqrt(np.mean(np.concatenate([r.tau for r in recordings]) ** 2, axis=0))
+    return out
+
+
+def _of_trunk(found: Diagnosis) -> Diagnosis:
+    """A diagnosis with the rows alone that are judged: those of the whole robot."""
+    rows = slice(None, FREE)
+    t, p = found.torque, found.predictions
+    torque = None if t is None else TorqueRmse(t.joints[rows], *(x[rows] for x in (t.before, t.after, t.noise_floor, t.torque)))
+    predictions = None
+    if p is not None:
+        channels = (x[:, rows] for x in (p.measured, p.nominal, p.extended, p.q, p.v, p.a))
+        predictions = Predictions(p.t, p.joints[rows], *channels)
+    return replace(found, joints=found.joints[rows], units=_UNITS, torque=torque, predictions=predictions)
