@@ -214,8 +214,8 @@ KINDS: dict[str, Hide] = {
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One robot: what was hidden, what was told with its probability, whether one of the hidden ones is told first, whether all are
-    told, and whether nothing else is; what the peer names, and whether that is one of them."""
+    """One robot: what was hidden, what was told with its probability, whether one of the hidden ones is told first, whether all
+    are told, and whether nothing else is; what the peer names, and whether that is one of them."""
 
     seed: int
     hidden: tuple[str, ...]

@@ -159,23 +159,6 @@ def floating_base_of(robot: RobotModel, settings: OnlineSettings) -> FloatingBas
     return FloatingBase(robot, settings.contact_frames, settings.foot_radius)
 
 
-def require_held(robot: RobotModel, settings: OnlineSettings, command: str) -> None:
-    """Check that nothing floats.
-
-    Args:
-        command: that works on robots whose base is held alone.
-
-    Raises:
-        RobotModelError: the robot stands on legs.
-    """
-    if floating_base_of(robot, settings) is not None:
-        raise RobotModelError(
-            f"'{robot.name}' stands on legs, and {command} works on robots whose base is held: the forces on its feet would "
-            "count as causes. 'sysid identify' takes it, with its IMU, and tells trunk, legs, friction, rotors, IMU and feet "
-            "with their intervals. If the trunk is held in a stand, set base to 'fixed' (--config)."
-        )
-
-
 def is_legged(robot: RobotModel) -> bool:
     """True for a URDF whose root has mass and carries at least three legs of three movable joints or more: a robot that stands on
     the ground by itself."""

@@ -13,6 +13,7 @@ from rich.console import Console
 from sysid_ros.cli.output import write_json
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.files import whole, write_text
+from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.library.paths import with_suffix
 from sysid_ros.pages.page import FIGURE_SUFFIXES
 from sysid_ros.robot.robot_model import RobotModel
@@ -216,7 +217,8 @@ class Diagnosed(Result):
         elif path.suffix == "":
             from sysid_ros.cli.diagnose_output import write_files
 
-            write_files(self.details, self.robot, path, self.origin, urdf=self._urdf)
+            base = FloatingBase(self.robot) if self.details.units else None
+            write_files(self.details, base.robot if base else self.robot, path, self.origin, urdf=self._urdf, base=base)
         else:
             super()._write(path)
 
@@ -225,7 +227,7 @@ class Diagnosed(Result):
 
         if self.details.predictions is None:
             raise SettingsError(f"There is nothing to draw: the verdict is {self.details.verdict}.")
-        return torque_figure(self.details.predictions, self._units)
+        return torque_figure(self.details.predictions, self.details.units or self._units)
 
     def _write_report(self, path: Path) -> None:
         from sysid_ros.pages.diagnosis_page import diagnosis_page

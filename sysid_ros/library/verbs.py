@@ -10,7 +10,7 @@ from typing import Any
 
 from sysid_ros import __version__
 from sysid_ros.exceptions import DataError, SettingsError
-from sysid_ros.floating.floating_base import floating_base_of, require_held
+from sysid_ros.floating.floating_base import floating_base_of
 from sysid_ros.input_gate import InputGate, gate_for
 from sysid_ros.library.recording import Recording, load
 from sysid_ros.library.results import Checked, Diagnosed, Excited, Identified, Replayed
@@ -123,9 +123,11 @@ def diagnose(
 
     Args:
         recordings, robot, validate, settings: as in :func:`identify`. model: the known part, as in :func:`replay`.
-        simulator: of the gain in simulation: "pybullet" or "mujoco"; the first installed by default.
+        simulator: of the gain in simulation: "pybullet" or "mujoco"; the first installed by default. Neither of the last two is
+            of robots on legs.
     """
     from sysid_ros.diagnosis import diagnose as run
+    from sysid_ros.diagnosis import diagnose_on_legs
     from sysid_ros.input_gate.raw_messages import read_messages
     from sysid_ros.signals.temperature import with_temperatures
 
@@ -136,15 +138,26 @@ def diagnose(
     for given in (*fitted, *judged):
         its, source = _robot_of(given, robot, chosen)
         own = _same(own, its, given)
+        if base := floating_base_of(own, chosen):
+            gate = gate_for(own, base, chosen)
+            taken = (m for record in _records(given, source) for m in gate.take(record))
+            channels.append(Channels.from_measurements(given.name, taken))
+            _warn(gate.warnings)
+            continue
         read, sentences = read_messages(given.name, source, own, chosen)
         series, unread = temperatures(source)
         read, unused = with_temperatures(read, own, series)
         _warn([*sentences, *unread, *unused])
         channels.append(read)
     assert own is not None
-    require_held(own, chosen, "diagnose()")
     origin = _origin(fitted, "diagnose", robot) | {"validate": [given.name for given in judged]}
     n = len(fitted)
+    if base := floating_base_of(own, chosen):
+        if model is not None or simulator is not None:
+            raise SettingsError("model or simulator is given of a robot on legs, where neither is used; leave them out.")
+        gravity = math.hypot(*chosen.gravity)
+        result = diagnose_on_legs(base, channels[:n], channels[n:], provenance=origin, gravity=gravity, max_gap=chosen.max_gap)
+        return Diagnosed(result, own, origin)
     result = run(own, channels[:n], channels[n:], _model_file(model), provenance=origin, simulator=simulator)
     return Diagnosed(result, own, origin)
 
