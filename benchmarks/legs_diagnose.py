@@ -32,8 +32,8 @@ from rich.table import Table
 from verdict import Target, conclude
 
 from sysid_ros.diagnosis.claims import Judged
-from sysid_ros.diagnosis.leg_rows import LegLibrary
-from sysid_ros.diagnosis.on_legs import judged_on_legs
+from sysid_ros.diagnosis.legs.leg_rows import LegLibrary
+from sysid_ros.diagnosis.legs.on_legs import judged_on_legs
 from sysid_ros.diagnosis.reporting import report
 from sysid_ros.diagnosis.scoring import Scorer
 from sysid_ros.diagnosis.term import Term

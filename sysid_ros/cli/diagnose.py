@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from sysid_ros.cli import options as opt
-from sysid_ros.cli.diagnose_legs import check_of_legs, diagnosed, legs_of
+from sysid_ros.cli.diagnose_legs import Found, check_of_legs, diagnosed, legs_of
 from sysid_ros.cli.diagnose_output import check_results, show, write_files
 from sysid_ros.cli.inputs import open_bag, provenance, read_config, require_same_robot, settings_from
 from sysid_ros.cli.output import ManyValues, note, warn
@@ -78,10 +78,10 @@ def command(
 ) -> int:
     """Find what the model of a robot gets wrong: the causes by name, with evidence, and a model extended by them.
 
-    Give bags of a robot that moves all of its joints (15 to 30 s of positions and efforts, slow and fast) and its URDF; of a
-    robot on legs with its IMU, while its trunk sways over feet that stand, widely and quickly. Without
-    --validate the last part of each bag is held out. It takes about as long as the recording, up to three times as long where
-    much is wrong. Temperatures of joints (Temperature or DynamicJointState messages) are read where a bag has them.
+    Give bags of a robot that moves all of its joints (15 to 30 s of positions and efforts, slow and fast) and its URDF; of
+    one on legs with its IMU, swaying widely and quickly over its feet. Without --validate the last part of each bag is held
+    out. It takes about as long as the recording, up to three times as long where much is wrong. Temperatures of joints
+    (Temperature or DynamicJointState messages) are read where a bag has them.
 
     \b
     Writes to DIR:
@@ -106,29 +106,42 @@ def command(
     check_results(out_path, json_path, rerun_path, force)
     installed(simulator)
     settings = settings_from(read_config(config_path), joint_names=joint_names, effort_preset=effort_preset)
-    known = ModelFile.read(model_path) if model_path else None
     origin = provenance(bags, validate=validate, urdf=urdfs or "/robot_description of the first bag", model=model_path)
-    robot: RobotModel | None = None
-    chosen = urdfs[0] if urdfs else None
-    read = topic, columns_path
-    if base := legs_of(bags[0], chosen, topic, settings, columns_path):
+    if base := legs_of(bags[0], urdfs, topic, settings, columns_path):
         check_of_legs(urdfs, model_path, simulator)
-        robot = base.robot
-    try:
-        if base:
-            result = diagnosed(base, bags, validate, chosen, settings, (*read, TrunkTopics(imu_topic, contact_topic)), origin)
-        else:
-            robots, fitted, judged = _read_with_urdfs(bags, validate, urdfs, settings, read)
-            ranked = _ranked(urdfs, robots, fitted)
-            likeliest = max(ranked, key=lambda x: x.probability).urdf if ranked else next(iter(robots))
-            robot, chosen = robots[likeliest], Path(likeliest) if urdfs else None
-            result = with_ranking(_diagnosed(robot, fitted, judged, known, origin, simulator), ranked)
-    except (DataError, RobotModelError) as error:
-        result = Diagnosis("refused", robot.joint_names if robot else (), refusal=str(error))
+        topics = TrunkTopics(imu_topic, contact_topic)
+        robot, chosen, result = diagnosed(base, bags, validate, urdfs, settings, (topic, columns_path, topics), origin)
+    else:
+        given = bags, validate, urdfs, settings, (topic, columns_path)
+        robot, chosen, result = _of_an_arm(*given, model_path, origin, simulator)
     write_files(result, robot, out_path, origin, json_path, chosen, rerun_path, base)
     show(result)
     note(f"Written to {out_path} in {time.monotonic() - started:.0f} s.")
     return BAD_INPUT if result.verdict == "refused" else 0
+
+
+def _of_an_arm(
+    bags: tuple[Path, ...],
+    validate: tuple[Path, ...],
+    urdfs: tuple[Path, ...],
+    settings: OnlineSettings,
+    read: Reading,
+    model_path: Path | None,
+    origin: dict[str, object],
+    simulator: str | None,
+) -> Found:
+    """The likeliest robot of several URDFs, its URDF, and what is wrong with it; "refused" where that can't be judged."""
+    robot: RobotModel | None = None
+    known = ModelFile.read(model_path) if model_path else None
+    chosen = urdfs[0] if urdfs else None
+    try:
+        robots, fitted, judged = _read_with_urdfs(bags, validate, urdfs, settings, read)
+        ranked = _ranked(urdfs, robots, fitted)
+        likeliest = max(ranked, key=lambda x: x.probability).urdf if ranked else next(iter(robots))
+        robot, chosen = robots[likeliest], Path(likeliest) if urdfs else None
+        return robot, chosen, with_ranking(_diagnosed(robot, fitted, judged, known, origin, simulator), ranked)
+    except (DataError, RobotModelError) as error:
+        return robot, chosen, Diagnosis("refused", robot.joint_names if robot else (), refusal=str(error))
 
 
 def _diagnosed(

@@ -46,7 +46,7 @@ class Band:
     Args:
         motions: recordings without gaps.
         active: joints whose rows are to be judged where no rest leaves them undetermined, shape (n,), bool, as of a robot on
-            legs, see :mod:`.leg_rows`; None: those that move enough.
+            legs, see :mod:`.legs.leg_rows`; None: those that move enough.
         cutoff: upper end of the band [Hz].
 
     Attributes:

@@ -79,14 +79,12 @@ class SetSearch:
     def state(self, members: Sequence[int], scale: int) -> State:
         """A set with all that follows from it."""
         members = tuple(sorted(members))
-        at = [self._at[i] for i in members]
-        prior = [self._prior[i] for i in members]
+        at, prior = [self._at[i] for i in members], [self._prior[i] for i in members]
         if inexact := scale > 0 or self.problem.considered > 0:
             at.append(self.left_out.inexact)
             prior.append(self.problem.prior_of(SCALES[scale]))
         at.append(self.left_out.unknown)
-        each = len(self.left_out.unknown) // max(self.left_out.joints, 1)
-        prior.append(np.tile(unknown_prior(max(SCALES[scale]))[:each], self.left_out.joints))
+        prior.append(np.tile(unknown_prior(max(SCALES[scale])), self.left_out.joints)[: len(self.left_out.unknown)])
         where = np.concatenate(at)
         predicted = self.left_out.of(where, np.concatenate(prior))
         narrowed = self._narrowed(predicted) if inexact else 0.0

@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.heldout import HeldOut
-from sysid_ros.diagnosis.leg_rows import LegLibrary
+from sysid_ros.diagnosis.legs.leg_rows import LegLibrary
 from sysid_ros.diagnosis.library import Library, SetPrior
 from sysid_ros.diagnosis.posterior import Posterior, posterior_of
 from sysid_ros.diagnosis.prepare import SCALES

@@ -11,8 +11,8 @@ import numpy as np
 from sysid_ros.diagnosis.claims import Judged
 from sysid_ros.diagnosis.extended_model import extended_model, urdf_part
 from sysid_ros.diagnosis.heldout import split
-from sysid_ros.diagnosis.leg_rows import corrected_again, corrections, leg_libraries, leg_model
-from sysid_ros.diagnosis.leg_search import search_legs
+from sysid_ros.diagnosis.legs.leg_rows import corrected_again, corrections, leg_libraries, leg_model
+from sysid_ros.diagnosis.legs.leg_search import search_legs
 from sysid_ros.diagnosis.reporting import report
 from sysid_ros.diagnosis.result import Diagnosis, Predictions, TorqueRmse
 from sysid_ros.effects import Depends

@@ -1,0 +1,1 @@
+"""Diagnosis of robots on legs: their rows, the search in them, and the whole of it."""
