@@ -69,6 +69,26 @@ def test_to_first_order_and_exactly_differ_by_the_square_of_the_lag() -> None:
     assert errors[1] / errors[0] == pytest.approx(0.25, abs=0.1)
 
 
+@pytest.mark.parametrize("id_", HIDDEN_IN)
+def test_a_link_that_carries_more_swings_as_that_of_a_heavier_robot(id_: str) -> None:
+    """What the links carry is a part of the column: a spring under a payload that it does not know of is found too soft."""
+    motion = moved()
+    model, joints = motion.robot, (motion.robot.joint_names[JOINT],)
+    carried = np.zeros((model.n, 10))
+    carried[-1, [0, 3, 4, 6, 9]] = 1.5, 0.2, 0.03, 0.03, 0.01
+    heavier = model.with_links(carried.ravel())
+    own = Motion(heavier, motion.t, motion.q, motion.v, motion.a, motion.tau)
+    loaded = motion.with_torques(own.rigid_torque, own.rigid_torque)
+    for around in (0.0, 0.01):
+        alone = EFFECTS[id_].from_settings(heavier, joints, {"around": around}).columns_along(own)
+        settings = {"around": around, "links": carried.ravel().tolist()}
+        beside = EFFECTS[id_].from_settings(model, joints, settings)
+        np.testing.assert_allclose(beside.columns_along(loaded), alone, atol=1e-9 * np.abs(alone).max())
+        assert beside.settings["links"] == settings["links"]
+        without = EFFECTS[id_].from_settings(model, joints, {"around": around}).columns_along(loaded)
+        assert np.abs(without - alone).max() > 0.02 * np.abs(alone).max()
+
+
 def test_a_link_with_play_lies_on_a_flank_or_flies() -> None:
     motion, gap = moved(), 0.02
     inertia = motion.sensitivity[2][:, JOINT, JOINT]

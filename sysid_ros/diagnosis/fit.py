@@ -106,13 +106,23 @@ class Problem:
         considered: how many of them, the first ones, are no links': their size is always the usual one.
 
     Attributes:
+        y: rows, corrected for what some causes change of the measured torque. measured: without that.
         scale: by how much more or less than usual masses, the first quarter of what no model gets right, and places are inexact.
     """
 
     def __init__(self, band: Band, y: FloatArray, nuisance: FloatArray, nuisance_std: FloatArray, considered: int = 0) -> None:
-        self.band, self.y, self.considered = band, y, considered
+        self.band, self.y, self.measured, self.considered = band, y, y, considered
         self.active = np.flatnonzero(band.active)
         self.nuisance, self.usual_prior, self.scale = nuisance, 1.0 / nuisance_std**2, (1.0, 1.0)
+
+    @property
+    def corrected(self) -> bool:
+        """Whether rows are not those that were measured."""
+        return self.y is not self.measured
+
+    def correct(self, rows: FloatArray | None) -> None:
+        """Add rows of shape (K, n) to those that were measured; None: nothing."""
+        self.y = self.measured if rows is None else self.measured + rows
 
     @property
     def prior(self) -> FloatArray:

@@ -60,6 +60,7 @@ class HeldOut:
         for term in fit.terms:
             if term not in self.terms or term.on_torques:
                 self.terms[term] = self.library.remake(term)
+        self.prepared.problem.correct(self.library.correction([self.terms[t] for t in fit.terms]))
 
     def add(self, terms: Sequence[Term]) -> None:
         """Make terms known that are not in the fit."""

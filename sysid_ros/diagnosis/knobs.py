@@ -1,4 +1,5 @@
-"""Nonlinear knobs, moved from the values that were tried first to where the rows are the most likely."""
+"""Nonlinear knobs, moved from the values that were tried first to where the rows are the most likely; and columns that depend on
+torques, on what the links weigh or on how late the efforts are, made anew."""
 
 from __future__ import annotations
 
@@ -12,8 +13,11 @@ from scipy import optimize
 from sysid_ros.diagnosis.band import Noise
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.prepare import links_changed, torques
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects import Knob
+from sysid_ros.effects import Depends, Knob
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
 
 _NARROWED_STEPS = 8
 _FIXED_POINTS = 3
@@ -21,17 +25,25 @@ _SCAN = 13
 _NEAR, _APART = 8, 0.015
 """Number and spacing of the times on each side of an event that are tried at last [s]."""
 _SIZES = 11
+_CARRIED, _SIZES_CARRIED = 1.6, 25
+"""Ratio within which a compliance is looked for once it is known what the links carry, and number of sizes."""
 _NARROWED = 7
 _FOLLOWED = 4
 _SLOPES = 3
 _PROBE = 0.005
 _LONGEST = 0.3
+_ADVANCED = 3
+"""Steps to the delay by which measured torques are advanced."""
+_HEAVIER = 0.01
+"""Part of the mass of all links by which they must change before a compliance is looked for again: a search, no evidence."""
 
 
 def refine(problem: Problem, library: Library, fit: Fit, terms: Sequence[Term]) -> Fit:
     """The fit with the knobs of ``terms`` moved to where the rows are the most likely, one knob after the other."""
     changed: dict[Term, Term] = {}
     for term in terms:
+        if term.effect.corrects:
+            continue
         if "around" in term.effect.settings:
             step = fit_deflection if term.effect.deflection else _exact
             fit, changed[term] = step(problem, library, fit, term)
@@ -168,10 +180,10 @@ class _Deflection:
             if self.cost >= cost:
                 break
 
-    def scan(self, name: str, ratio: float) -> None:
+    def scan(self, name: str, ratio: float, sizes: int = _SIZES) -> None:
         """Try values from one ratio below to one above."""
         value = float(self.settings[name])
-        for x in np.geomspace(value / ratio, value * ratio, _SIZES):
+        for x in np.geomspace(value / ratio, value * ratio, sizes):
             self.attempt(**{name: float(x)})
 
     def narrow(self, name: str, low: float, high: float) -> None:
@@ -205,6 +217,8 @@ def fit_deflection(problem: Problem, library: Library, fit: Fit, term: Term) -> 
     how, search = term.effect.deflection, _Deflection(problem, library, fit, term)
     assert how is not None
     first = not term.effect.settings["exact"]
+    if first and term.effect.settings.get("links"):
+        search.scan("around", _CARRIED, _SIZES_CARRIED)
     search.follow()
     if first:
         search.scan("around", how.scanned)
@@ -224,3 +238,52 @@ def fit_deflection(problem: Problem, library: Library, fit: Fit, term: Term) -> 
         value = float(search.settings["around"])
         search.narrow("around", value / 1.02, value * 1.02)
     return search.fit, search.term
+
+
+def made_anew(problem: Problem, library: Library, fit: Fit, links: Sequence[FloatArray], nominal: Sequence[FloatArray]) -> Fit:
+    """The fit on a library that knows its torques.
+
+    Args:
+        links, nominal: torque of the nominal links and of the nominal model on the library's motions, shape (N, n) each.
+    """
+    carried = links_changed(library.robot, fit)
+    again = {t: dict(t.effect.settings) for t in fit.terms if t.on_torques}
+    for t in fit.terms:
+        before = t.effect.settings.get("links")
+        if Depends.LINKS in t.effect.depends_on and (carried.any() or before):
+            again[t] = {**t.effect.settings, "links": carried.tolist() if carried.any() else []}
+            if t.effect.deflection and _heavier(library.robot, carried, before or ()):
+                again[t]["exact"] = False  # another spring makes these links swing as they were seen to
+    made = {t: library.remake(t, **settings) for t, settings in again.items()}
+    if made or problem.corrected:
+        fit = _with(problem, library, fit, [made.get(t, t) for t in fit.terms])
+        fit = refine(problem, library, fit, list(made.values()))
+    for _ in range(_ADVANCED if any(t.effect.corrects for t in fit.terms) else 0):
+        library.update(*torques(library, fit, links, nominal))
+        for term in [t for t in fit.terms if t.effect.corrects]:
+            fit = _advanced(problem, library, fit, term)
+    return fit
+
+
+def _with(problem: Problem, library: Library, fit: Fit, terms: Sequence[Term]) -> Fit:
+    """The fit with other terms in place of its own, and with what they change of the measured rows."""
+    problem.correct(library.correction(terms))
+    return problem.fit(terms, fit.noise, inexact=fit.inexact)
+
+
+def _advanced(problem: Problem, library: Library, fit: Fit, term: Term) -> Fit:
+    """A step of Newton's to the delay: what is left with the torques advanced, along the tangent of the model's torque."""
+    around = float(term.effect.settings["around"])
+    tangent, others = library.remake(term, around=0.0), [t for t in fit.terms if t is not term]
+    correction = library.correction([term])
+    if correction is not None:
+        problem.correct(correction - term.rows(np.array([around])))
+    step = problem.fit([*others, tangent], fit.noise, inexact=fit.inexact).theta_of(tangent)
+    new = library.remake(term, around=around + float(step[0]))
+    return _with(problem, library, fit, [new if t is term else t for t in fit.terms])
+
+
+def _heavier(robot: RobotModel, links: FloatArray, before: Sequence[float]) -> bool:
+    """True where links that differ from the URDF's by so much, shape (10 n,) each, are not those of before."""
+    change = links - np.asarray(before) if len(before) else links
+    return bool(np.sum(np.abs(change[::10])) > _HEAVIER * np.sum(robot.pi[::10]))

@@ -130,6 +130,17 @@ class Library:
     def _make(self, effect_id: str, joints: Sequence[int], settings: dict[str, Any]) -> Effect:
         return EFFECTS[effect_id].from_settings(self.robot, [self.robot.joint_names[j] for j in joints], settings)
 
+    def correction(self, terms: Sequence[Term]) -> FloatArray | None:
+        """What terms change of the rows that were measured, shape (K, n); None for nothing."""
+        if not any(t.effect.corrects for t in terms):
+            return None
+        nothing = [np.zeros_like(m.tau) for m in self.motions]
+        for effect in (t.effect for t in terms if t.effect.corrects):
+            for out, motion in zip(nothing, self.motions, strict=True):
+                more = effect.correction_along(motion)
+                out += 0.0 if more is None else more
+        return self.band.rows(nothing)
+
     def remake(self, term: Term, **changes: Any) -> Term:
         """The same term on the library's motions, with some settings changed."""
         settings = {**term.effect.settings, **changes}

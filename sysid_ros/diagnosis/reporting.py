@@ -37,7 +37,7 @@ def report(judged: Judged) -> Diagnosis:
     """The findings of a fit, in order of gain, and what they gain on the held-out recordings."""
     robot, held, fit, nominal = judged.robot, judged.held, judged.fit, judged.held.prepared.problem.y
     findings = claims(judged)
-    before, after, floor = held.rms(nominal), held.rms(judged.after), judged.floor
+    before, after, floor = held.rms(held.prepared.problem.measured), held.rms(judged.after), judged.floor
     power_before = max(float(np.sum(judged.power(nominal))), 1e-12)
     excess = np.maximum(after**2 - floor**2, 0.0) * judged.weight
     left = float(np.sum(excess)) / power_before

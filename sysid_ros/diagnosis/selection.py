@@ -10,15 +10,15 @@ from sysid_ros.diagnosis.band import Noise
 from sysid_ros.diagnosis.covariance import dry_friction
 from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.heldout import HeldOut, no_worse
-from sysid_ros.diagnosis.knobs import refine
+from sysid_ros.diagnosis.knobs import made_anew, refine
 from sysid_ros.diagnosis.left_out import Rows
 from sysid_ros.diagnosis.library import Library, SetPrior
 from sysid_ros.diagnosis.posterior import Posterior, posterior_of
-from sysid_ros.diagnosis.prepare import SCALES, before_gains, links_changed, torques
+from sysid_ros.diagnosis.prepare import SCALES, before_gains, torques
 from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, forms
 from sysid_ros.diagnosis.set_search import SetSearch, State
 from sysid_ros.diagnosis.term import Term, best_of_each, joined
-from sysid_ros.effects import EFFECTS, Depends, Effect
+from sysid_ros.effects import EFFECTS, Effect
 from sysid_ros.sample import FloatArray
 
 Key = tuple[str, tuple[int, ...]]
@@ -206,15 +206,7 @@ class Selection:
         self.library.update(*torques(self.library, self.fit, self._links, self._nominal))
         self._whole = [self.library.remake(t) if t.on_torques else t for t in self._whole]
         self.pool = [self.library.remake(t) if t.on_torques else t for t in self.pool]
-        carried = links_changed(self.library.robot, self.fit)
-        again = {t: dict(t.effect.settings) for t in self.fit.terms if t.on_torques}
-        for t in self.fit.terms:
-            if Depends.LINKS in t.effect.depends_on and (carried.any() or t.effect.settings.get("links")):
-                again[t] = {**t.effect.settings, "links": carried.tolist() if carried.any() else []}
-        if again:
-            made = {t: self.library.remake(t, **settings) for t, settings in again.items()}
-            self.fit = self.problem.fit([made.get(t, t) for t in self.fit.terms], self.fit.noise, inexact=self.fit.inexact)
-            self.fit = refine(self.problem, self.library, self.fit, list(made.values()))
+        self.fit = made_anew(self.problem, self.library, self.fit, self._links, self._nominal)
 
     def propose(self) -> Proposal | None:
         """The best step forward, or None where nothing gains its price; all that were proposed stay in the pool."""

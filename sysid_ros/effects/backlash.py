@@ -33,6 +33,7 @@ class Backlash(Compliance):
         around: gap at which the columns are exact [rad].
         flank: frequency at which the link swings on a flank, its stiffness [Hz]. damping: of that over its critical value.
         side: flank at the start of a recording: 1, -1, or 0 for the one that the load pushes to.
+        links: see :class:`.compliance.Compliance`.
     """
 
     id = "backlash"
@@ -62,8 +63,9 @@ class Backlash(Compliance):
         damping: float = 0.4,
         side: int = 0,
         exact: bool = True,
+        links: Sequence[float] = (),
     ) -> None:
-        super().__init__(robot, joints)
+        super().__init__(robot, joints, links)
         self.width, self.around, self.exact = positive(width, "width", self.id), float(around), bool(exact)
         self.flank, self.damping = positive(flank, "flank", self.id), positive(damping, "damping", self.id)
         if side not in (-1, 0, 1):
@@ -77,8 +79,8 @@ class Backlash(Compliance):
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         state = sample.q[None], sample.v[None], sample.a[None]
-        by_q, _, _ = self.robot.rnea_derivatives_along(*state)
-        side = smoothed_sign(self.robot.rnea_along(*state)[0], self.width)
+        by_q, _, _ = self._arm.rnea_derivatives_along(*state)
+        side = smoothed_sign(self._arm.rnea_along(*state)[0], self.width)
         out[:] = -0.5 * (by_q[0] * side)[:, self.joints]
 
     def columns_at_once(self, motion: Motion) -> FloatArray:

@@ -1,12 +1,15 @@
 """Motion of a link behind a spring or a play, from the motion of its motor."""
 
 from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numba import njit
 
-from sysid_ros.effects.effect import Depends, Effect
+from sysid_ros.effects.effect import Depends, Effect, carrying
 from sysid_ros.effects.traits import Scope
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.motion import Motion
 
@@ -122,14 +125,25 @@ class Compliance(Effect):
         around: size at which the columns are those of the moving link, torque over size; 0: of a link that follows its load at
             once, as one sample alone has it too.
         exact: False for the links' torque to first order in x.
+        links: what the links' inertials, with all that they carry, differ by from the URDF's, shape (10 n,); empty for nothing. A
+            link that is heavier swings slower on the same spring.
     """
 
-    depends_on = frozenset({Depends.LOAD})
+    depends_on = frozenset({Depends.LOAD, Depends.LINKS})
     family = "compliance"
     scope = Scope.LINK
     companion = "rotor_inertia"
     around: float
     exact: bool
+
+    def __init__(self, robot: RobotModel, joints: Sequence[str] = (), links: Sequence[float] = ()) -> None:
+        super().__init__(robot, joints)
+        self.links = [float(x) for x in links]
+        self._arm = carrying(robot, self.links, self.id)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {**super().settings, **({"links": self.links} if self.links else {})}
 
     @abstractmethod
     def lag(self, motion: Motion, joint: int) -> FloatArray:
@@ -140,12 +154,17 @@ class Compliance(Effect):
         """Columns around 0, shape (N, n, p)."""
 
     def columns_along(self, motion: Motion) -> FloatArray:
+        motion = self._carried(motion)
         if not self.around:
             return self.columns_at_once(motion)
         torques = [torque_of(motion, int(j), self.lag(motion, int(j)), self.exact) for j in self.joints]
         return np.stack(torques, axis=-1) / self.around
 
+    def _carried(self, motion: Motion) -> Motion:
+        return motion.carrying(self._arm) if self.links else motion
+
     def own_curve(self, motion: Motion) -> FloatArray:
+        motion = self._carried(motion)
         joint = int(self.joints[0])
         lag = self.lag(motion, joint)
         return own_torque(motion, joint, lag) / self.around * self.clear(lag)

@@ -29,7 +29,7 @@ class JointElasticity(Compliance):
         robot: the model. joints: joints that yield; empty for all.
         around: compliance at which the columns are those of the oscillating link, torque over compliance [rad/(N m)]; 0: of a
             link that follows its load at once.
-        damping: of the spring over its critical value, with the link's mean inertia.
+        damping: of the spring over its critical value, with the link's mean inertia. links: see :class:`.compliance.Compliance`.
     """
 
     id = "joint_elasticity"
@@ -45,9 +45,15 @@ class JointElasticity(Compliance):
     separated_by = "heavy load in both directions, and fast parts near the resonance"
 
     def __init__(
-        self, robot: RobotModel, joints: Sequence[str] = (), around: float = 0.0, damping: float = 0.05, exact: bool = True
+        self,
+        robot: RobotModel,
+        joints: Sequence[str] = (),
+        around: float = 0.0,
+        damping: float = 0.05,
+        exact: bool = True,
+        links: Sequence[float] = (),
     ) -> None:
-        super().__init__(robot, joints)
+        super().__init__(robot, joints, links)
         self.around, self.damping, self.exact = float(around), positive(damping, "damping", self.id), bool(exact)
         self.name_joints(("compliance",), ("rad/(N m)",))
 
@@ -56,8 +62,8 @@ class JointElasticity(Compliance):
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         state = sample.q[None], sample.v[None], sample.a[None]
-        by_q, _, _ = self.robot.rnea_derivatives_along(*state)
-        out[:] = -(by_q[0] * self.robot.rnea_along(*state)[0])[:, self.joints]
+        by_q, _, _ = self._arm.rnea_derivatives_along(*state)
+        out[:] = -(by_q[0] * self._arm.rnea_along(*state)[0])[:, self.joints]
 
     def columns_at_once(self, motion: Motion) -> FloatArray:
         out = []

@@ -40,6 +40,7 @@ class Searched(ABC):
         inertial: its torque is that of moving bodies, linear in the acceleration and of second order in the velocities.
         carried: it is a body that the robot carries, at times or always.
         deflection: how its size is found where the torque is far from linear in that.
+        corrects: True where its columns are exact of a corrected torque only, see :meth:`correction_along`.
     """
 
     id: ClassVar[str]
@@ -64,6 +65,7 @@ class Searched(ABC):
     inertial: ClassVar[bool] = False
     carried: ClassVar[bool] = False
     deflection: ClassVar[DeflectionSearch | None] = None
+    corrects: ClassVar[bool] = False
     robot: RobotModel
     joints: NDArray[np.intp]
     parameter_names: tuple[str, ...]
@@ -108,6 +110,10 @@ class Searched(ABC):
         """
         knob = next((k for k in cls.knobs[:1] if k.reported), None)
         return [Candidate({knob.name: x}) for x in knob.grid()] if knob else [Candidate()]
+
+    def correction_along(self, motion: Motion) -> FloatArray | None:
+        """What is to be added to the measured torque for its columns to be exact, shape (N, n) [N m]; None for nothing."""
+        return None
 
     def search_range(self, knob: Knob, value: float, torque: float) -> tuple[float, float]:
         """Where the optimum of a knob is searched near a first value; ``torque`` as in :meth:`possible`."""

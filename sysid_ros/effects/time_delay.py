@@ -16,13 +16,18 @@ _SAMPLING = 3e-3
 
 
 class TimeDelay(Effect):
-    """``tau = -delay dtau_link/dt``, to first order: the effort belongs to an earlier instant than the positions [s].
+    """``tau(t) = tau_drive(t - delay)``: the effort belongs to an earlier instant than the positions [s].
+
+    With the measured torque advanced by ``around``, ``tau(t + around)``, every other column is exact where it stands, and only
+    what the delay differs from ``around`` is to first order. The rows stay as they are: what the advance changes is a correction
+    of them by :meth:`correction_along`, less what the columns here have of it.
 
     One sample alone does not tell how fast its torque changes; its columns are zero, those of a whole recording are not.
 
     Args:
         robot: the model. joints: unused, the whole arm is concerned.
-        around: delay at which the columns of a recording are exact, ``(tau(t - around) - tau(t)) / around`` [s].
+        around: delay by which the measured torque is advanced [s]; the columns of a recording are
+            ``(tau_drive(t) - tau_drive(t + around)) / around`` then, and ``-dtau_drive/dt`` at 0.
     """
 
     id = "time_delay"
@@ -33,6 +38,7 @@ class TimeDelay(Effect):
     on_legs = True
     depends_on = frozenset({Depends.DRIVE})
     usual = 0.2
+    corrects = True
     between = (-_LONGEST, _LONGEST)
     signature = "in proportion to the rate of the torque, with one delay for all joints"
     look_alikes = ("viscous_friction", "joint_elasticity", "velocity_lag")
@@ -48,16 +54,26 @@ class TimeDelay(Effect):
 
     def columns_along(self, motion: Motion) -> FloatArray:
         if self.around:
-            drive = motion.drive_torque
-            earlier = [np.interp(motion.t - self.around, motion.t, drive[:, j]) for j in range(self.robot.n)]
-            return np.asarray((np.stack(earlier, axis=1) - drive) / self.around)[:, :, None]
+            return np.asarray(-_advanced(motion, motion.drive_torque, self.around) / self.around)[:, :, None]
         return np.asarray(-motion.rate_of(motion.drive_torque))[:, :, None]
 
     def usual_on_legs(self, torque: float) -> float:
         return 0.5 * _SAMPLING
+
+    def correction_along(self, motion: Motion) -> FloatArray | None:
+        return _advanced(motion, motion.tau - motion.drive_torque, self.around) if self.around else None
+
+    def torque_along(self, motion: Motion, theta: FloatArray) -> FloatArray:
+        return _advanced(motion, motion.drive_torque, -float(theta[0])) if self.around else super().torque_along(motion, theta)
 
     def as_delay(self, theta: FloatArray) -> float:
         return float(theta[0])
 
     def notable(self, theta: FloatArray) -> bool:
         return abs(float(theta[0])) >= _SAMPLING
+
+
+def _advanced(motion: Motion, torque: FloatArray, by: float) -> FloatArray:
+    """``torque(t + by) - torque(t)``, shape (N, n): beyond the ends of a recording a torque is what it is there."""
+    moved = [np.interp(motion.t + by, motion.t, x) for x in torque.T]
+    return np.asarray(np.stack(moved, axis=1) - torque)

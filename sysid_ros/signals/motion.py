@@ -51,6 +51,7 @@ class Motion:
         self._payload: dict[str, FloatArray] = {}
         self._joints: dict[int, Motion] = {}
         self._clear_load: dict[tuple[int, float], FloatArray] = {}
+        self._carrying: dict[bytes, Motion] = {}
 
     @property
     def period(self) -> float:
@@ -123,8 +124,25 @@ class Motion:
             if name in self.__dict__:
                 other.__dict__[name] = self.__dict__[name]
         other._payload, other.clear, other.recording = self._payload, self.clear, self.recording
+        other._carrying = self._carrying
         other.by_radius = self.by_radius
         return other
+
+    def carrying(self, arm: RobotModel) -> Motion:
+        """The same motion of an arm with other links, with what is known of its torques: these are not those of the links alone.
+
+        What was computed of the last arm that was asked for is kept.
+        """
+        if arm is self.robot:
+            return self
+        key = arm.pi.tobytes()
+        if key not in self._carrying:
+            other = Motion(arm, self.t, self.q, self.v, self.a, self.tau, temperature=self.temperature)
+            other.clear, other.recording, other.by_radius = self.clear, self.recording, self.by_radius
+            assert other.sensitivity[0].shape == other.rigid_torque.shape + other.rigid_torque.shape[1:]
+            self._carrying.clear()
+            self._carrying[key] = other
+        return self._carrying[key].with_torques(self.link_torque, self.drive_torque)
 
     def of_joint(self, joint: int) -> Motion:
         """The channels of one joint alone, shape (N, 1) each: for curves that depend on nothing but that joint."""
