@@ -78,8 +78,10 @@ def command(
     wanted = _jobs(jobs)
     if scheduler and workers:
         raise SettingsError("--workers is given beside --scheduler, whose workers are its own. Leave one of the two out.")
-    rules, store = Rules.read(robots), Store(out, create=True)
-    total = sum(1 for _ in find(patterns))
+    rules = Rules.read(robots)
+    # what is wrong with a date is said before the work, not in the midst of it
+    total = sum(1 for bag in find(patterns) if rules.told(bag) is not None)
+    store = Store(out, create=True)
     began = time.perf_counter()
     with store.writing():
         if not resume:

@@ -40,7 +40,8 @@ def command(store: Path, out: Path | None, rate: float, json_path: Path | None, 
     Exit codes: 0 done, whether or not something changed; 2 bad input or usage.
     """
     from sysid_ros.fleet.alarm_table import document, write_alarms
-    from sysid_ros.fleet.changes.alarms import alarms
+    from sysid_ros.fleet.changes.alarms import alarms, limit_of
+    from sysid_ros.fleet.changes.campaigns import campaigns_of, log_es
     from sysid_ros.fleet.changes.fleet_changes import fleet_changes
     from sysid_ros.fleet.changes.series import fleet_series
     from sysid_ros.fleet.fleet_page import fleet_page
@@ -55,19 +56,22 @@ def command(store: Path, out: Path | None, rate: float, json_path: Path | None, 
         said("Reading the store")
         series = fleet_series(opened)
         changes = fleet_changes(series, said)
-        found = alarms(changes, rate)
+        campaigns = campaigns_of(opened)
+        found = alarms(changes, rate, log_es(campaigns))
     failed = [b for b in opened.read("bags", ["bag", "status", "reason"]).to_pylist() if b["status"] != "ok"]
-    write_text(path, fleet_page(changes, found, failed, rate, str(store)))
+    write_text(path, fleet_page(changes, found, failed, rate, str(store), campaigns))
     write_alarms(opened, found, series)
     if json_path is not None:
-        write_json(json_path, document(found, changes, rate))
-    _show(found, series, path)
+        write_json(json_path, document(found, changes, rate, campaigns))
+    _show(found, series, campaigns, limit_of([*changes.looks, *log_es(campaigns)], rate))
+    note(f"The page is {path}.")
     for sentence in series.notes:
         note(sentence)
     return 0
 
 
-def _show(found: Any, series: Any, path: Path) -> None:
+def _show(found: Any, series: Any, campaigns: Any, limit: float) -> None:
+    from sysid_ros.fleet.campaign_table import tables
     from sysid_ros.fleet.changes.alarms import percent
     from sysid_ros.fleet.fleet_page import answer
 
@@ -80,6 +84,14 @@ def _show(found: Any, series: Any, path: Path) -> None:
         shown.add_row(c.robot, a.what, f"{series.date(c.since[0]):%Y-%m-%d}", f"{low}..{high}", sure, a.cost)
     if found:
         report().print(shown)
-    else:
-        report().print(answer(found, series))
-    note(f"The page is {path}.")
+    report().print(answer(found, series, campaigns, limit))
+    for of in tables(campaigns, limit, 0.0):
+        if of["told"]:
+            told = table(
+                f"{of['robot']} by campaign: difference with its 95 % interval", "what", *of["campaigns"], words=("what",)
+            )
+            for row in of["told"]:
+                told.add_row(f"{row['what']} [{row['unit']}]", *(cell["difference"] or cell["value"] for cell in row["cells"]))
+            report().print(told)
+        for sentence in of["said"]:
+            note(sentence)

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from sysid_ros.files import whole
-from sysid_ros.fleet.changes.alarms import Alarm, changed_share
+from sysid_ros.fleet import campaign_table
+from sysid_ros.fleet.changes.alarms import Alarm, changed_share, limit_of
+from sysid_ros.fleet.changes.campaigns import RobotCampaigns, log_es
 from sysid_ros.fleet.changes.fleet_changes import FleetChanges
 from sysid_ros.fleet.changes.series import FleetSeries
 from sysid_ros.fleet.schema import SCHEMA_VERSION, require_pyarrow
@@ -81,15 +83,20 @@ def write_alarms(store: Store, alarms: Sequence[Alarm], series: FleetSeries) -> 
         parquet.write_table(pa.Table.from_pylist(rows(alarms, series), schema=schema), beside, compression="zstd")
 
 
-def document(alarms: Sequence[Alarm], changes: FleetChanges, rate: float) -> dict[str, Any]:
+def document(
+    alarms: Sequence[Alarm], changes: FleetChanges, rate: float, campaigns: Sequence[RobotCampaigns] = ()
+) -> dict[str, Any]:
     """The result for machines."""
+    looks = [*changes.looks, *log_es(campaigns)]
+    share = changed_share(looks)
     told = [row | {k: v.isoformat() for k, v in row.items() if k.startswith("since")} for row in rows(alarms, changes.series)]
     return {
         "robots": len(changes.series.robots),
         "bags": sum(len(r.bags) for r in changes.series.robots),
-        "looks": len(changes.looks),
+        "looks": len(looks),
         "false_discovery_rate": rate,
-        "share_of_looks_that_changed": changed_share(changes.looks),
+        "share_of_looks_that_changed": share,
         "alarms": told,
+        "campaigns": campaign_table.document(campaigns, limit_of(looks, rate), share),
         "notes": list(changes.series.notes),
     }

@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from sysid_ros import __version__
 from sysid_ros.exceptions import ClusterError, in_a_line
 from sysid_ros.fleet.bags import find, stamp_of
 from sysid_ros.fleet.cluster import require_dask, threads_of
+from sysid_ros.fleet.dates import told_in
 from sysid_ros.fleet.done import DoneIndex
 from sysid_ros.fleet.jobs import Task, fingerprint, run
 from sysid_ros.fleet.rules import Entry, Rules
-from sysid_ros.fleet.store import Done, Results, Store
+from sysid_ros.fleet.store import KEY, Done, Results, Store
 
 _AHEAD = 4
 """Tasks that are handed over for each that runs: enough that no worker waits, and few that are lost with a scheduler."""
@@ -74,6 +75,7 @@ class Batch:
         self._store, self._rules, self._jobs, self._client, self._advance = store, rules, tuple(jobs), client, advance
         self._index = DoneIndex(store, __version__)
         self._buffer: list[Results] = []
+        self._stale: set[Done] = set()
         self._last_write = time.monotonic()
         self._entries: dict[tuple[str, ...], Any] = {}
         self._threads, self._asked = 1, -math.inf
@@ -109,11 +111,11 @@ class Batch:
                     self.counts.unknown.append(bag)
                 self._advance(1)
                 continue
-            stamp = stamp_of(bag)
-            models = [entry.digest for entry in entries]
-            left = [job for job in self._jobs if not any(self._index.lies_there(bag, stamp, model, job) for model in models)]
+            stamp, told = stamp_of(bag), tuple(self._rules.told(bag))
+            known = list(zip((entry.digest for entry in entries), told, strict=True))
+            left = [job for job in self._jobs if not any(self._index.lies_there(bag, stamp, m, job, when) for m, when in known)]
             if left:
-                yield Task(bag, stamp, tuple(left)), entries
+                yield Task(bag, stamp, tuple(left), told), entries
             else:
                 self._skip()
 
@@ -174,8 +176,9 @@ class Batch:
 
     def _not_contained(self, task: Task, entries: tuple[Entry, ...], content: str) -> Task:
         """The task without the jobs that were done on the same content elsewhere."""
-        left = [job for job in task.jobs if not any(self._index.holds(content, e.digest, job) for e in entries)]
-        return Task(task.bag, task.stamp, tuple(left))
+        known = [(entry.digest, task.of(k)) for k, entry in enumerate(entries)]
+        left = [job for job in task.jobs if not any(self._index.holds(content, model, job, told) for model, told in known)]
+        return replace(task, jobs=tuple(left))
 
     def _result(self, future: Any, task: Task, entries: tuple[Entry, ...]) -> Any:
         """What a future holds; None of a task over which workers died, which is kept for later.
@@ -211,9 +214,8 @@ class Batch:
             f"The processes that worked on bag '{task.bag}' were killed, each time, as where it needs more memory than they have."
         )
         key = {"hash": "", "model": entries[0].digest, "version": __version__, "robot": entries[0].robot, "kind": entries[0].kind}
-        rows = [
-            {"bag": task.bag, "stamp": task.stamp, **key, "job": job, "status": "failed", "reason": reason} for job in task.jobs
-        ]
+        own = {"stamp": task.stamp, "status": "failed", "reason": reason} | task.of(0).columns(None)
+        rows = [{"bag": task.bag, **key, "job": job} | own for job in task.jobs]
         self._take([Results(row) for row in rows])
 
     def _take(self, found: list[Results]) -> None:
@@ -224,8 +226,11 @@ class Batch:
                 raise ClusterError(
                     f"Dask's workers have sysid_ros {row['version']}, here it is {__version__}. Install the same there as here."
                 )
-            if self._index.holds(row["hash"], row["model"], row["job"]):
+            told, result = told_in(row), (row["hash"], row["model"], row["job"])
+            if self._index.holds(*result, told):
                 continue  # the same content at two places, both at work at once
+            if self._index.holds_dated_otherwise(*result, told):
+                self._redated(Done(row["hash"], row["model"], __version__, row["job"]))
             self._index.add(one)
             self._buffer.append(one)
             self.counts.seconds += row.get("seconds") or 0.0
@@ -239,12 +244,20 @@ class Batch:
         if len(self._buffer) >= _MANY or time.monotonic() - self._last_write > _OFTEN:
             self._write()
 
+    def _redated(self, result: Done) -> None:
+        """A result of before has another date than is told now: its rows go when the new ones come."""
+        self._stale.add(result)
+        self._buffer = [one for one in self._buffer if Done(*(one.bag[name] for name in KEY)) != result]
+
     def _skip(self) -> None:
         self.counts.skipped += 1
         self._advance(1)
 
     def _write(self) -> None:
         if self._buffer:
+            if self._stale:
+                self._store.forget(self._stale)
+                self._stale = set()
             self._store.append(self._buffer)
             self._buffer = []
             self.counts.written += 1

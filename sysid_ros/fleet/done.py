@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sysid_ros.fleet.dates import Told, told_in
 from sysid_ros.fleet.store import Done, Results, Store
+
+NOTHING: Final = Told()
+"""Is told of a bag's date: its own stamps count."""
 
 _KEPT = 10_000
 """Keys that are kept loose before they are sorted in."""
@@ -17,7 +23,8 @@ class DoneIndex:
     """What a store holds, by where a bag lies and by what it contains.
 
     A bag whose path and files' sizes and times are those of before is known without being read; one that was moved or copied is
-    known by its content. A key is 64 bits of a hash: of a million bags two are taken for one another with a probability of 1e-7.
+    known by its content. A result that has another date than robots.yaml tells now is not done. A key is 64 bits of a hash: of a
+    million bags two are taken for one another with a probability of 1e-7.
 
     Args:
         store: to look into. version: of the package: what another one found is not done.
@@ -31,34 +38,42 @@ class DoneIndex:
         self._sorted: NDArray[np.uint64] = np.zeros(0, dtype=np.uint64)
         self._loose: set[int] = set()
         self.unread: set[Done] = set()
-        names = ["bag", "stamp", "hash", "model", "version", "job"]
+        names = ["bag", "stamp", "hash", "model", "version", "job", "date", "date_told", "campaign", "campaign_order"]
         for month in store.months():
-            rows = store.read("bags", names, [month])
-            for bag, stamp, content, model, its, job in zip(*(rows.column(n).to_pylist() for n in names), strict=True):
-                if not content:
-                    self.unread.add(Done(content, model, its, job))
-                elif its == version:
-                    self._add(bag, stamp, content, model, job)
+            for row in store.read("bags", names, [month]).to_pylist():
+                if not row["hash"]:
+                    self.unread.add(Done(row["hash"], row["model"], row["version"], row["job"]))
+                elif row["version"] == version:
+                    self._add(row)
 
     def __len__(self) -> int:
         return len(self._sorted) + len(self._loose)
 
-    def lies_there(self, bag: str, stamp: str, model: str, job: str) -> bool:
-        """Whether the job is done on the bag at this place, as its files are now."""
-        return bool(stamp) and self._has(_key("place", bag, stamp, model, job))
+    def lies_there(self, bag: str, stamp: str, model: str, job: str, told: Told = NOTHING) -> bool:
+        """Whether the job is done on the bag at this place, as its files are now, with the date that is told of it."""
+        return bool(stamp) and self._has(_key("place", bag, stamp, model, job, told.key))
 
-    def holds(self, content: str, model: str, job: str) -> bool:
-        """Whether the job is done on this content."""
-        return bool(content) and self._has(_key("content", content, model, job))
+    def holds(self, content: str, model: str, job: str, told: Told = NOTHING) -> bool:
+        """Whether the job is done on this content, with the date that is told of it."""
+        return bool(content) and self._has(_key("content", content, model, job, told.key))
+
+    def holds_dated_otherwise(self, content: str, model: str, job: str, told: Told) -> bool:
+        """Whether the job is done on this content, but with another date."""
+        return bool(content) and self._has(_key("any date", content, model, job)) and not self.holds(content, model, job, told)
 
     def add(self, result: Results) -> None:
         """A result is to be written."""
         row = result.bag
         if row["hash"]:
-            self._add(row["bag"], row["stamp"], row["hash"], row["model"], row["job"])
+            self._add(row)
 
-    def _add(self, bag: str, stamp: str, content: str, model: str, job: str) -> None:
-        self._loose |= {_key("place", bag, stamp, model, job), _key("content", content, model, job)}
+    def _add(self, row: Mapping[str, Any]) -> None:
+        content, model, job, told = row["hash"], row["model"], row["job"], told_in(row).key
+        self._loose |= {
+            _key("place", row["bag"], row["stamp"], model, job, told),
+            _key("content", content, model, job, told),
+            _key("any date", content, model, job),
+        }
         if len(self._loose) > _KEPT:
             self._sorted = np.union1d(self._sorted, np.fromiter(self._loose, dtype=np.uint64))
             self._loose.clear()

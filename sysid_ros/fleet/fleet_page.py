@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.fleet.changes.alarms import Alarm, percent
+from sysid_ros.fleet import campaign_table
+from sysid_ros.fleet.changes.alarms import Alarm, changed_share, limit_of, percent
+from sysid_ros.fleet.changes.campaigns import RobotCampaigns, log_es
 from sysid_ros.fleet.changes.fleet_changes import FleetChanges, JointHistory
 from sysid_ros.fleet.changes.quantities import CARRIED, QUANTITIES
 from sysid_ros.fleet.changes.series import FleetSeries, RobotSeries
@@ -25,30 +27,40 @@ _MOST_FAILED = 50
 
 
 def fleet_page(
-    changes: FleetChanges, alarms: Sequence[Alarm], failed: Sequence[Mapping[str, Any]], rate: float, where: str
+    changes: FleetChanges,
+    alarms: Sequence[Alarm],
+    failed: Sequence[Mapping[str, Any]],
+    rate: float,
+    where: str,
+    campaigns: Sequence[RobotCampaigns] = (),
 ) -> str:
     """HTML of the page.
 
     Args:
         alarms: what is told, the surest first. failed: rows of bags that could not be read. rate: of false discoveries.
-        where: the store.
+        where: the store. campaigns: of robots of which no dates are known.
     """
+    looks = [*changes.looks, *log_es(campaigns)]
+    limit = limit_of(looks, rate)
     told = [_told(a, changes) for a in alarms]
     robots = _ordered(changes, alarms)
     drawn = _drawn(changes, {a.change.robot for a in alarms})
-    bags = sum(len(r.bags) for r in robots)
+    names = {r.name for r in robots} | {r.robot for r in campaigns}
+    bags = sum(len(r.bags) for r in robots) + sum(len(of) for r in campaigns for of in r.bags)
     start, end = changes.series.start, changes.series.date(changes.series.last)
     return page(
         "fleet.html",
-        answer=answer(alarms, changes.series),
-        where=f"{where}, {start:%Y-%m-%d} to {end:%Y-%m-%d}",
-        lead=f"{len(robots)} robots, {bags} bags. Of the alarms, at most {100 * rate:g} % are expected to be false.",
+        answer=answer(alarms, changes.series, campaigns, limit),
+        where=f"{where}, {start:%Y-%m-%d} to {end:%Y-%m-%d}" if robots else where,
+        lead=f"{_count(len(names), 'robot')}, {_count(bags, 'bag')}. Of what is told, at most {100 * rate:g} % is expected to be "
+        "false.",
         alarms=told,
         rows=[_row(r, changes, [t for t in told if t["robot"] == r.name]) for r in robots],
         months=_months(changes),
         kinds=[{"name": name, "words": q.words} for name, q in QUANTITIES.items() if any(t["quantity"] == name for t in told)],
         failed=[{"bag": f["bag"], "reason": f["reason"]} for f in failed[:_MOST_FAILED]],
         failed_count=len(failed),
+        campaigns=campaign_table.tables(campaigns, limit, changed_share(looks)),
         notes=[*changes.series.notes, *_left_out(robots, drawn)],
         data={
             "start": start.isoformat(),
@@ -60,15 +72,18 @@ def fleet_page(
     )
 
 
-def answer(alarms: Sequence[Alarm], series: FleetSeries) -> str:
-    """In a sentence; robots whose bags are of one date are no robots of which nothing changed."""
+def answer(alarms: Sequence[Alarm], series: FleetSeries, campaigns: Sequence[RobotCampaigns] = (), limit: float = np.inf) -> str:
+    """In a sentence or two; robots whose bags are of one date are no robots of which nothing changed."""
     changed, judged = len({a.change.robot for a in alarms}), sum(r.over_time for r in series.robots)
+    of = _count(judged, "robot")
+    said = f"{changed} of {of} changed." if changed else f"Nothing changed on {of} that the bags could show."
     if not judged:
-        return "Whether anything changed can't be told: every robot's bags are of one date."
-    of = f"{judged} robot{'s' if judged > 1 else ''}"
-    if not changed:
-        return f"Nothing changed on {of} that the bags could show."
-    return f"{changed} of {of} changed."
+        said = "Whether anything changed can't be told: every robot's bags are of one date." if series.robots else ""
+    return " ".join(filter(None, [said, campaign_table.answer(campaigns, limit)]))
+
+
+def _count(number: int, of: str) -> str:
+    return f"{number} {of}{'' if number == 1 else 's'}"
 
 
 def _ordered(changes: FleetChanges, alarms: Sequence[Alarm]) -> list[RobotSeries]:

@@ -17,6 +17,7 @@ from typing import Any
 from sysid_ros import __version__
 from sysid_ros.exceptions import BagError, SettingsError, SysidError, in_a_line
 from sysid_ros.fleet.bags import at_hand, content_hash
+from sysid_ros.fleet.dates import Told
 from sysid_ros.fleet.rules import Entry
 from sysid_ros.fleet.store import Results
 from sysid_ros.online_settings import OnlineSettings
@@ -43,12 +44,18 @@ class Task:
     """A bag and what to do with it, in plain values.
 
     Attributes:
-        bag: path or URL. stamp: as of :func:`.bags.stamp_of`. jobs: names of :data:`JOBS`.
+        bag: path or URL. stamp: as of :func:`.bags.stamp_of`. jobs: names of :data:`JOBS`. told: of its date, by each entry that
+            its robot may be; without any, its own stamps count.
     """
 
     bag: str
     stamp: str
     jobs: tuple[str, ...]
+    told: tuple[Told, ...] = ()
+
+    def of(self, k: int) -> Told:
+        """What the entry of an index tells of its date."""
+        return self.told[k] if self.told else Told()
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +137,8 @@ def run(task: Task, entries: Sequence[Entry]) -> list[Results]:
                 content = content_hash(path)
                 return _each(task, entries, content, path, began)
         except SysidError as error:
-            return [_failed(task, _key(content, entries[0], job), str(error), began) for job in task.jobs]
+            when = task.of(0).columns(None)
+            return [_failed(task, _key(content, entries[0], job) | when, str(error), began) for job in task.jobs]
 
 
 def _each(task: Task, entries: Sequence[Entry], content: str, path: Path, began: float) -> list[Results]:
@@ -141,10 +149,12 @@ def _each(task: Task, entries: Sequence[Entry], content: str, path: Path, began:
     """
     try:
         source = open_source(path, entries[0].topic)
-        entry = _entry(task, entries, source)
+        which = _entry(task, entries, source)
+        entry = entries[which]
         if entry.topic != entries[0].topic:
             source = open_source(path, entry.topic)
         facts = _facts(source)
+        facts |= task.of(which).columns(facts["date"])
     except SysidError:
         raise
     except Exception as error:  # of a reader, in a file that is damaged in a way it does not know
@@ -189,19 +199,19 @@ def _key(content: str, entry: Entry, job: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _entry(task: Task, entries: Sequence[Entry], source: BagSource | TableSource) -> Entry:
-    """The first entry that fits the URDF in the bag.
+def _entry(task: Task, entries: Sequence[Entry], source: BagSource | TableSource) -> int:
+    """Index of the first entry that fits the URDF in the bag.
 
     Raises:
         BagError: none does.
     """
     name = ""
-    for entry in entries:
+    for k, entry in enumerate(entries):
         if not entry.description:
-            return entry
+            return k
         name = name or _robot_name(source)
         if fnmatchcase(name, entry.description):
-            return entry
+            return k
     asked = ", ".join(entry.description for entry in entries)
     raise BagError(f"bag '{task.bag}' is of robot '{name or 'without a name'}'; the rules for its path ask for {asked}.")
 

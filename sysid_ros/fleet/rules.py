@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -15,12 +15,26 @@ import numpy as np
 import yaml
 
 from sysid_ros.exceptions import SettingsError, in_a_line
+from sysid_ros.fleet.dates import KEYS as DATE_KEYS
+from sysid_ros.fleet.dates import DateRule, Told
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.sample import FloatArray
 from sysid_ros.sources import urdf_text
 
-_KEYS = {"robot", "kind", "paths", "description", "urdf", "model", "payload", "frame", "temperature", "topic", "settings"}
+_KEYS = {
+    "robot",
+    "kind",
+    "paths",
+    "description",
+    "urdf",
+    "model",
+    "payload",
+    "frame",
+    "temperature",
+    "topic",
+    "settings",
+} | DATE_KEYS
 _TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -59,6 +73,11 @@ class Entry:
 class _Rule:
     paths: tuple[re.Pattern[str], ...]
     values: dict[str, Any]
+    dates: DateRule
+
+    def stars(self, bag: str) -> tuple[str | None, ...] | None:
+        """What the stars of the first path that a bag fits stand for; None where it fits none."""
+        return next((found.groups() for path in self.paths if (found := path.fullmatch(bag))), None if self.paths else ())
 
 
 class Rules:
@@ -76,6 +95,8 @@ class Rules:
             temperature: /motor_temperatures
             topic: /joint_states
             settings: {effort_scale: [1, 1, 1, 1, 1, 1]}
+
+    A rule may also tell when its bags were recorded: :class:`.dates.DateRule`.
 
     Args:
         document: what the file holds. folder: that its paths count from.
@@ -115,15 +136,23 @@ class Rules:
         Raises:
             SettingsError: a URDF, a model or settings that a rule names can't be read.
         """
-        out = []
+        return [self._entry(rule.values, stars) for rule, stars in self._fitting(bag)]
+
+    def told(self, bag: str) -> list[Told]:
+        """What each of :meth:`entries` tells of when the bag was recorded.
+
+        Raises:
+            SettingsError: a rule that tells dates has none for it.
+        """
+        return [rule.dates.of(bag, _filled(rule.dates.campaign, stars)) for rule, stars in self._fitting(bag)]
+
+    def _fitting(self, bag: str) -> Iterator[tuple[_Rule, tuple[str | None, ...]]]:
         for rule in self._rules:
-            stars = next((found.groups() for path in rule.paths if (found := path.fullmatch(bag))), None)
-            if rule.paths and stars is None:
-                continue
-            out.append(self._entry(rule.values, stars or ()))
-            if not out[-1].description:
-                break
-        return out
+            stars = rule.stars(bag)
+            if stars is not None:
+                yield rule, stars
+                if not rule.values.get("description"):
+                    return
 
     def _rule(self, k: int, rule: Any) -> _Rule:
         where = f"{self._name}, rule {k}"
@@ -143,7 +172,7 @@ class Rules:
         except SettingsError as error:
             raise SettingsError(f"{where}: {error}") from None
         values = {**rule, "payload": _payload(rule.get("payload"), where), "settings": settings}
-        return _Rule(tuple(_pattern(glob) for glob in globs), values)
+        return _Rule(tuple(_pattern(glob) for glob in globs), values, DateRule(rule, self._folder, where))
 
     def _entry(self, values: Mapping[str, Any], stars: Sequence[str | None]) -> Entry:
         def text(key: str) -> str:

@@ -52,7 +52,10 @@ _KEY: Columns = {
     "job": ("string", "track, replay, identify or diagnose"),
     "robot": ("string", "name of the robot, by the rules of robots.yaml"),
     "kind": ("string", "kind of robot: robots of one kind are alike"),
-    "date": ("timestamp", "first stamp of the bag, UTC; null where it has none"),
+    "date": (
+        "timestamp",
+        "UTC: as told in robots.yaml, else the bag's first stamp; null without either, or with a campaign alone",
+    ),
 }
 _BAGS: Columns = {
     "bag": ("string", "path or URL"),
@@ -67,6 +70,9 @@ _BAGS: Columns = {
     "document": ("string", "JSON of the job's whole result, where it has one"),
     "stamp": ("string", "size and time of change of the bag's files, by which a bag that was done is known without reading it"),
     "schema_version": ("int", "of the tables"),
+    "date_told": ("bool", "whether the date is told in robots.yaml"),
+    "campaign": ("string", "what it was recorded in, where robots.yaml tells that in place of a date; empty elsewhere"),
+    "campaign_order": ("int", "place of the campaign in time from 0; null where it is not told"),
 }
 _JOINTS: Columns = {
     "bag": ("string", "path or URL"),
@@ -151,6 +157,7 @@ def schema_of(table: str) -> Any:
         "string": pa.string(),
         "double": pa.float64(),
         "int": pa.int64(),
+        "bool": pa.bool_(),
         "doubles": pa.list_(pa.float64()),
         "timestamp": pa.timestamp("us", tz="UTC"),
     }

@@ -22,6 +22,9 @@ _REPLACES = b"sysid_replaces"
 _FEW_PARTS = 4
 """Part files of a month that are left as they are: rewriting them would cost more than it saves."""
 
+KEY = ("hash", "model", "version", "job")
+"""Columns that make a :class:`Done`."""
+
 Row = Mapping[str, Any]
 
 
@@ -163,9 +166,8 @@ class Store:
 
     def done(self, failed: bool = True) -> set[Done]:
         """What was done already, with what failed unless ``failed`` is False."""
-        rows = self.read("bags", ["hash", "model", "version", "job", "status"]).to_pydict()
-        names = ("hash", "model", "version", "job")
-        keys = zip(*(rows[name] for name in names), rows["status"], strict=True)
+        rows = self.read("bags", [*KEY, "status"]).to_pydict()
+        keys = zip(*(rows[name] for name in KEY), rows["status"], strict=True)
         return {Done(*key[:4]) for key in keys if failed or key[4] == "ok"}
 
     def forget(self, keys: Iterable[Done]) -> int:
@@ -177,7 +179,7 @@ class Store:
             kept: dict[str, Any] = {}
             for table in TABLES:
                 rows = self._joined(table, month, names)
-                of = (rows.column(name).to_pylist() for name in ("hash", "model", "version", "job"))
+                of = (rows.column(name).to_pylist() for name in KEY)
                 keep = [Done(*key) not in gone for key in zip(*of, strict=True)]
                 if table == "bags" and all(keep):
                     break
@@ -272,8 +274,14 @@ def _table(name: str, rows: Sequence[Row]) -> Any:
 def _read_part(file: Path, schema: Any, columns: Sequence[str]) -> Any:
     from pyarrow import parquet
 
-    fields = require_pyarrow().schema([schema.field(name) for name in columns])
-    return parquet.ParquetFile(file).read(columns=list(columns)).select(list(columns)).cast(fields)
+    pa, part = require_pyarrow(), parquet.ParquetFile(file)
+    fields = pa.schema([schema.field(name) for name in columns])
+    there = [name for name in columns if name in part.schema_arrow.names]
+    rows = part.read(columns=there)
+    for name in columns:
+        if name not in there:  # a column that came later
+            rows = rows.append_column(name, pa.nulls(len(rows), schema.field(name).type))
+    return rows.select(list(columns)).cast(fields)
 
 
 def _write_part(file: Path, table: Any, replaces: Sequence[str]) -> None:

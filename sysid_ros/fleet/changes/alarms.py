@@ -51,19 +51,24 @@ _SHARED = 0.1
 """Probability from which another quantity is named beside the likeliest."""
 
 
-def told(changes: FleetChanges, rate: float = RATE) -> tuple[Candidate, ...]:
-    """The candidates that are told at a rate of false discoveries (e-BH)."""
-    e = sorted(changes.looks, reverse=True)
+def limit_of(looks: Sequence[float], rate: float) -> float:
+    """Logarithm of the e-value from which looks are told at a rate of false discoveries (e-BH); infinite where none is."""
+    e = sorted(looks, reverse=True)
     limits = [np.log(len(e)) - np.log(k * rate) for k in range(1, len(e) + 1)]
-    passed = [value for value, limit in zip(e, limits, strict=True) if value >= limit]
-    return tuple(c for c in changes.candidates if passed and c.log_e >= min(passed))
+    return min((value for value, limit in zip(e, limits, strict=True) if value >= limit), default=np.inf)
 
 
-def alarms(changes: FleetChanges, rate: float = RATE) -> tuple[Alarm, ...]:
+def told(changes: FleetChanges, rate: float = RATE, beside: Sequence[float] = ()) -> tuple[Candidate, ...]:
+    """The candidates that are told at a rate of false discoveries, where looks ``beside`` these are judged with them."""
+    limit = limit_of([*changes.looks, *beside], rate)
+    return tuple(c for c in changes.candidates if c.log_e >= limit)
+
+
+def alarms(changes: FleetChanges, rate: float = RATE, beside: Sequence[float] = ()) -> tuple[Alarm, ...]:
     """What is told, in words, the surest first."""
-    share = changed_share(changes.looks)
+    share = changed_share([*changes.looks, *beside])
     robots = {r.name: r for r in changes.series.robots}
-    return tuple(_alarm(c, share, robots[c.robot]) for c in told(changes, rate))
+    return tuple(_alarm(c, share, robots[c.robot]) for c in told(changes, rate, beside))
 
 
 def percent(p: float) -> str:
@@ -74,10 +79,15 @@ def percent(p: float) -> str:
 def changed_share(looks: Sequence[float]) -> float:
     """Share of looks that show a change, from the logarithms of their e-values: where the likelihood of all is greatest."""
     e = np.asarray(looks)
-    share = 0.1
+    share = 0.1 if e.size else 0.0
     for _ in range(200):
         share = float(np.mean(_probability(e, share))) if share > 0.0 else 0.0
     return share
+
+
+def probability_of(log_e: float, share: float) -> float:
+    """That something changed, by the logarithm of its e-value and the share of looks that show a change."""
+    return float(_probability(np.array([log_e]), share)[0])
 
 
 def _probability(
@@ -99,7 +109,7 @@ def _alarm(change: Candidate, share: float, robot: RobotSeries) -> Alarm:
     others = tuple(name for name, p in change.kinds.items() if name != change.quantity and p > _SHARED)
     return Alarm(
         change,
-        float(_probability(np.array([change.log_e]), share)[0]),
+        probability_of(change.log_e, share),
         change.kinds[change.quantity],
         others,
         what,

@@ -25,7 +25,7 @@ from sysid_ros.sample import FloatArray
 
 RAMPS = (20.0, 40.0, 60.0, 90.0, 150.0)
 """Lengths of ramps [days]; a change that is faster is a step at the pace of the bags."""
-_SIZES = (1.0, 3.0, 10.0, 30.0, 100.0)
+SIZES = (1.0, 3.0, 10.0, 30.0, 100.0)
 """Of changes, in standard deviations of one bag's estimate, alike probable: a mixture that any size is near to."""
 _ODD = 0.2
 """Prior probability that some bag of a joint's is odd."""
@@ -108,7 +108,7 @@ class JointEvidence:
         self._precision = np.zeros((n * p, n * p))
         self._precision[np.ix_(k, k)] = np.linalg.inv(covariance.reshape(n * p, n * p)[np.ix_(k, k)])
         self._y = np.where(self.known, y, 0.0).reshape(-1)
-        self._sizes = np.array(_SIZES)
+        self._sizes = np.array(SIZES)
 
     def look(self) -> Round:
         """The evidence of one more change."""
@@ -117,7 +117,7 @@ class JointEvidence:
         f, A2 = self.shapes.f, (self._sizes[None, :] * self.one_bag[:, None]) ** 2
         told = np.array([np.einsum("nk,nm,mk->k", f, L[:, p, :, p], f, optimize=True) for p in range(self.p)])
         log_bf, size, variance = _factors(told[:, None, :], (g.T @ f)[:, None, :], A2[:, :, None])
-        log_w = log_bf + self.shapes.log_prior - np.log(len(_SIZES))
+        log_w = log_bf + self.shapes.log_prior - np.log(len(SIZES))
         log_of = logsumexp(log_w, axis=(1, 2)) if f.shape[1] else np.zeros(self.p)
         weights = np.exp(log_w - log_of[:, None, None])
         odd, _, _ = _factors(np.einsum("npnp->pn", L)[:, None, :], g.T[:, None, :], A2[:, :, None])

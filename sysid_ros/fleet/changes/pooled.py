@@ -32,6 +32,8 @@ _FIRST_STD = 0.5
 robot that changed is not taken for one that wanders; some robots outweigh it."""
 _MEDIAN_SQUARE = 0.455
 """Of a normal variable of variance 1."""
+SCATTER_PRIOR = (float(_PRIOR[0]), float(_PRIOR_STD[0]))
+"""Mean and standard deviation of the logarithm of scatter / stated variance, where nothing else is known."""
 _YEAR = 365.25
 _DOF = 5.0
 """Of Student's distribution by which odd bags and changes that are not known yet weigh less in the first round."""

@@ -59,7 +59,8 @@ class RobotSeries:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FleetSeries:
-    """All robots; ``start`` is the day 0 of all. ``notes``: what of the store was left out, in sentences."""
+    """All robots that have bags with a date; ``start`` is the day 0 of all. ``notes``: what of the store was left out, in
+    sentences."""
 
     start: datetime
     robots: tuple[RobotSeries, ...]
@@ -71,8 +72,8 @@ class FleetSeries:
 
     @property
     def last(self) -> float:
-        """Of the last bag [days]."""
-        return max(float(r.days[-1]) for r in self.robots)
+        """Of the last bag [days]; 0 without one."""
+        return max((float(r.days[-1]) for r in self.robots), default=0.0)
 
 
 def fleet_series(store: Store) -> FleetSeries:
@@ -82,12 +83,14 @@ def fleet_series(store: Store) -> FleetSeries:
     compare.
 
     Raises:
-        DataError: the store holds no bag with a date that ``track`` read.
+        DataError: the store holds no bag with a date or a campaign that ``track`` read.
     """
-    names = ["bag", "hash", "model", "version", "job", "robot", "kind", "date", "status"]
+    names = ["bag", "hash", "model", "version", "job", "robot", "kind", "date", "status", "campaign"]
     rows = store.read("bags", names).to_pylist()
     bags = [b for b in rows if b["job"] == "track" and b["status"] == "ok" and b["date"] is not None]
     if not bags:
+        if any(b["job"] == "track" and b["status"] == "ok" and b["campaign"] for b in rows):
+            return FleetSeries(datetime.fromtimestamp(0.0, UTC), (), ())
         raise DataError(
             f"store '{store.path}' holds no bag with a date that the job track has read. Give it some: sysid batch ..."
         )
@@ -95,9 +98,7 @@ def fleet_series(store: Store) -> FleetSeries:
     by_robot: dict[str, list[dict[str, Any]]] = {}
     for bag in bags:
         by_robot.setdefault(bag["robot"], []).append(bag)
-    columns = [c for p in JOINT_PARAMETERS for c in (p, f"{p}_std")]
-    joints = _by_bag(store.read("joints", ["hash", "model", "version", "job", "joint", "temperature", "covariance", *columns]))
-    payloads = _by_bag(store.read("payloads", ["hash", "model", "version", "job", "mass", "mass_std", "status"]))
+    joints, payloads = by_bag(store, "joints"), by_bag(store, "payloads")
     start = min(b["date"] for b in bags).astimezone(UTC)
     robots = [_robot(name, some, joints, payloads, start, notes) for name, some in sorted(by_robot.items())]
     for robot in robots:
@@ -110,9 +111,12 @@ def _key(row: dict[str, Any]) -> tuple[str, str, str]:
     return row["hash"], row["model"], row["version"]
 
 
-def _by_bag(table: Any) -> dict[tuple[str, str, str], list[dict[str, Any]]]:
+def by_bag(store: Store, table: str) -> dict[tuple[str, str, str], list[dict[str, Any]]]:
+    """Rows of ``joints`` or ``payloads`` that ``track`` wrote, by hash, model and version."""
+    columns = [c for p in JOINT_PARAMETERS for c in (p, f"{p}_std")]
+    own = {"joints": ["joint", "temperature", "covariance", *columns], "payloads": ["mass", "mass_std", "status"]}[table]
     found: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
-    for row in table.to_pylist():
+    for row in store.read(table, ["hash", "model", "version", "job", *own]).to_pylist():
         if row["job"] == "track":
             found.setdefault(_key(row), []).append(row)
     return found
@@ -132,10 +136,6 @@ def _robot(
     if len(kept) < (known := len({b["hash"] for b in bags})):
         notes.append(f"{name} was known by other models before: {known - len(kept)} of its {known} bags are not judged.")
     chosen = sorted(kept.values(), key=lambda b: (b["date"], b["bag"]))
-    rows: dict[str, list[tuple[int, dict[str, Any]]]] = {}
-    for k, bag in enumerate(chosen):
-        for row in joints.get(_key(bag), []):
-            rows.setdefault(row["joint"], []).append((k, row))
     days = np.array([(b["date"].astimezone(UTC) - start).total_seconds() / _DAY for b in chosen])
     loads = np.array([_lightest(payloads.get(_key(bag), [])) for bag in chosen])
     return RobotSeries(
@@ -144,10 +144,19 @@ def _robot(
         days,
         tuple(b["bag"] for b in chosen),
         tuple(b["hash"] for b in chosen),
-        tuple(_series(joint, of) for joint, of in rows.items()),
+        series_of([joints.get(_key(bag), []) for bag in chosen]),
         loads[:, 0],
         loads[:, 1],
     )
+
+
+def series_of(bags: Sequence[Sequence[dict[str, Any]]]) -> tuple[Series, ...]:
+    """Each joint over some bags, from the rows of each bag."""
+    rows: dict[str, list[tuple[int, dict[str, Any]]]] = {}
+    for k, of in enumerate(bags):
+        for row in of:
+            rows.setdefault(row["joint"], []).append((k, row))
+    return tuple(_series(joint, of) for joint, of in rows.items())
 
 
 def _lightest(rows: Sequence[dict[str, Any]]) -> tuple[float, float]:
