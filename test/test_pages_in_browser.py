@@ -29,8 +29,15 @@ def identification(path: Path) -> None:
     write_report(path, identify_recordings(model, bags, [], {}, Choices(prior_weight=1.0)), {}, model)
 
 
-MADE: dict[str, Callable[[Path], object]] = {**PAGES, "identification": identification}
-WITHOUT_ROBOT = ("refused", "figure alone")
+def fleet(path: Path) -> None:
+    pytest.importorskip("pyarrow", reason="the extra fleet is not installed")
+    from fleet_pages import write_fleet_page
+
+    write_fleet_page(path)
+
+
+MADE: dict[str, Callable[[Path], object]] = {**PAGES, "identification": identification, "fleet": fleet}
+WITHOUT_ROBOT = ("refused", "figure alone", "fleet")
 
 
 @pytest.fixture(scope="module")
@@ -121,3 +128,19 @@ def test_the_reader_switches_what_is_coloured_and_plays(browser: Browser, folder
     browser.ask("document.querySelector('.play').click()")
     stopped = browser.ask("clock.t")
     assert browser.ask("new Promise((done) => setTimeout(() => done(clock.t), 300))") == stopped
+
+
+def test_a_click_on_a_robot_of_a_fleet_leads_to_its_joints_and_bags(browser: Browser, folder: Path) -> None:
+    path = folder / "of_a_fleet.html"
+    fleet(path)
+    for width in (1280, 400):
+        browser.open(path, width, "light")
+        robots = browser.ask("[...document.querySelectorAll('a.lane')].map((a) => a.querySelector('b').textContent)")
+        browser.ask("document.querySelectorAll('a.lane')[1].click()")
+        browser.wait(f"document.querySelector('#chosen h2').textContent === {robots[1]!r}")
+        browser.ask("document.querySelectorAll('.sparks button')[3].click()")
+        browser.ask("document.querySelector('.chart .bag').dispatchEvent(new MouseEvent('click', { bubbles: true }))")
+        assert "sysid diagnose" in browser.ask("[...document.querySelectorAll('#chosen pre')].pop().textContent")
+        assert browser.ask("document.documentElement.scrollWidth") <= width
+        assert browser.ask("document.querySelector('a.lane[aria-current] b').textContent") == robots[1]
+    assert browser.said == []

@@ -90,6 +90,12 @@ _JOINTS: Columns = {
     "covariance": ("doubles", "of the parameters in their order, row by row, 64 values; NaN where one is not estimated"),
     "residual": ("double", "rms of what is left of the torque below the cut-off while the joint moves [N m]"),
     "torque": ("double", "rms of the torque there [N m]"),
+    "lever": ("double", "rms distance of the carrying link's origin from the joint's axis [m/rad; 1 of a prismatic joint]"),
+    "torque_per_zero": (
+        "double",
+        "rms change of torque per error of this joint's zero, of the joint where that is most [N m/rad]",
+    ),
+    "torque_per_mass": ("double", "rms torque of this joint per mass at the carrying link's origin [N m/kg]"),
     "from_prior": ("string", "parameters that are null because the bag tells little more of them than the prior"),
     "model_error": ("string", "what speaks against the model in this bag, in words; empty where nothing does"),
 }

@@ -8,6 +8,7 @@ import numpy as np
 
 from sysid_ros.exceptions import DataError
 from sysid_ros.fleet.known_robot import KnownRobot
+from sysid_ros.fleet.levers import Levers, levers_of
 from sysid_ros.fleet.payload_steps import with_changes
 from sysid_ros.fleet.schema import JOINT_PARAMETERS, UNITS
 from sysid_ros.fleet.track_fit import TrackFit
@@ -64,7 +65,7 @@ class Tracked:
         joint_names: n. values, std: by the names of :data:`.schema.JOINT_PARAMETERS`, shape (8, n), NaN where the bag does not
             tell. covariance: of each joint's, shape (n, 8, 8), NaN alike.
         from_prior: of each joint, parameters that the prior tells better than the bag. model_error: of each joint, in words.
-        residual, torque: rms below the cut-off while the joint moves, shape (n,) [N m].
+        residual, torque: rms below the cut-off while the joint moves, shape (n,) [N m]. levers: what errors cost.
         carried: one after the other. notes: of the whole bag, in words. frame: of what was carried.
     """
 
@@ -76,6 +77,7 @@ class Tracked:
     model_error: tuple[str, ...]
     residual: FloatArray
     torque: FloatArray
+    levers: Levers
     carried: tuple[CarriedBody, ...]
     notes: tuple[str, ...]
     frame: str
@@ -113,6 +115,7 @@ def track(known: KnownRobot, recording: Recording, max_gap: float = 0.1) -> Trac
         model_error=_doubts(known, fit, [(p.joint, p.text) for p in checked.problems]),
         residual=residual,
         torque=torque,
+        levers=levers_of(fit.rows),
         carried=_carried(known, fit, recording),
         notes=tuple(p.text for p in checked.problems if not p.joint),
         frame=known.frame,

@@ -66,6 +66,9 @@ def _joint(key: dict[str, Any], found: Tracked, j: int, temperature: float) -> d
         "covariance": found.covariance[j].ravel().tolist(),
         "residual": _number(found.residual[j]),
         "torque": _number(found.torque[j]),
+        "lever": _number(found.levers.reach[j]),
+        "torque_per_zero": _number(found.levers.by_zero[j]),
+        "torque_per_mass": _number(found.levers.by_mass[j]),
         "from_prior": ", ".join(found.from_prior[j]),
         "model_error": found.model_error[j],
     }

@@ -18,7 +18,7 @@ from scipy.special import expit
 
 from sysid_ros.fleet.changes.candidates import Candidate
 from sysid_ros.fleet.changes.fleet_changes import FleetChanges
-from sysid_ros.fleet.changes.quantities import QUANTITIES
+from sysid_ros.fleet.changes.quantities import QUANTITIES, Costs
 from sysid_ros.fleet.changes.series import RobotSeries
 
 RATE = 0.05
@@ -113,8 +113,15 @@ def _alarm(change: Candidate, share: float, robot: RobotSeries) -> Alarm:
         change.kinds[change.quantity],
         others,
         what,
-        of.cost(change.size),
+        of.cost(change.size, _costs(change, robot)),
         of.look,
         tuple(before[-_BESIDE:]),
         tuple(after[:_BESIDE]),
     )
+
+
+def _costs(change: Candidate, robot: RobotSeries) -> Costs:
+    """Of the joint that changed; of what is carried, those of the joint which it costs most."""
+    if change.joint:
+        return next(s.costs for s in robot.joints if s.joint == change.joint)
+    return max((s.costs for s in robot.joints), key=lambda costs: costs.per_mass or 0.0)

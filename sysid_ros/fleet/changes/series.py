@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.exceptions import DataError
+from sysid_ros.fleet.changes.quantities import Costs
 from sysid_ros.fleet.schema import JOINT_PARAMETERS
 from sysid_ros.fleet.store import Store
 from sysid_ros.sample import FloatArray
 
 _DAY = 86400.0
+_COSTS = ("torque", "lever", "torque_per_zero", "torque_per_mass")
+"""Columns of the joints that :class:`.Costs` are of, in its order."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -24,6 +27,7 @@ class Series:
     Attributes:
         bags: index into the robot's bags, shape (N,). y: estimates, shape (N, 8), NaN where there is none, in the order of
             ``JOINT_PARAMETERS``. covariance: shape (N, 8, 8). temperature: shape (N,) [degrees Celsius], NaN where unknown.
+        costs: median over its bags.
     """
 
     joint: str
@@ -31,6 +35,7 @@ class Series:
     y: FloatArray
     covariance: FloatArray
     temperature: FloatArray
+    costs: Costs
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -114,7 +119,7 @@ def _key(row: dict[str, Any]) -> tuple[str, str, str]:
 def by_bag(store: Store, table: str) -> dict[tuple[str, str, str], list[dict[str, Any]]]:
     """Rows of ``joints`` or ``payloads`` that ``track`` wrote, by hash, model and version."""
     columns = [c for p in JOINT_PARAMETERS for c in (p, f"{p}_std")]
-    own = {"joints": ["joint", "temperature", "covariance", *columns], "payloads": ["mass", "mass_std", "status"]}[table]
+    own = {"joints": ["joint", "temperature", "covariance", *_COSTS, *columns], "payloads": ["mass", "mass_std", "status"]}[table]
     found: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
     for row in store.read(table, ["hash", "model", "version", "job", *own]).to_pylist():
         if row["job"] == "track":
@@ -177,7 +182,9 @@ def _series(joint: str, rows: Sequence[tuple[int, dict[str, Any]]]) -> Series:
     covariance[:, k, k] = std**2
     y[~np.isfinite(std)] = np.nan
     heat = np.array([_number(row["temperature"]) for _, row in rows])
-    return Series(joint, np.array([i for i, _ in rows]), y, covariance, heat)
+    costs = (np.array([row[name] for _, row in rows if row[name] is not None]) for name in _COSTS)
+    usual = (float(np.median(values)) if values.size else None for values in costs)
+    return Series(joint, np.array([i for i, _ in rows]), y, covariance, heat, Costs(joint, *usual))
 
 
 def _number(value: float | None) -> float:

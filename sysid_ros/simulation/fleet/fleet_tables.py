@@ -74,7 +74,14 @@ def _rows(fleet: Fleet, bag: FleetBag, robot: FleetRobot, errors: StatedErrors) 
         told = {p: float(robot.nominal[p][j] + estimate[j * k + i]) for i, p in enumerate(LINEAR)} | {"noise": float(noise[j])}
         stds = {f"{p}_std": float(np.sqrt(block[i, i])) for i, p in enumerate((*LINEAR, "noise"))}
         heat = float(bag.temperature[j]) if fleet.scenario.temperature_known else None
-        joints.append({**key, "joint": name, "temperature": heat, **told, **stds, "covariance": block.reshape(-1).tolist()})
+        costs = {
+            "torque": errors.torque,
+            "lever": errors.reach,
+            "torque_per_zero": errors.by_zero,
+            "torque_per_mass": errors.by_mass,
+        }
+        told |= stds | {column: float(values[j]) for column, values in costs.items()}
+        joints.append({**key, "joint": name, "temperature": heat, **told, "covariance": block.reshape(-1).tolist()})
     return DrawnRows(row, joints, [{**key, **_payload(fleet, robot, estimate[-10:-6], errors.load)}])
 
 

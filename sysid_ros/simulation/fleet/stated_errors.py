@@ -39,12 +39,19 @@ class StatedErrors:
             next, and so on; the ten of the load at last. factor: its Cholesky factor of the part that noise makes.
         shown: how much of a deviation from what was expected an estimate shows, shape (m, m): 1 without a prior.
         noise: standard deviation of the estimated noise, relative.
+        torque, reach, by_zero, by_mass: root mean squares over the motion of each joint's torque [N m], of the way of the tip per
+            way of the joint [m/rad], of the torque per error of its zero, on the joint where that is most [N m/rad], and of its
+            torque per mass at the tip [N m/kg], shape (n,) each.
     """
 
     covariance: FloatArray
     factor: FloatArray
     shown: FloatArray
     noise: float
+    torque: FloatArray
+    reach: FloatArray
+    by_zero: FloatArray
+    by_mass: FloatArray
 
     def joint(self, j: int) -> FloatArray:
         """The block of a joint, shape (7, 7)."""
@@ -98,7 +105,17 @@ def stated_errors(
     spread = posterior @ told @ posterior
     values, vectors = np.linalg.eigh(0.5 * (spread + spread.T))
     factor = prior[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    return StatedErrors(covariance, factor, shown, 1.0 / np.sqrt(2.0 * rate * motion.duration))
+    jacobian = model.frame_jacobian_along(q, frame)
+    return StatedErrors(
+        covariance,
+        factor,
+        shown,
+        1.0 / np.sqrt(2.0 * rate * motion.duration),
+        torque=np.sqrt(np.mean(tau**2, axis=0)),
+        reach=np.sqrt(np.mean(np.sum(jacobian**2, axis=1), axis=0)),
+        by_zero=np.sqrt(np.mean(by_q**2, axis=0)).max(axis=0),
+        by_mass=np.sqrt(np.mean(Y[:, :, n * k] ** 2, axis=0)),
+    )
 
 
 def with_carried(model: RobotModel, theta: FloatArray) -> RobotModel:
