@@ -144,3 +144,14 @@ def test_a_click_on_a_robot_of_a_fleet_leads_to_its_joints_and_bags(browser: Bro
         assert browser.ask("document.documentElement.scrollWidth") <= width
         assert browser.ask("document.querySelector('a.lane[aria-current] b').textContent") == robots[1]
     assert browser.said == []
+
+
+def test_what_is_shown_of_a_fleet_stays_when_the_window_changes(browser: Browser, folder: Path) -> None:
+    path = folder / "resized.html"
+    fleet(path)
+    browser.open(path, 1280, "light")
+    shown = "document.querySelector('#chosen:not([hidden]) h3').textContent"
+    browser.ask("document.querySelectorAll('.sparks button')[5].click()")
+    before = browser.ask(shown)
+    browser.ask("window.dispatchEvent(new Event('resize'))")
+    assert browser.ask(shown) == before

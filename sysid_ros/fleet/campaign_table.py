@@ -48,7 +48,7 @@ def answer(robots: Sequence[RobotCampaigns], limit: float) -> str:
     differ = sum(any(c.log_e >= limit for c in robot.compared) for robot in robots)
     of = f"{len(robots)} robot{'s' if len(robots) > 1 else ''} known by campaigns"
     return (
-        f"{differ} of {of} differ between them."
+        f"{differ} of {of} {'differs' if differ == 1 else 'differ'} between them."
         if differ
         else f"Of {of}, none differs between them by more than its bags scatter."
     )

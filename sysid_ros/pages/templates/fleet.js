@@ -91,7 +91,9 @@ function alarmText(a) {
   return box;
 }
 
+let current = ["", "", -1];  // robot, joint and quantity that are shown
 function show(name, jointName, q) {
+  current = [name, jointName, q];
   const robot = fleet.robots.find(r => r.name === name);
   document.querySelectorAll("a.lane").forEach(a => a.toggleAttribute("aria-current", decodeURIComponent(a.hash.slice(1)) === name));
   chosen.hidden = !robot;
@@ -104,6 +106,7 @@ function show(name, jointName, q) {
     const open = (joint, i, button) => {
       grid.querySelectorAll("button").forEach(b => b.setAttribute("aria-pressed", b === button));
       below.replaceChildren();
+      current = [name, joint ? joint.name : "", i];
       big.replaceChildren(element("h3", {}, `${fleet.quantities[i].words}${joint ? " of " + joint.name : ""} [${fleet.quantities[i].unit}]`), chart(robot, joint, i, below));
     };
     let first = null;
@@ -113,8 +116,9 @@ function show(name, jointName, q) {
       svg.append(...draw(curve(robot, joint, i), alarms, [2, 3, 96, 34], null).out);
       const button = element("button", { type: "button", class: alarms.length ? "told" : "", "data-of": quantity.name, "aria-label": `${quantity.words}${joint ? " of " + joint.name : ""}`, onclick: () => open(joint, i, button) }, svg);
       grid.append(button);
-      const wanted = jointName && joint && joint.name === jointName && (q < 0 || q === i);
-      if (!first || (alarms.length && !first.told) || (wanted && (alarms.length || !first.wanted))) first = { joint, i, button, told: alarms.length, wanted };
+      const here = (joint ? joint.name : "") === jointName, exact = q >= 0 && q === i && here, wanted = jointName && here && q < 0;
+      if (first && first.exact) return;
+      if (!first || exact || (alarms.length && !first.told) || (wanted && (alarms.length || !first.wanted))) first = { joint, i, button, told: alarms.length, wanted, exact };
     };
     for (const joint of robot.joints) { grid.append(element("span", {}, joint.name)); fleet.quantities.slice(0, -1).forEach((_, i) => add(joint, i)); }
     if (robot.mass.some(known)) { grid.append(element("span", {}, "at the tip [kg]")); add(null, fleet.quantities.length - 1); }
@@ -127,12 +131,12 @@ function show(name, jointName, q) {
   }
 }
 
-function fromAddress(scroll) {
+function fromAddress() {
   const [name, joint] = decodeURIComponent(location.hash.slice(1)).split("/");
   show(name, joint || "", -1);
-  if (scroll && !chosen.hidden) chosen.scrollIntoView({ block: "start" });
+  if (!chosen.hidden) chosen.scrollIntoView({ block: "start" });
 }
 const waiting = new Set();  // as on the pages with figures: nothing is drawn later
-window.addEventListener("hashchange", () => fromAddress(true));
-window.addEventListener("resize", () => fromAddress(false));
-if (location.hash) fromAddress(true); else if (fleet.alarms.length) show(fleet.alarms[0].robot, "", -1);
+window.addEventListener("hashchange", fromAddress);
+window.addEventListener("resize", () => show(...current));
+if (location.hash) fromAddress(); else if (fleet.alarms.length) show(fleet.alarms[0].robot, "", -1);
