@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import lapack
 from scipy.special import logsumexp
 
 from sysid_ros.sample import FloatArray
@@ -106,7 +107,7 @@ class JointEvidence:
         self.known = np.isfinite(y)
         k = np.flatnonzero(self.known.reshape(-1))
         self._precision = np.zeros((n * p, n * p))
-        self._precision[np.ix_(k, k)] = np.linalg.inv(covariance.reshape(n * p, n * p)[np.ix_(k, k)])
+        self._precision[np.ix_(k, k)] = _inverse(covariance.reshape(n * p, n * p)[np.ix_(k, k)])
         self._y = np.where(self.known, y, 0.0).reshape(-1)
         self._sizes = np.array(SIZES)
 
@@ -158,6 +159,15 @@ class JointEvidence:
         d = d * self.known.reshape(-1)
         pd = self._precision @ d.T
         self._precision -= pd @ np.linalg.solve(np.eye(len(d)) + d @ pd, pd.T)
+
+
+def _inverse(C: FloatArray) -> FloatArray:
+    """Of a covariance, by its Cholesky factor: a third of the work of any matrix's."""
+    factor, failed = lapack.dpotrf(C, lower=True)
+    lower, also = lapack.dpotri(factor, lower=True)
+    if failed or also:
+        raise np.linalg.LinAlgError("a covariance is not positive definite")
+    return np.asarray(np.tril(lower) + np.tril(lower, -1).T)
 
 
 def _factors(told: FloatArray, pull: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
