@@ -1,25 +1,37 @@
-"""How fast ``sysid batch`` is beside the same calls in one process, how it scales, and what its driver needs.
+"""How fast ``sysid batch`` is beside the same calls in one process, how it scales, and what its processes need.
 
-    sysid simulate fleet --bag fleet --robots 40 --weeks 50
-    python benchmarks/fleet_speed.py --fleet fleet --bags 2000 --jobs track,replay
+    python benchmarks/fleet_speed.py --bags 2000 [--jobs track,replay] [--fleet FOLDER] [--sample 100] [--json out.json]
 
-The last part is a cluster of 100 workers that sleep for the time a bag took here, with 10,000 names, through the same driver.
+Bags of 40 robots are simulated (``--fleet``: of `sysid simulate fleet`, made before). Then, each with processes that are warm:
+
+1. the calls without Dask on a sample of the bags, in one process: the yardstick;
+2. the same in two processes at once, half of the sample each, without Dask: what this machine's cores take from each other;
+3. the batch on the sample with one worker and with two;
+4. the batch on all bags with two workers, while memory is read every second;
+5. a cluster of 100 workers, 10,000 names: the package's driver and Dask's scheduler as they are; workers are threads of this
+   process that sleep for the processor time of a bag of the sample, for two cores can't do the work of 100.
 """
 
 from __future__ import annotations
 
 import argparse
-import resource
+import multiprocessing
 import shutil
-import statistics
+import subprocess
+import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
+import numpy as np
+import psutil
 from rich.console import Console
 from rich.table import Table
 from verdict import Target, conclude
@@ -33,33 +45,74 @@ from sysid_ros.fleet.jobs import Task, run
 from sysid_ros.fleet.rules import Entry, Rules
 from sysid_ros.fleet.store import Results, Store
 
-NAMES, WORKERS = 10_000, 100
+NAMES, WORKERS, ROBOTS = 10_000, 100, 40
+MB = 1024.0**2
 
 
-def peak() -> float:
-    """Memory of this process at its largest [MB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+@dataclass
+class Watch:
+    """Memory of this process (driver and scheduler) and of each worker, once a second, until it is stopped.
+
+    Attributes:
+        through: bags so far. rows: of bags through, memory of this process and of its largest worker [MB].
+    """
+
+    through: int = 0
+    rows: list[tuple[int, float, float]] = field(default_factory=list)
+
+    @contextmanager
+    def watching(self) -> Iterator[None]:
+        """While the block lasts."""
+        stop = threading.Event()
+
+        def look() -> None:
+            me = psutil.Process()
+            while not stop.wait(1.0):
+                workers = [w.memory_info().rss / MB for w in me.children(recursive=True) if w.is_running()]
+                self.rows.append((self.through, me.memory_info().rss / MB, max(workers, default=0.0)))
+
+        thread = threading.Thread(target=look, daemon=True)
+        thread.start()
+        yield
+        stop.set()
+        thread.join()
+
+    def growth(self) -> tuple[float, float]:
+        """Median of the last quarter less that of the second, of this process and of the largest worker [MB]."""
+        rows, done = np.array(self.rows or [(0, 0.0, 0.0)], dtype=float), max(self.through, 1)
+        second = rows[(rows[:, 0] > 0.25 * done) & (rows[:, 0] <= 0.5 * done)]
+        last = rows[rows[:, 0] > 0.75 * done]
+        if not len(second) or not len(last):
+            return float("nan"), float("nan")
+        by = np.median(last, axis=0) - np.median(second, axis=0)
+        return float(by[1]), float(by[2])
 
 
-def alone(bags: Sequence[str], rules: Rules, jobs: tuple[str, ...]) -> tuple[float, list[float]]:
-    """Processor time of the calls in this process [s], and that of each bag."""
-    each = []
+def used_by_all() -> float:
+    """Processor time of this process and of all of its children that live [s]."""
+    me = psutil.Process()
+    times = [p.cpu_times() for p in (me, *me.children(recursive=True)) if p.is_running()]
+    return float(sum(t.user + t.system for t in times))
+
+
+def calls(bags: Sequence[str], robots: Path, jobs: tuple[str, ...]) -> tuple[float, list[float]]:
+    """Time of the calls alone [s], and the processor time of each bag, in a process that is warm."""
+    rules, each = Rules.read(robots), []
+    warm(bags[0], rules.entries(bags[0]), jobs)
+    began = time.perf_counter()
     for bag in bags:
-        began = time.process_time()
+        before = time.process_time()
         run(Task(bag, stamp_of(bag), jobs), tuple(rules.entries(bag)))
-        each.append(time.process_time() - began)
-    return sum(each), each
+        each.append(time.process_time() - before)
+    return time.perf_counter() - began, each
 
 
-def through(bags: Sequence[str], rules: Rules, jobs: tuple[str, ...], workers: int, folder: Path) -> tuple[float, float, float]:
-    """Time [s], processor time of the jobs [s] and growth of the driver's memory [MB], of the whole batch on warm workers."""
-    store = Store(folder / f"store_{workers}", create=True)
-    with connected(workers=workers) as client, store.writing():
-        client.run(warm, bags[0], rules.entries(bags[0]), jobs)
-        before, began = peak(), time.perf_counter()
-        with mock.patch.object(driver, "find", return_value=iter(bags)):
-            counts = Batch(store, rules, jobs, client).run(["bags"])
-        return time.perf_counter() - began, counts.seconds, peak() - before
+def side_by_side(bags: Sequence[str], robots: Path, jobs: tuple[str, ...]) -> tuple[float, float]:
+    """The calls in two processes at once, without Dask: time [s] and processor time of all [s]."""
+    with multiprocessing.get_context("spawn").Pool(2) as pool:
+        halves = [(bags[k::2], robots, jobs) for k in range(2)]
+        found = pool.starmap(calls, halves, chunksize=1)
+    return max(took for took, _ in found), sum(sum(each) for _, each in found)
 
 
 def warm(bag: str, entries: list[Entry], jobs: tuple[str, ...]) -> None:
@@ -67,11 +120,30 @@ def warm(bag: str, entries: list[Entry], jobs: tuple[str, ...]) -> None:
     run(Task(bag, "", jobs), tuple(entries))
 
 
+def through(
+    bags: Sequence[str], robots: Path, jobs: tuple[str, ...], workers: int, store: Store, watch: Watch | None = None
+) -> tuple[float, float, float]:
+    """Time [s], processor time of the jobs and that of all processes [s], of the whole batch on warm workers."""
+    rules, watch = Rules.read(robots), watch or Watch()
+
+    def advance(bags: int) -> None:
+        watch.through += bags
+
+    with connected(workers=workers) as client, store.writing():
+        client.wait_for_workers(workers, timeout=120)
+        client.run(warm, bags[0], rules.entries(bags[0]), jobs)
+        before, began = used_by_all(), time.perf_counter()
+        with mock.patch.object(driver, "find", return_value=iter(bags)), watch.watching():
+            counts = Batch(store, rules, jobs, client, advance).run(["bags"])
+        return time.perf_counter() - began, counts.seconds, used_by_all() - before
+
+
 def asleep(task: Task, entries: Sequence[Entry]) -> list[Results]:
-    """A job that takes its time and no processor."""
-    seconds = float(entries[0].kind)
+    """A job that takes a measured time and no processor."""
+    times = entries[0].kind.split()
+    seconds = float(times[int(task.bag.rpartition("_")[2]) % len(times)])
     time.sleep(seconds)
-    row = {
+    key = {
         "bag": task.bag,
         "stamp": "",
         "hash": task.bag,
@@ -79,77 +151,118 @@ def asleep(task: Task, entries: Sequence[Entry]) -> list[Results]:
         "version": __version__,
         "job": task.jobs[0],
     }
-    return [Results({**row, "robot": "r", "kind": "k", "status": "ok", "reason": "", "seconds": seconds})]
+    return [Results({**key, "robot": "r", "kind": "k", "status": "ok", "reason": "", "seconds": seconds})]
 
 
-def names(count: int) -> Iterator[str]:
-    return (f"/nowhere/bag_{k}" for k in range(count))
-
-
-def many_workers(seconds: float, folder: Path) -> tuple[float, float]:
-    """Part of the time that 100 workers are busy, and by how much the driver grows from a tenth of 10,000 names to all [MB]."""
+def many_workers(times: Sequence[float], folder: Path) -> tuple[list[Target], float]:
+    """What 100 workers must hold that take these times, and the processor time of driver, scheduler and workers a task [s]."""
     import distributed
 
-    rules, at_a_tenth, through = Rules({"robots": [{"robot": "r", "kind": str(seconds)}]}, Path()), 0.0, 0
+    rules, watch = Rules({"robots": [{"robot": "r", "kind": " ".join(f"{t:.4f}" for t in times)}]}, Path()), Watch()
 
     def advance(bags: int) -> None:
-        nonlocal at_a_tenth, through
-        through += bags
-        if through == NAMES // 10:
-            at_a_tenth = peak()
+        watch.through += bags
 
-    store = Store(folder / "asleep", create=True)
+    store, names = Store(folder / "asleep", create=True), (f"/nowhere/bag_{k}" for k in range(NAMES))
     with (
         distributed.Client(
             processes=False, n_workers=WORKERS, threads_per_worker=1, memory_limit=0, dashboard_address=None
         ) as client,
         store.writing(),
-        mock.patch.object(driver, "find", return_value=names(NAMES)),
+        mock.patch.object(driver, "find", return_value=names),
         mock.patch.object(driver, "run", asleep),
+        watch.watching(),
     ):
-        began = time.perf_counter()
+        began, before = time.perf_counter(), time.process_time()
         Batch(store, rules, ["track"], client, advance).run(["bags"])
-        took = time.perf_counter() - began
-    return NAMES * seconds / (WORKERS * took), peak() - at_a_tenth
+        took, used = time.perf_counter() - began, time.process_time() - before
+    work = float(sum(round(times[k % len(times)], 4) for k in range(NAMES)))
+    Console(width=130).print(
+        f"100 workers: {used / NAMES * 1e3:.2f} ms of processor time a task for driver, scheduler and workers"
+    )
+    targets = [
+        Target("100 workers, part of the time busy", work / (WORKERS * took), 0.9),
+        Target("memory of the driver of 100 workers, second to last quarter of 10,000 names [MB]", watch.growth()[0], high=50.0),
+    ]
+    return targets, used / NAMES
 
 
-def show(rows: list[tuple[str, float, float, float]], count: int) -> None:
-    table = Table(title=f"{count} bags", title_justify="left")
-    for column in ("", "time s", "processor time of the jobs s", "bags a second"):
+def simulated(folder: Path, bags: int) -> Path:
+    """A fleet of as many bags, and a few seconds."""
+    robots = min(ROBOTS, bags)
+    size = ["--robots", str(robots), "--weeks", str(-(-bags // robots))]
+    command = [sys.executable, "-m", "sysid_ros.cli.main", "simulate", "fleet", "--bag", str(folder / "fleet"), *size]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    return folder / "fleet"
+
+
+def show(rows: list[tuple[str, int, float, float, int]]) -> None:
+    """Of each run: bags, time, processor time, processes that work."""
+    table = Table(title="fleet_speed", title_justify="left")
+    for column in ("", "bags", "time s", "processor time s", "a bag s", "bags a second and core"):
         table.add_column(column, justify="left" if not column else "right")
-    for name, took, used, _ in rows:
-        table.add_row(name, f"{took:.1f}", f"{used:.1f}", f"{count / took:.2f}")
+    for name, count, took, used, cores in rows:
+        table.add_row(name, str(count), f"{took:.1f}", f"{used:.1f}", f"{used / count:.3f}", f"{count / took / cores:.2f}")
     Console(width=130).print(table)
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--fleet", type=Path, required=True)
+    """Run it."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--fleet", type=Path)
     parser.add_argument("--bags", type=int, default=2000)
+    parser.add_argument("--sample", type=int, default=100)
     parser.add_argument("--jobs", default="track,replay")
+    parser.add_argument("--cluster-only", type=float, nargs="+", metavar="SECONDS", help="only the last part, with these times")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
-    jobs, rules = tuple(options.jobs.split(",")), Rules.read(options.fleet / "robots.yaml")
-    bags = list(islice(find([str(options.fleet)]), options.bags))
-    folder = Path(tempfile.mkdtemp(prefix="sysid_fleet_"))
+    if options.cluster_only:
+        with tempfile.TemporaryDirectory(prefix="sysid_fleet_") as alone:
+            cluster, a_task = many_workers(options.cluster_only, Path(alone))
+        return conclude("fleet_speed", cluster, {"a task": a_task}, options.json)
+    jobs, folder = tuple(options.jobs.split(",")), Path(tempfile.mkdtemp(prefix="sysid_fleet_"))
     try:
-        warm(bags[0], rules.entries(bags[0]), jobs)
-        used, each = alone(bags, rules, jobs)
-        one, two = (through(bags, rules, jobs, workers, folder) for workers in (1, 2))
-        values = [Store(folder / f"store_{w}").read("joints").drop_columns(["covariance"]) for w in (1, 2)]
-        busy, grown = many_workers(round(statistics.median(each), 3), folder)
+        fleet = options.fleet or simulated(folder, options.bags)
+        robots, bags = fleet / "robots.yaml", list(islice(find([str(fleet)]), options.bags))
+        sample = bags[:: max(1, len(bags) // options.sample)][: options.sample]
+        stores = {name: Store(folder / name, create=True) for name in ("one", "two", "all")}
+        took, each = calls(sample, robots, jobs)
+        pair, pair_used = side_by_side(sample, robots, jobs)
+        one, two = (through(sample, robots, jobs, w, stores[name]) for w, name in ((1, "one"), (2, "two")))
+        watch = Watch()
+        full = through(bags, robots, jobs, 2, stores["all"], watch)
+        values = [stores[name].read("joints").drop_columns(["covariance"]) for name in ("one", "two")]
+        cluster, a_task = many_workers(each, folder)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-    show([("one process", used, used, 0.0), ("1 worker", *one), ("2 workers", *two)], len(bags))
+    used, n = sum(each), len(sample)
+    show(
+        [
+            ("calls in one process", n, took, used, 1), ("calls in two processes", n, pair, pair_used, 2),
+            ("batch, 1 worker, all processes", n, one[0], one[2], 1), ("batch, 2 workers, all processes", n, two[0], two[2], 2),
+            ("batch, all bags, 2 workers, all processes", len(bags), full[0], full[2], 2),
+        ]
+    )  # fmt: skip
+    mine, workers = watch.growth()
     targets = [
-        Target("processor time of the jobs on 2 workers over that in one process", two[1] / used, high=1.15),
+        Target("processor time of all processes, 1 worker, over that of the calls in one process", one[2] / used, high=1.15),
+        Target("the same, 2 workers, over that of the calls in two processes at once", two[2] / pair_used, high=1.15),
+        Target(
+            "the same, all bags on 2 workers, a bag, over that of the calls in one process",
+            full[2] / len(bags) / (used / n),
+            high=1.15,
+        ),
         Target("time on 1 worker over that on 2", one[0] / two[0], 1.8),
-        Target("median processor time of a bag [s]", statistics.median(each), high=0.5 if jobs == ("track",) else float("inf")),
         Target("stores of 1 and 2 workers with other values", float(not values[0].equals(values[1])), high=0.0),
-        Target("100 workers, part of the time busy", busy, 0.9),
-        Target("driver's memory, from 1,000 to 10,000 names [MB]", grown, high=50.0),
+        Target("memory of driver and scheduler, second to last quarter of all bags [MB]", mine, high=50.0),
+        Target("memory of the largest worker, second to last quarter of all bags [MB]", workers, high=50.0),
+        *cluster,
     ]
-    results: dict[str, Any] = {"bags": len(bags), "one process": used, "1 worker": one, "2 workers": two, "each": each}
+    results: dict[str, Any] = {
+        "bags": len(bags), "jobs": list(jobs), "calls": [took, used], "side by side": [pair, pair_used], "1 worker": one,
+        "2 workers": two, "all": full, "each": each, "memory": watch.rows, "scaling of this machine": took / pair,
+        "a task": a_task,
+    }  # fmt: skip
     return conclude("fleet_speed", targets, results, options.json)
 
 
