@@ -99,9 +99,9 @@ def test_friction_beside_a_long_delay_is_what_it_is() -> None:
 
 def test_without_a_delay_the_rows_are_those_that_were_measured() -> None:
     train, selection, fits = searched()
-    assert train.problem.corrected
+    before = train.problem.corrected
     measured: FloatArray = train.problem.measured
     selection.fit = train.problem.fit([t for t in fits[-1].terms if not t.effect.corrects], fits[-1].noise, inexact=True)
     selection.refresh()
-    assert not train.problem.corrected
+    assert (before, train.problem.corrected) == (True, False)
     np.testing.assert_array_equal(train.problem.y, measured)
