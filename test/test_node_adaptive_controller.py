@@ -226,6 +226,7 @@ def test_a_committed_payload_is_taken_over(bench: Callable[..., Bench]) -> None:
     one.payloads.publish(message)
     one.run(0.5)
     assert one.live.law.payload == pytest.approx(body.theta)
+    one.until(lambda: "elsewhere" in one.statuses.get("controller", DiagnosticStatus()).message)
 
 
 def test_a_live_value_that_may_not_be_believed_is_not_heard(bench: Callable[..., Bench]) -> None:

@@ -62,7 +62,7 @@ class AdaptiveController(LifecycleNode):
     def __init__(self, **options: Any) -> None:
         super().__init__("adaptive_controller", **options)
         self.live: LiveControl | None = None
-        self._state, self._problem, self._description, self._refusal = "unconfigured", "", "", ""
+        self._state, self._problem, self._description, self._refusal, self._payload_refusal = "unconfigured", "", "", "", ""
         self.now = time.monotonic
         self._receive_clock, self._state_age, self._old = ReceiveClock(), StateAge(), 0
         groups = (ControllerSettings, ControlSettings, SafetySettings)
@@ -259,7 +259,9 @@ class AdaptiveController(LifecycleNode):
         try:
             if self.live is not None:
                 self.live.tell(payload_of(message, self._arm.payload.frame))
+                self._payload_refusal = ""
         except SysidError as error:
+            self._payload_refusal = f"What was told last: {error}"
             self.get_logger().error(str(error), throttle_duration_sec=5.0)
 
     def _on_hold(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -282,7 +284,7 @@ class AdaptiveController(LifecycleNode):
         if self.live is None or self._state != "active":
             statuses = idle(self._state, self._problem)
         else:
-            heard = Heard(self.now() - self._last, self._old, self._refusal)
+            heard = Heard(self.now() - self._last, self._old, f"{self._refusal} {self._payload_refusal}".strip())
             statuses = [input_status(self._gate.health(self._receive_clock.now())), control_status(self.live, heard)]
             self.live.clipped[:], self._old = 0, 0
         self._diagnostics.publish(diagnostic_array(self, now, robot, statuses))

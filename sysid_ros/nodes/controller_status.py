@@ -19,7 +19,7 @@ class Heard(NamedTuple):
     Attributes:
         age: time since the last joint state that was used [s]. old: states since the last report that came too late
             to be used, or with a stamp that fits none before it.
-        refusal: why the last motion was refused, or "".
+        refusal: why the last motion, or the last payload, was refused, or "".
     """
 
     age: float
