@@ -16,7 +16,7 @@ _SAMPLING = 3e-3
 
 
 class TimeDelay(Effect):
-    """``tau(t) = tau_drive(t - delay)``: the effort belongs to an earlier instant than the positions [s].
+    """``tau = tau_drive(t - delay)``: the effort belongs to an earlier instant than the positions [s].
 
     With the measured torque advanced by ``around``, ``tau(t + around)``, every other column is exact where it stands, and only
     what the delay differs from ``around`` is to first order. The rows stay as they are: what the advance changes is a correction
