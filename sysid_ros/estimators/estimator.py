@@ -195,8 +195,8 @@ class Estimator(ABC):
     def undo_misfits(self) -> None:  # noqa: B027 - one that finds none has nothing to do
         """Go back to before the rows that count as ``misfits``; here nothing, as of an estimator that finds none."""
 
-    def forget(self, everything: bool = False) -> None:
-        """Forget the parameters that may jump, or all, and keep what is known of the noise; here as :meth:`reset`."""
+    def forget(self) -> None:
+        """Forget the parameters that may jump, and keep what is known of the noise; here as :meth:`reset`."""
         self.reset()
 
     @abstractmethod

@@ -48,14 +48,12 @@ class JosephEstimator(Estimator):
         self._P = np.diag(self.prior_variance)
         self._sensitivity = np.zeros((self.p, 0))
 
-    def forget(self, everything: bool = False) -> None:
-        block = slice(None) if everything else self._block
+    def forget(self) -> None:
+        block = self._block
         self._theta[block] = 0.0
         self._P[block, :] = 0.0
         self._P[:, block] = 0.0
         self._P[block, block] = np.diag(self.prior_variance[block])
-        if everything:
-            self._sensitivity[:] = 0.0
 
     @abstractmethod
     def _time_update(self, Y: FloatArray, innovation: FloatArray, variance: FloatArray) -> None:

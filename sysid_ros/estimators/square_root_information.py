@@ -71,10 +71,7 @@ class SquareRootInformation(Estimator):
     def shift(self, where: slice, by: FloatArray) -> None:
         self._theta[where] += by
 
-    def forget(self, everything: bool = False) -> None:
-        if everything:
-            self.reset()
-            return
+    def forget(self) -> None:
         block, kept = self._block, np.ones(self.p, dtype=bool)
         kept[block] = False
         P = np.zeros((self.p, self.p))

@@ -261,11 +261,9 @@ class VariableForgetting(Estimator):
         self._search = JumpSearch(self._jump, self._prior_variance)
         self.misfits = 0
 
-    def forget(self, everything: bool = False) -> None:
-        """Forget the parameters that may jump, or all, and keep what is known of the noise."""
+    def forget(self) -> None:
+        """Forget the parameters that may jump, and keep what is known of the noise."""
         self._theta[self._jump.block] = 0.0
-        if everything:
-            self._theta, self._P, self._sensitivity[:] = np.zeros(self.p), np.diag(self._prior_variance), 0.0
         self._settling = 0
         self._spread_count = min(self._spread_count, round(self.SPREAD_ANEW / self._period))
         self._search = JumpSearch(self._jump, self._prior_variance)
@@ -288,8 +286,10 @@ class VariableForgetting(Estimator):
             self._P[:, block] = 0.0
             self._P[block, block] = np.diag(self._prior_variance[block])
         else:
-            self._theta, self._P, self._sensitivity[:] = np.zeros(self.p), np.diag(self._prior_variance), 0.0
-            self._early, self._early_jump = [], True
+            self._theta, self._P = np.zeros(self.p), np.diag(self._prior_variance)
+            self._sensitivity[:] = 0.0
+            self._early = []
+            self._early_jump = True
         self._sums.start(self._P, self._theta, self._sensitivity)
 
     def _interrupt_noise(self) -> None:

@@ -67,9 +67,9 @@ class WatchedEstimator(Estimator):
         self._watch.undo_misfits()
         self._see()
 
-    def forget(self, everything: bool = False) -> None:
-        self._inner.forget(everything)
-        self._watch.forget(everything)
+    def forget(self) -> None:
+        self._inner.forget()
+        self._watch.forget()
 
     @property
     def theta(self) -> FloatArray:

@@ -136,10 +136,10 @@ class FreeParameters:
         theta = estimator.theta[where]
         found = bool(self.tilt.told)
         turned = self.tilt.settle(theta, estimator.covariance()[where, where], estimator.noise_covariance()[where, where])
-        if turned and not found:  # half its square, which no column holds, is in all that was learned
-            estimator.forget(everything=True)
-        elif turned:
+        if turned:
             estimator.shift(where, -theta)
+            if not found:  # what is carried was learned as heavy in another direction
+                estimator.forget()
         if self.tilt.level:
             estimator.fix(where, _LEVEL * self._settings.base_tilt_std)
             self.model.leave_out(self.tilt)
