@@ -3,8 +3,8 @@
 For each joint five black boxes predict the residual of stretches that they were not fitted to. Which box and which ridge counts
 for a stretch is decided by the other stretches alone, among them a box that predicts nothing, so that having had a choice gains
 nothing. The gain is a sum over blocks of time; its standard error is that of the blocks, and it is claimed where chance is
-left less than 5 % for all joints together (Bonferroni), by the stronger of two tests of the blocks: Student's t, and Wilcoxon's
-signed ranks, which a gain that is large in few blocks does not blind.
+left less than 5 % for all joints together (Bonferroni), by the stronger of two tests of the blocks: Student's t with Hall's
+correction for their skewness, as few blocks may hold most of a gain, and Wilcoxon's signed ranks. The interval is Hall's too.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from sysid_ros.blackbox.ceiling_result import Ceiling, JointCeiling
 from sysid_ros.blackbox.left_out_ridge import RIDGES, left_out
 from sysid_ros.blackbox.rest_boxes import BOXES, Box, single_inputs
 from sysid_ros.blackbox.rest_inputs import RestInputs, Spread, cutoff_of
+from sysid_ros.blackbox.skewed_mean import SkewedMean
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.motion import Motion
 from sysid_ros.signals.zero_phase import low_passed
@@ -129,7 +130,7 @@ def _judge(rows: _Rows, j: int, names: tuple[str, ...], level: float) -> JointCe
     chosen, best = _chosen(gains, np.array([fold[number == b][0] for b in range(count)]))
     gained = gains[np.arange(count), chosen]
     before = float(np.sqrt(np.mean(y**2)))
-    gain, std, p = _measured(gained, len(y), before)
+    gain, std, interval, p = _measured(gained, len(y), before)
     claimed = bool(p is not None and p < level and gain > 0.0)
     best_of = {
         name: float(part.sum(axis=0).max()) for name, part in zip(made, np.split(gains[:, 1:], len(made), axis=1), strict=True)
@@ -145,6 +146,7 @@ def _judge(rows: _Rows, j: int, names: tuple[str, ...], level: float) -> JointCe
         boxes,
         count,
         torque,
+        interval=interval and (interval[0] / torque, interval[1] / torque),
         chosen=None if best == 0 else (BOXES[(best - 1) // len(RIDGES)].name, float(RIDGES[(best - 1) % len(RIDGES)])),
     )
     if not claimed:
@@ -176,25 +178,29 @@ def _points(saved: float, rows: int, before: float) -> float:
     return before - float(np.sqrt(after))
 
 
-def _measured(gained: FloatArray, rows: int, before: float) -> tuple[float, float, float | None]:
-    """Fall of the rms, its standard error, and the probability that chance makes so much."""
+def _measured(gained: FloatArray, rows: int, before: float) -> tuple[float, float, tuple[float, float] | None, float | None]:
+    """Fall of the rms, its standard error, its 95 % interval, and the probability that chance makes so much."""
     count, total = len(gained), float(gained.sum())
     gain = _points(total, rows, before)
     error = float(np.sqrt(count) * np.std(gained, ddof=1))
     after = max(before - gain, 0.5 * before)
     std = error / rows / (before + after)
-    return gain, std, _by_chance(gained, total / error) if error > 0.0 else None
+    if error <= 0.0:
+        return gain, std, None, None
+    mean = SkewedMean(gained)
+    low, high = (_points(count * m, rows, before) for m in mean.interval())
+    return gain, std, (low, high), _by_chance(gained, mean.by_chance())
 
 
-def _by_chance(gained: FloatArray, ratio: float) -> float:
+def _by_chance(gained: FloatArray, of_mean: float) -> float:
     """Probability of so much gain, or more, where nothing is to be gained: the smaller one of two tests, for having had both.
 
     Args:
-        gained: of blocks. ratio: of its sum to the standard error of that.
+        gained: of blocks. of_mean: the same probability by their mean.
     """
     told = gained[gained != 0.0]
     ranks = float(stats.wilcoxon(told, alternative="greater").pvalue) if len(told) > 1 else 1.0
-    return min(1.0, 2.0 * min(float(stats.t.sf(ratio, len(gained) - 1)), ranks))
+    return min(1.0, 2.0 * min(of_mean, ranks))
 
 
 def _power_gained(j: JointCeiling) -> float:

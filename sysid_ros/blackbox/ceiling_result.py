@@ -22,6 +22,7 @@ class JointCeiling:
     Attributes:
         joint: name. left: rms of what the physical model leaves.
         gain: by how much the best black box makes it smaller on left-out data. gain_std: its standard error from blocks.
+        interval: of the gain, 95 %; skewed where few blocks hold most of it.
         p_value: that chance makes so much, one joint alone. claimed: whether it is no chance, all joints considered.
         boxes: the same gain of each black box with the ridge that is best for it in hindsight, by name. blocks: their number.
         torque: rms [N m]. frequency: in the middle of the power that is gained [Hz]. follows: channel that gains most alone, and
@@ -41,6 +42,7 @@ class JointCeiling:
     frequency: float | None = None
     follows: tuple[str, float] | None = None
     chosen: tuple[str, float] | None = None
+    interval: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +77,7 @@ class Ceiling:
             "left": [j.left for j in self.joints],
             "gain": [j.gain for j in self.joints],
             "gain_std": [j.gain_std for j in self.joints],
+            "gain_ci95": [j.interval and list(j.interval) for j in self.joints],
             "p_value": [j.p_value for j in self.joints],
             "frequency_hz": [j.frequency for j in self.joints],
             "follows": [j.follows and {"what": j.follows[0], "part": j.follows[1]} for j in self.joints],
@@ -120,7 +123,10 @@ def _of_joint(j: JointCeiling) -> str:
 
 
 def _spread(j: JointCeiling) -> str:
-    return "spread unknown" if j.gain_std is None else f"± {100.0 * 2.0 * j.gain_std:.2g}"
+    if j.interval is None:
+        return "spread unknown"
+    low, high = (100.0 * max(x, 0.0) for x in j.interval)
+    return f"{low:.2g} to {high:.2g}"
 
 
 def _percent(part: float) -> str:

@@ -14,7 +14,7 @@ def ceiling_view(found: Ceiling | None) -> dict[str, Any] | None:
         return None
     rows = []
     for j in found.joints:
-        best = _percent(j.gain) + ("" if j.gain_std is None else f" ± {200.0 * j.gain_std:.2g}")
+        best = _percent(j.gain) + ("" if j.interval is None else f" ({_percent(j.interval[0])} to {_percent(j.interval[1])})")
         chance = "" if j.p_value is None else f"{j.p_value:.2g}"
         told = "yes" if j.claimed else "no" if j.left is not None else "not judged"
         rows.append([j.joint, _percent(j.left), best, chance, told, *(_percent(j.boxes.get(b.name)) for b in BOXES)])
