@@ -23,7 +23,7 @@ from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.strong_contacts import strong_contacts
 from sysid_ros.exceptions import DataError
 from sysid_ros.input_gate.message_faults import MessageFaults, in_order
-from sysid_ros.input_gate.recording_check import refusal_of
+from sysid_ros.input_gate.recording_check import broken, refusal_of
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.temperature import known_everywhere
@@ -72,6 +72,8 @@ def diagnose(
     if reason := refusal_of(robot, recordings, validation):
         return Diagnosis("refused", robot.joint_names, refusal=reason, notes=notes)
     fitted, judged = (recordings, validation) if validation else split(recordings)
+    if reason := broken(robot, fitted) or broken(robot, judged):
+        return Diagnosis("refused", robot.joint_names, refusal=reason, notes=notes)
     fitted, partly = known_everywhere(fitted, judged, robot.joint_names)
     notes += partly
 

@@ -15,6 +15,7 @@ from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.conditioning import SHORTEST
 from sysid_ros.signals.recording import Recording
 
 OUTSIDE = 0.1
@@ -23,6 +24,8 @@ _UNSEEN = 0.3
 """Ends of a recording in which a change shows too little to be dated [s]."""
 _GRID, _FINE = 41, 21
 """Times in a recording that are tried first, and about the best of them."""
+_PART = SHORTEST + 0.1
+"""Shortest part of a recording that is worth judging on, and enough rows for its stretch [s]."""
 _HELD_OUT = 0.3
 """Part of the recordings that is held out where no others are given to judge on."""
 _USUAL = 0.5
@@ -230,11 +233,16 @@ def no_worse(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit
 
 
 def split(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Recording]]:
-    """The first and the last part of each recording."""
-    first: list[Recording] = []
-    last: list[Recording] = []
-    for r in recordings:
-        cut = int(np.searchsorted(r.t, r.t[0] + (1.0 - _HELD_OUT) * r.seconds))
-        for part, s, word in ((first, slice(None, cut), "first part"), (last, slice(cut, None), "held-out part")):
-            part.append(r.at(s, f"{r.name} ({word})"))
+    """What to fit on and what to judge on: the first and the last part of each recording, and of those that are too short for two
+    parts the first and the last ones as a whole."""
+    long = [r for r in recordings if r.seconds >= 2.0 * _PART or len(recordings) == 1]
+    short = [r for r in recordings if not any(r is x for x in long)]
+    times = np.cumsum([0.0, *(r.seconds for r in short)])
+    fitted = min(int(np.searchsorted(times, (1.0 - _HELD_OUT) * times[-1])), max(len(short) - 1, 1))
+    first, last = short[:fitted], short[fitted:]
+    for r in long:
+        judged = max(_HELD_OUT * r.seconds, min(_PART, 0.5 * r.seconds))
+        cut = int(np.searchsorted(r.t, r.t[-1] - judged))
+        first.append(r.at(slice(None, cut), f"{r.name} (first part)"))
+        last.append(r.at(slice(cut, None), f"{r.name} (held-out part)"))
     return first, last

@@ -22,6 +22,8 @@ _AS_MADE_FOR = 0.2, 3.0
 """The fitted compliance over that of the columns."""
 _ALIKE = 0.02
 """Part by which loads may differ (rms) for columns that are only screened."""
+_UNSEEN = 1e-3
+"""Part of a direction from which a parameter lies along it."""
 Settings = tuple[type[Effect], Mapping[str, Any]]
 _STANDS_IN = 5.0
 """Likelihood by which time must be better than a measured temperature, for which it only stands in."""
@@ -124,13 +126,16 @@ class Scorer:
 
 
 def _solve(information: FloatArray, score: FloatArray, own: FloatArray) -> tuple[FloatArray, float, FloatArray]:
-    """Parameters, drop of the sum of squares and standard deviations; directions that the fit has already are left at zero."""
+    """Parameters, drop of the sum of squares and standard deviations; directions that the fit has already or that nobody sees are
+    left at zero, and what lies along them may be anything."""
     scale = 1.0 / np.sqrt(np.maximum(own, 1e-30))
     values, vectors = np.linalg.eigh(information * scale[:, None] * scale)
     keep = values > 1e-9
     inverse = (vectors[:, keep] / values[keep]) @ vectors[:, keep].T * scale[:, None] * scale
     theta = inverse @ score
-    return theta, float(score @ theta), np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    std = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    std[np.any(np.abs(vectors[:, ~keep]) > _UNSEEN, axis=1)] = np.inf
+    return theta, float(score @ theta), std
 
 
 class ComplianceScreen:

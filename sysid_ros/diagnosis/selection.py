@@ -60,10 +60,9 @@ class Selection:
         each = [(name, j) for name in library.of_joints for j in self._joints]
         self.tried = len(self._whole) + sum(len(library.local_options(name, j)) for name, j in each)
         usual = [library.local(name, j) for name, j in each if EFFECTS[name].usual >= _USUAL]
-        fit = problem.fit(usual, inexact=True)
+        self.fit = problem.fit(usual, inexact=True)
         for _ in range(_AGAIN):
-            fit = refine(problem, library, fit, [t for t in fit.terms if t.effect.knobs])
-        self.fit = fit
+            self._again(lambda t: bool(t.effect.knobs))
         self.pool: list[Term] = list(self.fit.terms)
         self._looked: set[tuple[object, frozenset[Key]]] = set()
         self._dropped: list[tuple[Term, frozenset[Key]]] = []  # with what they could not stay beside; any climb may take them
@@ -136,13 +135,18 @@ class Selection:
         return posterior.of(dict(zip(before, self.fit.terms, strict=True)))
 
     def _judged(self, held: HeldOut) -> Posterior:
-        asked = [t for t in self._asked() if t.instant is None or t in self.fit.terms]
-        held.add(asked)
+        asked = self._asked(held)
         rows: list[Rows] = [(self.problem, lambda term: term), (held.prepared.problem, lambda term: held.terms[term])]
         while True:
-            state, self.fit, search = self._climbed(rows, asked)
-            posterior = posterior_of(search, state)
-            asked = [t for t in asked if posterior.nothing.get(t, 0.0) < 0.5]
+            for again in (True, False):
+                state, self.fit, search = self._climbed(rows, asked)
+                before = self.fit.terms
+                if not (again and self._stale(held)):
+                    break
+                asked = self._asked(held)
+            same = dict(zip(before, self.fit.terms, strict=True))
+            posterior = posterior_of(search, state).of(same)
+            asked = [t for x in asked if posterior.nothing.get(t := same.get(x, x), 0.0) < 0.5]
             if all(p < 0.5 for p in posterior.nothing.values()):
                 break
             self.fit = self.problem.fit([t for t in self.fit.terms if t in asked], self.fit.noise, 0, self.fit.inexact)
@@ -152,6 +156,14 @@ class Selection:
         before, self.fit = self.fit, simpler
         search, plain = self._search(rows, list(dict.fromkeys([*before.terms, *asked])), simpler.noise)
         return posterior_of(search, plain, search.state([search.pool.index(t) for t in before.terms], state.scale))
+
+    def _stale(self, held: HeldOut) -> bool:
+        """Make columns anew that depend on torques; True where those of another set had seemed better by 1."""
+        before = self.fit.loglik
+        if any(t.on_torques for t in self.fit.terms):
+            self.refresh()
+            held.update(self.fit)
+        return before - self.fit.loglik > 1.0
 
     def _search(self, rows: Sequence[Rows], asked: Sequence[Term], noise: Noise) -> tuple[SetSearch, State]:
         """A search among the fit's terms and others, and its state at the fit."""
@@ -170,8 +182,8 @@ class Selection:
         state = search.climb(state, thorough)
         return state, search.fit(state.members, state.scale, search.left_out.noise(state.predicted.left)), search
 
-    def _asked(self) -> list[Term]:
-        """Everything that was proposed, and the best form of every effect of one joint."""
+    def _asked(self, held: HeldOut | None = None) -> list[Term]:
+        """Everything that was proposed, and the best form of every effect of one joint; no other events beside held-out rows."""
         out: dict[tuple[Key, str], Term] = {}
         scorer = Scorer(self.problem, self.fit)
         for name in self.library.of_joints:
@@ -181,7 +193,10 @@ class Selection:
         sized = {t.key for t in self.fit.terms if t.effect.deflection}
         for term in [*(t for t in self.pool if t.key not in sized), *self.fit.terms]:
             out[term.exact_key] = term
-        return list(out.values())
+        asked = [t for t in out.values() if held is None or t.instant is None or t in self.fit.terms]
+        if held is not None:
+            held.add(asked)
+        return asked
 
     def date(self) -> None:
         """Find the times of events anew, with all that was found after them."""

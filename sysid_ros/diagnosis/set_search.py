@@ -19,7 +19,7 @@ from sysid_ros.effects import Effect, forms_of
 from sysid_ros.sample import FloatArray
 
 _MOVES, _TRIED = 200, 6
-"""Most moves, and those of one kind that are tried in full, the best first."""
+"""Most moves, and those of one kind that are tried in full where physics allows them, the best first."""
 _LEAST = 0.05
 """Log-probability by which a move must be better."""
 Seen = Callable[[Fit, Term], bool]
@@ -122,12 +122,14 @@ class SetSearch:
         return state
 
     def _step(self, state: State, moves: list[Move]) -> State | None:
-        for score, members, scale in sorted(moves, reverse=True)[:_TRIED]:
-            if score < state.score + _LEAST:
+        lawful = 0
+        for score, members, scale in sorted(moves, reverse=True):
+            if score < state.score + _LEAST or lawful == _TRIED:
                 break
             found = self._settled(members, scale, state)
             if found is not None and found.score > state.score + _LEAST:
                 return found
+            lawful += found is not None
         return None
 
     def _settled(self, members: Sequence[int], scale: int, before: State | None = None) -> State | None:

@@ -17,6 +17,9 @@ from sysid_ros.signals.motion import Motion
 
 _SCALE = "scale"
 """Form in which all inertials of a link are off by one factor: the parameter is that less 1."""
+_SCALE_STD = 1.0
+"""Of that parameter before any data: a link that is twice as heavy as is said is usual, one that is a hundred times as heavy is
+another body."""
 _PLACE, _PLACE_STD = "place", 0.05
 """Form in which a link is as heavy as the description says and lies elsewhere, by three lengths, and their usual size [m]."""
 
@@ -87,7 +90,7 @@ class LinkInertia(Effect):
 
     def prior_std(self, form: str = "") -> FloatArray:
         if form == _SCALE:
-            return super().prior_std()
+            return np.full(1, _SCALE_STD)
         if form == _PLACE:
             return np.full(3, _PLACE_STD)
         return np.tile(COMPACT_STD if form == COMPACT else BODY_STD, len(self.joints))

@@ -8,6 +8,7 @@ import numpy as np
 from sysid_ros.effects.effect import Acts, Effect
 from sysid_ros.effects.parameter import Parameter, by_delta_method, vector
 from sysid_ros.effects.traits import Candidate
+from sysid_ros.effects.wording import one
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.urdf_bodies import within_reach
@@ -19,6 +20,8 @@ BODY_STD = np.array([30.0] + [10.0] * 3 + [3.0] * 6)
 COMPACT = "compact"
 """Form of a body whose inertia is as usual: two kilograms, a hand's breadth from the frame."""
 COMPACT_STD = np.array([30.0] + [10.0] * 3 + [0.02] * 6)
+_SEEN = 0.5
+"""Part of what is expected of a mass before any data, below which data must have brought it to be seen."""
 FIRST_MOMENT = 4
 """Parameters of a compact body that data have to tell."""
 
@@ -96,11 +99,22 @@ class Payload(Effect):
         return FIRST_MOMENT if form == COMPACT else columns
 
     def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
-        return bool(theta[0] > 0.0) and within_reach(self.robot, theta, std)
+        """A body with a mass: one that is seen is not negative."""
+        seen = std[0] < _SEEN * BODY_STD[0]
+        return bool(theta[0] > 0.0 or not seen) and within_reach(self.robot, theta, std)
 
     def in_words(self, parameters: Sequence[Parameter], where: str) -> str:
+        told = {p.name: p for p in parameters}
+        if "mc" in told:
+            return (
+                f"the robot carries a body that the model lacks; its mass does not show in this motion, its first moment about "
+                f"'{self.frame}' is {one(told['mc'])}"
+            )
         return super().in_words([*parameters, Parameter("frame", None, self.frame, "")], where)
 
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
+        """Mass and centre of mass; where the mass does not show, the first moment."""
         mass = by_delta_method("mass", None, "kg", lambda x: float(x[0]), values, covariance)
+        if np.sqrt(covariance[0, 0]) >= _SEEN * BODY_STD[0]:
+            return [mass, vector("mc", None, "kg m", lambda x: x[1:4], values, covariance)]
         return [mass, vector("com", None, "m", lambda x: x[1:4] / x[0], values, covariance)]

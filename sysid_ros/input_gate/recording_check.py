@@ -7,9 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.signals.conditioning import SHORTEST, longest_stretch
 from sysid_ros.signals.recording import Recording
 
-_SHORTEST = 4.0
+_SHORTEST = 2.0 * SHORTEST + 0.2
+"""Of all recordings together: a stretch to fit and one to judge on [s]."""
 _LONGEST_STEP = 0.05
 """Between messages [s]: torques are compared below 8 Hz, half of 16 messages a second and some for the filter's flank."""
 _STILL = 0.01
@@ -19,10 +21,10 @@ _DEGREES = 7.0
 
 def refusal_of(robot: RobotModel, recordings: Sequence[Recording], validation: Sequence[Recording] = ()) -> str | None:
     """Why the recordings can't be judged, with the cure; None where they can."""
-    for check in (_no_effort, _too_short, _too_slow, _no_mass, _at_rest, _frozen_position, _degrees, _frozen):
+    for check in (_no_effort, _too_short, _too_slow, broken, _no_mass, _at_rest, _frozen_position, _degrees, _frozen):
         if reason := check(robot, recordings):
             return reason
-    for check in (_no_effort, _too_slow, _at_rest, _frozen_position, _degrees, _frozen):
+    for check in (_no_effort, _too_slow, broken, _at_rest, _frozen_position, _degrees, _frozen):
         if validation and (reason := check(robot, validation)):
             return f"The recordings to judge on (--validate): {reason}"
     return None
@@ -44,6 +46,17 @@ def _too_slow(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
             return (
                 f"{r.name}: its messages are {r.period:.3g} s apart; {_LONGEST_STEP:g} s is the most. Record at 100 Hz or more."
             )
+    return None
+
+
+def broken(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
+    """Why none of the recordings can be filtered."""
+    longest = max((longest_stretch(r) for r in recordings), default=0.0)
+    if longest < SHORTEST:
+        return (
+            f"The longest stretch without a gap lasts {longest:.1f} s; {SHORTEST:g} s are the least that can be filtered. Record "
+            "longer motions, and see to it that no messages are lost."
+        )
     return None
 
 

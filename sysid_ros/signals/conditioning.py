@@ -24,6 +24,8 @@ MAX_GAP = 0.1
 """A longer gap between stamps splits a recording [s]."""
 SHORTEST = 2.0
 """Shorter stretches are left out [s]."""
+_FEWEST = 20
+"""Rows that a stretch must have more of."""
 _SLOW = 0.2
 """No joint's temperature follows faster; readings come in steps [Hz]."""
 _CLEARLY = 10.0
@@ -41,15 +43,27 @@ def motions(robot: RobotModel, recording: Recording) -> list[Motion]:
     forward and backward; velocity and acceleration are derivatives of the quintic spline
     through the positions. A temperature that is not known all along a stretch is NaN in all of it.
     """
-    recording, usual = recording.in_order(), recording.period
+    gap, recording = _gap(recording), recording.in_order()
     t, out = recording.t - recording.start, []
-    for part in recording.stretches(max(MAX_GAP, 3.0 * usual)):
-        if part.stop - part.start > 20 and t[part][-1] - t[part][0] >= SHORTEST:
+    for part in recording.stretches(gap):
+        if part.stop - part.start > _FEWEST and t[part][-1] - t[part][0] >= SHORTEST:
             out.append(_smooth(robot, t[part], recording.q[part], recording.tau[part]))
             out[-1].recording = recording.name
             if recording.temperature is not None:
                 out[-1].temperature = _along(out[-1].t, t[part], recording.temperature[part])
     return out
+
+
+def longest_stretch(recording: Recording) -> float:
+    """Time without a gap, of which :func:`motions` makes a motion where it is :data:`SHORTEST` or more [s]."""
+    gap, recording = _gap(recording), recording.in_order()
+    parts = [recording.t[part] for part in recording.stretches(gap)]
+    return max((float(t[-1] - t[0]) for t in parts if len(t) > _FEWEST), default=0.0)
+
+
+def _gap(recording: Recording) -> float:
+    """That splits a recording [s]."""
+    return max(MAX_GAP, 3.0 * recording.period)
 
 
 def _smooth(robot: RobotModel, t: FloatArray, q: FloatArray, tau: FloatArray) -> Motion:
