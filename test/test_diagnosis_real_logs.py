@@ -137,3 +137,34 @@ def test_currents_with_dead_channels_are_named_or_refused_with_that_reason(draw:
         np.testing.assert_allclose(found.factors.values[seen] * constants[seen], 1.0, rtol=0.1)
     else:
         assert "factor of its own on each joint (torque_unit)" in found.refusal
+
+
+SERVO = DATA / "bam"
+
+
+@pytest.mark.parametrize("bags", [("kp100", "kp200", "kp400", "sweep", "kp800"), ("sweep",), ("kp800",)])
+def test_the_load_on_a_servo_that_its_urdf_lacks_is_found(bags: tuple[str, ...], tmp_path: Path) -> None:
+    """0.49 kg at 0.1 m of the axis and the bar; 0.046 to 0.061 kg m by fits of others."""
+    recordings = [SERVO / f"xl330_{b}" for b in bags]
+    judged = ["--validate", recordings.pop()] if len(bags) > 1 else []
+    document = diagnosis(tmp_path, *recordings, *judged, "--urdf", SERVO / "xl330_bare.urdf")
+    body = next(e for e in document["effects"] if e["name"] in ("link_inertia", "payload"))
+    moment = next(p for p in body["parameters"] if p["name"] in ("dmc", "mc"))
+    assert 0.04 < moment["value"][0] < 0.065
+    assert body["probability"] > 0.5
+
+
+def test_a_servo_that_measures_no_torque_is_refused(tmp_path: Path) -> None:
+    assert (
+        run(["diagnose", str(SERVO / "sts3250_zero_effort"), "--urdf", str(SERVO / "sts3250.urdf"), "--out", str(tmp_path)]) == 2
+    )
+    assert "stays at 0" in json.loads((tmp_path / "diagnosis.json").read_text())["refusal"]
+
+
+def test_an_arm_whose_urdf_is_inexact_all_over_is_predicted_better_than_its_urdf_does(tmp_path: Path) -> None:
+    panda = DATA / "unisa_panda"
+    document = diagnosis(tmp_path, panda / "run", "--urdf", panda / "panda.urdf")
+    torque = document["torque_rmse"]
+    assert np.all(np.array(torque["after"]) < torque["before"])
+    # the hand that the URDF has was not mounted: something is too heavy beyond the last joint
+    assert {e["name"] for e in document["effects"]} & {"link_inertia"}

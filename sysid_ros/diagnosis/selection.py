@@ -158,12 +158,12 @@ class Selection:
         return posterior_of(search, plain, search.state([search.pool.index(t) for t in before.terms], state.scale))
 
     def _stale(self, held: HeldOut) -> bool:
-        """Make columns anew that depend on torques; True where those of another set had seemed better by 1."""
+        """Make columns anew that depend on torques; True where a term may be there only for another set's."""
         before = self.fit.loglik
         if any(t.on_torques for t in self.fit.terms):
             self.refresh()
             held.update(self.fit)
-        return before - self.fit.loglik > 1.0
+        return before - self.fit.loglik > max(map(self.price, self.fit.terms), default=0.0)
 
     def _search(self, rows: Sequence[Rows], asked: Sequence[Term], noise: Noise) -> tuple[SetSearch, State]:
         """A search among the fit's terms and others, and its state at the fit."""
