@@ -2,9 +2,9 @@
 
     python benchmarks/stops.py [--stops 100] [--seed 0] [--latest 12] [--json FILE]
 
-Each of the three nodes in turn is started as its entry point starts it, and gets SIGINT or SIGTERM after a time that is drawn evenly
-from 0 to ``--latest`` seconds: while Python starts, while libraries load, while functions compile, while it runs. Before the first
-line of the package runs the interpreter alone answers: those moments are counted apart.
+Each of the three nodes in turn is started as its entry point starts it, and gets SIGINT or SIGTERM after a time that is drawn
+evenly from 0 to ``--latest`` seconds: while Python starts, while libraries load, while functions compile, while it runs. Before
+the first line of the package runs the interpreter alone answers: those moments are counted apart.
 """
 
 from __future__ import annotations

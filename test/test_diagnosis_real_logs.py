@@ -146,7 +146,7 @@ SERVO = DATA / "bam"
 def test_the_load_on_a_servo_that_its_urdf_lacks_is_found(bags: tuple[str, ...], tmp_path: Path) -> None:
     """0.49 kg at 0.1 m of the axis and the bar; 0.046 to 0.061 kg m by fits of others."""
     recordings = [SERVO / f"xl330_{b}" for b in bags]
-    judged = ["--validate", recordings.pop()] if len(bags) > 1 else []
+    judged: list[Path | str] = ["--validate", recordings.pop()] if len(bags) > 1 else []
     document = diagnosis(tmp_path, *recordings, *judged, "--urdf", SERVO / "xl330_bare.urdf")
     body = next(e for e in document["effects"] if e["name"] in ("link_inertia", "payload"))
     moment = next(p for p in body["parameters"] if p["name"] in ("dmc", "mc"))

@@ -153,9 +153,9 @@ class Selection:
         simpler = no_worse(self.problem, self.library, self.fit, held)
         if simpler is self.fit:
             return posterior
-        before, self.fit = self.fit, simpler
-        search, plain = self._search(rows, list(dict.fromkeys([*before.terms, *asked])), simpler.noise)
-        return posterior_of(search, plain, search.state([search.pool.index(t) for t in before.terms], state.scale))
+        terms, self.fit = self.fit.terms, simpler
+        search, plain = self._search(rows, list(dict.fromkeys([*terms, *asked])), simpler.noise)
+        return posterior_of(search, plain, search.state([search.pool.index(t) for t in terms], state.scale))
 
     def _stale(self, held: HeldOut) -> bool:
         """Make columns anew that depend on torques; True where a term may be there only for another set's."""
