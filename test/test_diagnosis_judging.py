@@ -22,6 +22,7 @@ from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.robot_hypotheses import judge
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.signal_faults import velocity_lag
+from sysid_ros.effects.presliding_hysteresis import bristle
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
 
@@ -151,6 +152,29 @@ def test_efforts_without_gravity_make_no_other_robot(noise: float) -> None:
         still = np.zeros_like(q)
         tau = model.rnea_along(q, v, a) - model.rnea_along(q, still, still)
         assert accepted(model, Recording("slow", t, q, v, tau + noise * rng.normal(size=q.shape)))
+
+
+def gears_that_build_up(seed: int) -> Recording:
+    """An arm on which most of the torque is dry friction, which builds up over 0.03 rad after each reversal."""
+    model, rng = robot(ARM), np.random.default_rng(seed)
+    t = np.arange(round(20.0 * RATE)) / RATE
+    q, v, a = Path_(model, seed, speed=1.0)(t)
+    tau = model.rnea_along(q, v, a)
+    rubs = np.array([4.0, 8.0, 4.0, 2.0]) * bristle(q, 0.1)
+    return Recording("gears", t, q, None, tau + rubs + 0.1 * rng.normal(size=q.shape))
+
+
+def test_friction_that_builds_up_makes_no_other_robot() -> None:
+    """What follows a reversal is the joint's own, whoever's robot it is: as nobody's, it was held against the URDF."""
+    heavier = robot(ARM).with_links(robot(ARM).pi)
+    for seed in range(4):
+        found, other = (judge(model, [gears_that_build_up(seed)]) for model in (robot(ARM), heavier))
+        assert found is not None
+        assert other is not None
+        assert found.refusal is None
+        assert not found.faults
+        assert found.probability > 0.8
+        assert found.urdf.likeliest.sum() > other.urdf.likeliest.sum() + 10.0
 
 
 @cache

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.effects import ChannelEffect, Channels
+from sysid_ros.effects.presliding_hysteresis import bristle
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
@@ -25,6 +26,8 @@ _MOST_ROWS = 300
 """Most rows: an exact likelihood costs their cube."""
 _SLOW_SIGN = 0.15
 """Second width of the sign of a velocity [rad/s], for friction that falls with the speed."""
+_BUILDS_UP = (0.005, 0.01, 0.02, 0.04, 0.08)
+"""Displacements over which dry friction builds up after a reversal [rad]: what gears have, each twice the last."""
 _STANDS = 0.01
 """Speed below which dry friction leaves a torque undetermined [rad/s]."""
 _MASS, _PLACE, _INERTIA = 0.15, 0.03, 0.3
@@ -64,7 +67,8 @@ class CoarseRows:
 
     Attributes:
         t: shape (N,) [s]. stretch: recording without a gap that each belongs to, shape (N,).
-        q, v, a, tau: shape (N, n). sign, slow_sign: smoothed signs of the velocity through the torque's filter, shape (N, n).
+        q, v, a, tau: shape (N, n). sign: smoothed sign of the velocity through the torque's filter, shape (N, n).
+        dry: other shapes of dry friction through it, shape (N, n, f): it falls with the speed, or builds up after a reversal.
         stands: 1 where a joint stands, shape (N, n).
     """
 
@@ -75,7 +79,7 @@ class CoarseRows:
     a: FloatArray
     tau: FloatArray
     sign: FloatArray
-    slow_sign: FloatArray
+    dry: FloatArray
     stands: FloatArray
 
     @classmethod
@@ -99,10 +103,14 @@ class CoarseRows:
         """The rows of the recordings without a fault: it acts on accelerations as on positions, on signs as on velocities."""
         first = effect.undo(Channels(self.q, self.v, self.tau))
         second = effect.undo(Channels(self.a, self.sign, self.tau))
-        third = effect.undo(Channels(self.stands, self.slow_sign, self.tau))
+        third = effect.undo(Channels(self.stands, self.sign, self.tau))
         assert first.v is not None
         assert second.v is not None
-        assert third.v is not None
+        dry = []
+        for shape in np.moveaxis(self.dry, 2, 0):
+            undone = effect.undo(Channels(self.q, shape, self.tau)).v
+            assert undone is not None
+            dry.append(undone)
         return replace(
             self,
             q=first.q,
@@ -110,17 +118,17 @@ class CoarseRows:
             a=second.q,
             tau=first.tau,
             sign=second.v,
-            slow_sign=third.v,
+            dry=np.stack(dry, axis=2),
             stands=np.abs(third.q),
         )
 
 
 def _rows(m: Motion, step: float) -> tuple[FloatArray, ...]:
-    signs = (smoothed_sign(m.v), smoothed_sign(m.v, _SLOW_SIGN))
+    signs = [smoothed_sign(m.v), smoothed_sign(m.v, _SLOW_SIGN), *(bristle(m.q, z_s) for z_s in _BUILDS_UP)]
     n, every = m.q.shape[1], max(1, round(step / m.period))
     channels = low_passed(np.hstack([m.q, m.v, m.a, m.tau, *signs]), min(_CUTOFF, 0.2 / m.period), m.period)[every // 2 :: every]
-    q, v, a, tau, sign, slow = (channels[:, n * i : n * (i + 1)] for i in range(6))
-    return m.t[every // 2 :: every], q, v, a, tau, sign, slow, (np.abs(v) < _STANDS).astype(float)
+    q, v, a, tau, sign, *dry = (channels[:, n * i : n * (i + 1)] for i in range(4 + len(signs)))
+    return m.t[every // 2 :: every], q, v, a, tau, sign, np.stack(dry, axis=2), (np.abs(v) < _STANDS).astype(float)
 
 
 class RobotKernels:
@@ -161,7 +169,7 @@ class RobotKernels:
         r = self.rows
         q, v, a = r.q[:, joint], r.v[:, joint], r.a[:, joint]
         v, a = v / max(float(v.std()), 1e-9), a / max(float(a.std()), 1e-9)
-        dry = [_DRY * r.sign[:, joint], _DRY * r.slow_sign[:, joint]]
+        dry = [_DRY * r.sign[:, joint], *(_DRY * r.dry[:, joint].T)]
         X = np.stack([np.full_like(v, _OFFSET), _VISCOUS * v, _QUADRATIC * v * np.abs(v), _ROTOR * a, *dry], axis=1)
         out = X @ X.T * self._slow
         for size, length in (_SPRING, _RIPPLE):
