@@ -112,6 +112,8 @@ def show(result: Diagnosis, console: Console | None = None) -> None:
     console.print(escape(f"{result.headline} {result.refinements}".rstrip()))
     if result.refusal:
         console.print(escape(first_sentence(result.refusal)[1]))
+        for sentence in result.notes:
+            console.print(escape(f"- {sentence}"))
         return
     console.print(f"Verdict: {result.verdict.replace('_', ' ')}.{f' {escape(result.unexplained)}' if result.unexplained else ''}")
     for finding in result.data_faults:

@@ -69,10 +69,8 @@ def diagnose(
     ordered, ordered_validation = _in_order(robot, recordings), _in_order(robot, validation)
     notes = tuple(f"{r.name}: {words}" for r, f in [*ordered, *ordered_validation] if (words := f.in_words()))
     recordings, validation = [r for r, _ in ordered], [r for r, _ in ordered_validation]
-    if reason := refusal_of(robot, recordings, validation):
-        return Diagnosis("refused", robot.joint_names, refusal=reason, notes=notes)
     fitted, judged = (recordings, validation) if validation else split(recordings)
-    if reason := broken(robot, fitted) or broken(robot, judged):
+    if reason := refusal_of(robot, recordings, validation) or broken(robot, fitted) or broken(robot, judged):
         return Diagnosis("refused", robot.joint_names, refusal=reason, notes=notes)
     fitted, partly = known_everywhere(fitted, judged, robot.joint_names)
     notes += partly

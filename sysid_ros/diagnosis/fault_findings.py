@@ -18,7 +18,7 @@ from sysid_ros.diagnosis.result import Diagnosis, Finding, TorqueRmse
 from sysid_ros.diagnosis.signal_faults import lattices, velocity_lag
 from sysid_ros.effects import ChannelEffect, ExternalForce, Parameter, TorqueQuantisation, TorqueUnit, VelocityLag
 from sysid_ros.effects.wording import of_joints, phrase
-from sysid_ros.input_gate.message_faults import MessageFaults
+from sysid_ros.input_gate.message_faults import FAULTS, MessageFaults
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
 
@@ -193,7 +193,7 @@ def message_finding(found: Sequence[MessageFaults], joints: Sequence[str]) -> li
     """Faults of the messages' times, where they are so many that they are a finding of their own."""
     total = sum(f.count for f in found)
     values = []
-    for name in ("repeated", "dropped", "late", "unordered"):
+    for name in FAULTS:
         count = sum(getattr(f, name) for f in found)
         if any(name in f.named() for f in found):
             values.append(Parameter(name, None, count / total, "1", *count_interval(count, total)))
@@ -202,8 +202,8 @@ def message_finding(found: Sequence[MessageFaults], joints: Sequence[str]) -> li
     sizes = ", ".join(f"{100 * p.value:.1f} % {p.name}" for p in values)
     words = f"messages that are not in order ({sizes})"
     remark = (
-        "They were put in the order of their stamps, and those that repeat another or are late were left out before anything "
-        "else. Correct the driver; two publishers on one topic look alike."
+        "They were put in the order of their stamps, and those that repeat another, are late or have frozen efforts were left "
+        "out before anything else. Correct the driver; two publishers on one topic look alike."
     )
     signature = "stairs and jumps in the raw values of all joints at once"
     label, cure = "message faults", "stamps that the hardware sets, and one publisher"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from itertools import combinations, product
+from itertools import combinations, islice, product
 
 import numpy as np
 
@@ -122,15 +122,9 @@ class SetSearch:
         return state
 
     def _step(self, state: State, moves: list[Move]) -> State | None:
-        lawful = 0
-        for score, members, scale in sorted(moves, reverse=True):
-            if score < state.score + _LEAST or lawful == _TRIED:
-                break
-            found = self._settled(members, scale, state)
-            if found is not None and found.score > state.score + _LEAST:
-                return found
-            lawful += found is not None
-        return None
+        better = (m for m in sorted(moves, reverse=True) if m[0] >= state.score + _LEAST)
+        lawful = (found for _, members, scale in better if (found := self._settled(members, scale, state)) is not None)
+        return next((found for found in islice(lawful, _TRIED) if found.score > state.score + _LEAST), None)
 
     def _settled(self, members: Sequence[int], scale: int, before: State | None = None) -> State | None:
         """The set without terms that are not allowed; None where a new one is not."""

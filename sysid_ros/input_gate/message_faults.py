@@ -1,4 +1,4 @@
-"""What is wrong with the times of messages: repeated, dropped, late, out of order. It is seen in stamps and raw values alone."""
+"""What is wrong with messages: repeated, dropped, late, frozen, out of order. It is seen in stamps and raw values alone."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.exceptions import DataError
+from sysid_ros.input_gate.effort_channels import standing_still
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
 
@@ -29,6 +30,8 @@ _LATE_MOST, _LATE_SIGMA = 0.5, 7.0
 _NAMED = 0.01
 """Part of the messages from which a fault is a finding of its own; fewer are a note."""
 
+FAULTS = ("repeated", "dropped", "late", "frozen", "unordered")
+
 Order = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
@@ -41,6 +44,7 @@ class MessageFaults:
         count: N. period: usual step between stamps [s].
         repeated: messages with the stamp, or all of the values, of the one before. dropped: messages that are missing.
         late: messages whose values belong to another time than their stamp. delay: largest of these differences [s].
+        frozen: messages whose efforts have not changed on any joint for a quarter of a second or more while the arm moves.
         unordered: messages that came after one with a later stamp.
         order: puts the messages in the order of their stamps, shape (N,). keep: what is used, in that order, shape (N,).
     """
@@ -51,14 +55,14 @@ class MessageFaults:
     dropped: int
     late: int
     delay: float
+    frozen: int
     unordered: int
     order: Order
     keep: Mask
 
     def shares(self) -> dict[str, float]:
         """Part of the messages that each fault concerns."""
-        names = ("repeated", "dropped", "late", "unordered")
-        return {name: getattr(self, name) / max(self.count, 1) for name in names}
+        return {name: getattr(self, name) / max(self.count, 1) for name in FAULTS}
 
     def named(self) -> dict[str, float]:
         """The shares that are a finding of their own."""
@@ -70,6 +74,7 @@ class MessageFaults:
             "repeated": f"{self.repeated} repeat the one before and are left out",
             "dropped": f"about {self.dropped} are missing",
             "late": f"{self.late} hold values that are up to {1e3 * self.delay:.0f} ms off their stamp and are left out",
+            "frozen": f"{self.frozen} have the efforts of long before while the arm moves and are left out",
             "unordered": f"{self.unordered} came out of order and were put in the order of their stamps",
         }
         found = [text for name, text in said.items() if getattr(self, name)]
@@ -113,7 +118,10 @@ def find_message_faults(t: FloatArray, q: FloatArray, tau: FloatArray) -> Messag
     late, delay = _late(t[keep], q[keep], usual)
     where = np.flatnonzero(keep)[late]
     keep[where] = False
-    return MessageFaults(len(t), usual, repeated, dropped, len(where), delay, unordered, order, keep)
+    frozen = standing_still(t, q, tau) & keep
+    return MessageFaults(
+        len(t), usual, repeated, dropped, len(where), delay, int(np.sum(frozen)), unordered, order, keep & ~frozen
+    )
 
 
 def _in_order(t: FloatArray) -> tuple[Order, int]:
