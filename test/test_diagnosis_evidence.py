@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -30,20 +31,47 @@ def band() -> Band:
     return Band(motions(robot(ARM), record(None, 7, 21.0)))
 
 
-def ratios(band: Band, noise: FloatArray, columns: FloatArray) -> FloatArray:
-    """Of a least squares fit to noise, shape (K,), by columns, shape (K, p)."""
+def fitted(band: Band, noise: FloatArray, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Parameters of a least squares fit to noise, shape (K,), by columns, shape (K, p), over their std, and the ratios."""
     theta = np.linalg.lstsq(columns, noise, rcond=None)[0]
-    scatter = BlockScatter(band, columns.shape[1])
     residual = noise - columns @ theta
-    scatter.add(columns, residual / residual.std(), np.arange(columns.shape[1]))
-    return scatter.ratios(np.asarray(np.linalg.inv(columns.T @ columns), dtype=np.float64))
+    level = float(np.sqrt(residual @ residual / (len(noise) - columns.shape[1])))
+    scatter = BlockScatter(band, columns.shape[1])
+    scatter.add(columns, residual / level, np.arange(columns.shape[1]))
+    information = np.asarray(columns.T @ columns, dtype=np.float64)
+    return theta / level / np.sqrt(np.diag(np.linalg.inv(information))), scatter.ratios(information)
 
 
-def test_white_noise_scatters_as_its_weights_say(band: Band) -> None:
+def ratios(band: Band, noise: FloatArray, columns: FloatArray) -> FloatArray:
+    """Of such a fit."""
+    return fitted(band, noise, columns)[1]
+
+
+def held(band: Band, noise: Callable[[np.random.Generator], FloatArray], columns: int) -> tuple[float, float]:
+    """Part of the parameters, which are zero, that lie inside of their 95 % intervals, without the ratios and with them."""
     rng = np.random.default_rng(0)
-    found = np.concatenate([ratios(band, *(rng.normal(size=(len(band.f), *p)) for p in ((), (4,)))) for _ in range(50)])
-    assert np.all(found >= 1.0)
-    assert np.mean(found > 1.0) < 0.1
+    found = [fitted(band, noise(rng), slowly(band, rng, columns)) for _ in range(40)]
+    z, more = (np.concatenate(x) for x in zip(*found, strict=True))
+    return float(np.mean(np.abs(z) < 1.96)), float(np.mean(np.abs(z) < 1.96 * np.sqrt(more)))
+
+
+def slowly(band: Band, rng: np.random.Generator, count: int, hertz: float = 1.0) -> FloatArray:
+    """Rows of random motions below a frequency, shape (K, count)."""
+    return np.asarray(rng.normal(size=(len(band.f), count)) * (band.f < hertz)[:, None])
+
+
+def test_intervals_hold_the_truth_where_noise_is_what_its_weights_say(band: Band) -> None:
+    white = held(band, lambda rng: rng.normal(size=len(band.f)), 4)
+    assert 0.93 < white[0] < 0.97
+    assert white[0] <= white[1] < 0.985
+
+
+def test_intervals_hold_the_truth_where_noise_is_slower_than_its_weights_say(band: Band) -> None:
+    """Also where the fit has so many parameters that it follows much of the noise of every block."""
+    for columns in (6, 12):
+        plain, wider = held(band, lambda rng: rng.normal(size=len(band.f)) * np.where(band.f < 1.0, 1.5, 1.0), columns)
+        assert plain < 0.9
+        assert 0.9 < wider < 0.985
 
 
 def test_a_model_that_is_wrong_for_a_while_scatters_more(band: Band) -> None:

@@ -234,9 +234,12 @@ def test_a_knob_is_searched_in_its_range() -> None:
     assert knob.around(2.0) == (2.0, 2.6)  # a value that was given
 
 
-def test_a_wrong_link_is_weighed_against_links_that_are_all_more_inexact() -> None:
+@pytest.mark.parametrize("carried", [False, True])
+def test_a_body_is_weighed_against_links_that_are_all_more_inexact(carried: bool) -> None:
+    """A wrong link, and what is carried: links 5 mm elsewhere were told as a payload of three grams."""
     train, library = rows()
-    link = next(t for t in library.whole_options() if t.effect.replaces_links)
+    bodies = [t for t in library.whole_options() if t.effect.replaces_links or t.effect.carried]
+    link = next(t for t in bodies if t.effect.carried is carried)
     terms = [library.local("coulomb_friction", 1), link]
     prior = SetPrior(library, [int(j) for j in train.problem.active])
     noise = train.problem.fit(terms, inexact=True).noise

@@ -240,7 +240,7 @@ def deviation_of(train: Prepared, fit: Fit) -> Deviation:
             column = (modelled[:, j] if j in active else 0.0) - X @ adjusted[fit.blocks[j][0]]
             score += float(column @ residual[:, j])
             scatter.add(column[:, None], residual[:, j], np.array([0]))
-        variance = scatter.ratios(np.array([[1.0 / information]]))[0] / information
+        variance = scatter.ratios(np.array([[information]]))[0] / information
         return score / information, float(np.sqrt(variance))
 
     return deviation

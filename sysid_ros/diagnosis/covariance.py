@@ -67,7 +67,7 @@ def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estim
     knobs = _knobs(library, fit)
     information, score, blocks = _equations(problem, library, fit, knobs)
     inverse = inverse_of(information)
-    ratios = blocks.ratios(inverse)
+    ratios = blocks.ratios(information)
     count, moved = len(fit.theta), np.zeros(len(score))
     linear = np.delete(np.arange(len(score)), count + np.arange(len(knobs)))  # knobs stay: far off, their columns are others
     scaled, scale = scaled_to_one(information[np.ix_(linear, linear)])

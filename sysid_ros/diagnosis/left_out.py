@@ -247,9 +247,9 @@ class LeftOut:
     def scatter(self, state: Predicted) -> FloatArray:
         """By how much more the parameters of a set scatter from stretch to stretch than its noise explains, variance over
         variance, at least 1, shape (a,)."""
-        covariance, theta = state.with_all_rows
-        scores = self._b[:, state.at] - self._G[:, state.at[:, None], state.at] @ theta
-        return scatter_ratios(scores[self._fitted], covariance)
+        each = self._G[self._fitted][:, state.at[:, None], state.at]
+        scores = self._b[self._fitted][:, state.at] - each @ state.with_all_rows[1]
+        return scatter_ratios(scores, each, state.information)
 
     def noise(self, left: FloatArray) -> Noise:
         """The noise that makes what is left of the fitted recordings, of whitened rows of shape (S, L, n), the most likely."""

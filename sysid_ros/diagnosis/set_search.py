@@ -158,8 +158,8 @@ class SetSearch:
         return [(self._score(x, m) - state.narrowed, m, state.scale) for m, x in self.neighbours(state, worth)]
 
     def all_inexact(self, state: State) -> list[State]:
-        """Sets with the best scale of all links in place of one that is wrong, or of all that are."""
-        links = {i for i in state.members if self.pool[i].effect.replaces_links}
+        """Sets with the best scale of all links in place of one that is wrong, or of a body that is carried, or of all these."""
+        links = {i for i in state.members if self.pool[i].effect.replaces_links or self.pool[i].effect.carried}
         rest = {tuple(i for i in state.members if i not in gone) for gone in [*({i} for i in links), links]} - {state.members}
         return [self._rescaled(self.state(members, state.scale)) for members in rest]
 

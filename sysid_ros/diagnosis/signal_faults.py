@@ -107,14 +107,16 @@ def _measured(parts: Sequence[_Velocities], log_tau: float, share: float) -> Lag
             slope = [(a - b) / (2.0 * step.sum()) for a, b in zip(*sides, strict=True)]
             columns.append(_stacked(parts, slope)[1])
         J = np.stack(columns, axis=-1)
-        inverse = np.linalg.inv(np.einsum("kja,kj,kjb->ab", J, weight, J) + np.diag(prior))
+        each = np.einsum("kja,kj,kjb->kab", J, weight, J)
+        information = each.sum(axis=0) + np.diag(prior)
+        inverse = np.linalg.inv(information)
         scores = np.einsum("kja,kj->ka", J, weight * residual)
         x = x + inverse @ (scores.sum(axis=0) - prior * x)
     f, residual = _stacked(parts, [p.published - y for p, y in zip(parts, _models(parts, x), strict=True)])
     plain = [[p.published - p.true for p in parts], [p.published - p.differences for p in parts]]
     rise = 2.0 * (_likelihood(f, residual) - max(_likelihood(*_stacked(parts, e)) for e in plain)) - float(prior @ x**2)
-    by_stretch = np.stack([scores[stretch == i].sum(axis=0) for i in range(stretch.max() + 1)])
-    variance = (inverse.diagonal() * scatter_ratios(by_stretch, inverse))[0]
+    by_stretch, told = (np.stack([x[stretch == i].sum(axis=0) for i in range(stretch.max() + 1)]) for x in (scores, each))
+    variance = (inverse.diagonal() * scatter_ratios(by_stretch, told, information))[0]
     cutoff = float(1.0 / (2.0 * np.pi * np.exp(x[0])))
     return Lag(cutoff, cutoff * float(np.sqrt(variance)), share, Evidence(rise, 1, float(residual.size), len(plain)))
 
