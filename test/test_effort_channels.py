@@ -55,6 +55,15 @@ def test_efforts_that_stand_still_while_the_arm_moves_are_left_out_and_told() ->
     assert {p["name"]: p["value"] for p in fault["parameters"]}["frozen"] == pytest.approx(399 / len(r.t))
 
 
+def test_a_recording_with_the_drives_off_for_most_of_the_time_is_refused() -> None:
+    r = swing(12.0)
+    tau = r.tau.copy()
+    tau[600:] = 0.0
+    found = diagnose(ROBOT, [replace(r, tau=tau)])
+    assert found.verdict == "refused"
+    assert "75 % of its messages no effort has changed" in (found.refusal or "")
+
+
 def test_efforts_of_an_arm_at_rest_or_in_steps_are_not_left_out() -> None:
     r = swing(6.0)
     assert not standing_still(r.t, np.zeros_like(r.q), np.zeros_like(r.tau)).any()

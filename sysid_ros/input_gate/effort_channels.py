@@ -16,6 +16,8 @@ from sysid_ros.signals.recording import Recording
 _BITS = (8, 16, 32)
 _MOVED = 0.01
 """Way during values that stand still from which the arm moves [rad or m]."""
+MOSTLY = 0.5
+"""Part of a recording with efforts that stand still from which nothing can be told of the rest."""
 _FEWEST = 20
 """Rows, not all alike, of which chance never makes two that are the same to the last bit."""
 
@@ -53,6 +55,18 @@ def same_efforts(robot: RobotModel, recordings: Sequence[Recording]) -> str | No
             return (
                 f"{a.name} and {b.name}: the efforts of {', '.join(same)} are the same to the last bit in both, the positions "
                 "are not. So they were not measured in these runs (a command, or another run's column). Record measured efforts."
+            )
+    return None
+
+
+def frozen_efforts(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
+    """Why most of a recording has no measured efforts."""
+    for r in recordings:
+        still = float(np.mean(standing_still(r.t, r.q, r.tau))) if len(r.t) else 0.0
+        if still >= MOSTLY:
+            return (
+                f"{r.name}: in {100 * still:.0f} % of its messages no effort has changed for {STUCK_TIME:g} s or more while the "
+                "robot moves: the drives were off, or the driver repeats old values. Record with the drives on, or cut it out."
             )
     return None
 

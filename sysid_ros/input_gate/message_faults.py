@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.exceptions import DataError
-from sysid_ros.input_gate.effort_channels import standing_still
+from sysid_ros.input_gate.effort_channels import MOSTLY, standing_still
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
 
@@ -118,7 +118,9 @@ def find_message_faults(t: FloatArray, q: FloatArray, tau: FloatArray) -> Messag
     late, delay = _late(t[keep], q[keep], usual)
     where = np.flatnonzero(keep)[late]
     keep[where] = False
-    frozen = standing_still(t, q, tau) & keep
+    still = standing_still(t, q, tau)
+    # a recording that is mostly so is refused, and not emptied
+    frozen = still & keep & (np.mean(still) < MOSTLY)
     return MessageFaults(
         len(t), usual, repeated, dropped, len(where), delay, int(np.sum(frozen)), unordered, order, keep & ~frozen
     )

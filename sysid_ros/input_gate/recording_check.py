@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid_ros.input_gate.effort_channels import same_efforts, wrapping_counts
+from sysid_ros.input_gate.effort_channels import frozen_efforts, same_efforts, wrapping_counts
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.conditioning import SHORTEST, longest_stretch
 from sysid_ros.signals.recording import Recording
@@ -22,21 +22,14 @@ _DEGREES = 7.0
 
 def refusal_of(robot: RobotModel, recordings: Sequence[Recording], validation: Sequence[Recording] = ()) -> str | None:
     """Why the recordings can't be judged, with the cure; None where they can."""
-    for check in (
-        _no_effort,
-        wrapping_counts,
-        _too_short,
-        _too_slow,
-        broken,
-        _no_mass,
-        _at_rest,
-        _frozen_position,
-        _degrees,
-        _frozen,
-    ):
+    first, then = (
+        (_no_effort, wrapping_counts),
+        (_too_slow, broken, _at_rest, _frozen_position, _degrees, _frozen, frozen_efforts),
+    )
+    for check in (*first, _too_short, _no_mass, *then):
         if reason := check(robot, recordings):
             return reason
-    for check in (_no_effort, _too_slow, broken, _at_rest, _frozen_position, _degrees, _frozen):
+    for check in (*first, *then):
         if validation and (reason := check(robot, validation)):
             return f"The recordings to judge on (--validate): {reason}"
     return same_efforts(robot, [*recordings, *validation])
