@@ -14,6 +14,7 @@ from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import diagnose
 from sysid_ros.diagnosis.band import Band
+from sysid_ros.diagnosis.covariance import with_knobs
 from sysid_ros.diagnosis.fit import BlockScatter
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.posterior import Posterior, rivals
@@ -186,3 +187,14 @@ def test_a_wrong_zero_by_half_a_gap_is_not_told_from_a_play_under_a_load_of_one_
     selection.library.update([sign * x for x in load], load)
     selection.fit = replace(selection.fit, theta=np.array([sign * 0.2]))
     assert "backlash" not in rivals(selection.problem, selection.library, selection.fit, Posterior(), [term])
+
+
+def test_a_time_that_no_row_shows_is_somewhere_in_the_recording() -> None:
+    """A body of no weight, as one that changes while all joints stand: a slope of zero told the time to 1e19 s."""
+    train = prepare(robot(ARM), [record(None, 1, 10.0)], [])
+    library = Library(robot(ARM), train.band)
+    event = next(t for t in library.whole_options() if t.instant is not None)
+    fit = train.problem.fit([event])
+    found = with_knobs(train.problem, library, replace(fit, theta=np.zeros_like(fit.theta)))[event]
+    start, end = library.times()
+    assert np.sqrt(found.covariance[-1, -1]) == pytest.approx((end - start) / np.sqrt(12.0), rel=1e-3)

@@ -48,10 +48,11 @@ class Estimates(NamedTuple):
 
 
 class _Knob(NamedTuple):
-    """A knob of a term: its value, and the derivative of the torque by it, shape (K, n)."""
+    """A knob of a term: its value, the range that it can have, and the derivative of the torque by it, shape (K, n)."""
 
     term: Term
     value: float
+    reach: float
     slope: FloatArray
 
 
@@ -101,7 +102,8 @@ def _knobs(library: Library, fit: Fit) -> list[_Knob]:
                 step = knob.step * value if knob.logarithmic else knob.step
                 above, below = (library.remake(term, **{knob.name: x}).columns for x in (value + step, value - step))
                 slope = replace(term, columns=(above - below) / (2.0 * step)).rows(_theta(fit, term))
-                out.append(_Knob(term, value, slope))
+                start, end = library.times(term.recording) if knob.name == term.effect.instant else (knob.low, knob.high)
+                out.append(_Knob(term, value, end - start, slope))
     return out
 
 
@@ -134,7 +136,9 @@ def _equations(
         score[unknown] += columns[:, columns.shape[1] - each :].T @ residual
         blocks.add(columns, residual, every)
     known = np.concatenate([*(t.prior for t in fit.terms), problem.prior if fit.inexact else np.zeros(0)])
-    information[np.arange(count), np.arange(count)] += known
+    # before any data a knob is anywhere in its range: an event in a rest that no row shows is somewhere in the recording
+    known = np.concatenate([known, [12.0 / knob.reach**2 for knob in knobs]])
+    information[np.arange(first), np.arange(first)] += known
     return information, score, blocks
 
 
