@@ -192,6 +192,9 @@ class Estimator(ABC):
     def fix(self, where: slice, std: float) -> None:  # noqa: B027 - one that goes on estimating them is right too
         """From now on the parameters ``where`` are known to be zero to within ``std``; here nothing."""
 
+    def suppose(self, where: slice, std: FloatArray) -> None:  # noqa: B027 - one that learns it from rows to come is right too
+        """The parameters ``where`` are zero now to within ``std``, shape (k,); here nothing."""
+
     def undo_misfits(self) -> None:  # noqa: B027 - one that finds none has nothing to do
         """Go back to before the rows that count as ``misfits``; here nothing, as of an estimator that finds none."""
 

@@ -241,28 +241,28 @@ class VariableForgetting(Estimator):
 
     def widen(self, factor: float) -> None:
         self.noise.widen(factor)
-        self.noise_variance = self.noise.variance
+        self.noise_variance = self._levels[variable_update.NOISE] = self.noise.variance
         self._levels[variable_update.SPREAD] *= factor
-        self._levels[variable_update.NOISE] = self.noise.variance
 
     def shift(self, where: slice, by: FloatArray) -> None:
         super().shift(where, by)
         self._sums.start(self._P, self._theta, self._sensitivity)
 
     def fix(self, where: slice, std: float) -> None:
-        kernels.fix(self._theta, self._P, self._sensitivity, where.start, where.stop, std**2)
         self._prior_variance[where] = std**2
+        self.suppose(where, np.array(std))
+
+    def suppose(self, where: slice, std: FloatArray) -> None:
+        kernels.fix(self._theta, self._P, self._sensitivity, where.start, where.stop, std**2)
         self._sums.start(self._P, self._theta, self._sensitivity)
 
     def undo_misfits(self) -> None:
         if self._kept:
             self._theta, self._P, self._sensitivity, self._sums.known, self._sums.rows = self._kept
             self._kept = ()
-        self._search = JumpSearch(self._jump, self._prior_variance)
-        self.misfits = 0
+        self._search, self.misfits = JumpSearch(self._jump, self._prior_variance), 0
 
     def forget(self) -> None:
-        """Forget the parameters that may jump, and keep what is known of the noise."""
         self._theta[self._jump.block] = 0.0
         self._settling = 0
         self._spread_count = min(self._spread_count, round(self.SPREAD_ANEW / self._period))
