@@ -195,7 +195,7 @@ def test_what_model_errors_explain_is_not_laid_on_the_noise() -> None:
     noise, model = (np.diag(np.square([m, *[c] * 3, *[i] * 6])) for m, c, i in ((1e-3, 1e-4, 1e-4), (0.02, 0.01, 0.05)))
     for _ in range(20):
         wrong = BODY + np.linalg.cholesky(model) @ rng.normal(size=10)
-        body, distance = nearest_body(wrong, noise, model)
+        body, distance = nearest_body(wrong, noise, noise + model)
         moved = body - wrong
         assert moved @ np.linalg.solve(noise + model, moved) <= 1.01 * distance + 1e-9
         assert distance < NOT_A_BODY

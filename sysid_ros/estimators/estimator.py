@@ -130,6 +130,10 @@ class Estimator(ABC):
         """What unit considered errors do to theta, shape (p, c); c = 0 where none are considered."""
         return self._sensitivity.copy()
 
+    def covariance_parts(self, where: slice) -> tuple[FloatArray, FloatArray]:
+        """Of some of the parameters: covariance without the considered errors, (k, k), and sensitivity to these, (k, c)."""
+        return self.noise_covariance()[where, where], self.sensitivity[where]
+
     def marginal(self, where: slice) -> tuple[FloatArray, FloatArray]:
         """Some of the parameters, and their variance but for what the considered errors make, shapes (k,)."""
         return self.theta[where], np.array(self.noise_covariance().diagonal()[where])

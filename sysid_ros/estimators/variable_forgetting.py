@@ -45,8 +45,7 @@ class VariableForgetting(Estimator):
         self._prior_variance = np.asarray(problem.prior_std, dtype=float) ** 2
         self._floor = np.asarray(problem.floor, dtype=float)
         self._part, self._period, self._jump, self._colour = problem.part, problem.period, problem.jump, problem.extra_colour
-        self._epsilon = min(self.FORGET_EVERY * problem.period / problem.forgetting_time, 0.5)
-        self._no_extra = np.zeros(self.m)
+        self._epsilon, self._no_extra = min(self.FORGET_EVERY * problem.period / problem.forgetting_time, 0.5), np.zeros(self.m)
         self.reset()
 
     @classmethod
@@ -124,8 +123,8 @@ class VariableForgetting(Estimator):
         if noise is not None and self._taken > 0:
             level = self._levels[variable_update.NOISE]
             variance = (level if extra_variance is None else level + self._colour * extra_variance) / self._taken
-            state = self._prior_variance, self._theta, self._P, self._sensitivity, self._sums.rows
-            variable_update.remove(*noise, variance, level, *state)
+            known = self._prior_variance, self._theta, self._P, self._sensitivity
+            variable_update.remove(*noise, variance, level, *known, self._sums.rows)
             self._taken = 0
 
     def _is_idle(self, Y: FloatArray, innovation: FloatArray, extra: FloatArray, z: float, hold: bool) -> bool:
@@ -236,6 +235,9 @@ class VariableForgetting(Estimator):
             self._interrupt_noise()
             self._begin_again()
 
+    def covariance_parts(self, where: slice) -> tuple[FloatArray, FloatArray]:
+        return self._P[where, where].copy(), self._sensitivity[where].copy()
+
     def marginal(self, where: slice) -> tuple[FloatArray, FloatArray]:
         return self._theta[where], self._P.diagonal()[where]
 
@@ -258,8 +260,7 @@ class VariableForgetting(Estimator):
 
     def undo_misfits(self) -> None:
         if self._kept:
-            self._theta, self._P, self._sensitivity, self._sums.known, self._sums.rows = self._kept
-            self._kept = ()
+            (self._theta, self._P, self._sensitivity, self._sums.known, self._sums.rows), self._kept = self._kept, ()
         self._search, self.misfits = JumpSearch(self._jump, self._prior_variance), 0
 
     def forget(self) -> None:
@@ -278,8 +279,7 @@ class VariableForgetting(Estimator):
             self._spread_count = min(self._spread_count, round(self.SPREAD_ANEW / self._period))
 
     def _begin_again(self) -> None:
-        """Start the block that jumped again; the others start from what they are known to now. Before the noise is known nothing
-        learned is kept through a jump."""
+        """Start the block that jumped again, the others from what they are known to; all while the noise is not known."""
         if self.noise.known:
             block = self._jump.block
             self._P[block, :] = 0.0

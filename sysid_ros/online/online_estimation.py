@@ -233,9 +233,8 @@ class OnlineEstimation:
     ) -> PayloadEstimate:
         assert self.estimator is not None
         theta: FloatArray = self.estimator.theta[PAYLOAD] - self._changes.tare.theta
-        covariance = self.estimator.covariance()[PAYLOAD, PAYLOAD]
-        if self._changes.tare.taken:
-            covariance = sum(self._changes.tare.covariances(self.estimator), np.zeros((10, 10)))
+        noise, model = self._changes.tare.covariances(self.estimator)
+        covariance = noise + model
         if self.base is not None:
             covariance[0, 0] += self._doubt(float(theta[0])) ** 2
         std = np.sqrt(covariance.diagonal())
@@ -256,8 +255,7 @@ class OnlineEstimation:
         if self._changes.trial is not None or self._changes.standstill.told:
             status, reason = self._changes.status(t, status, reason)
         if status == "ok":
-            noise = self.estimator.noise_covariance()[PAYLOAD, PAYLOAD] + self._changes.tare.noise
-            theta, distance = nearest_body(theta, noise, covariance - noise)
+            theta, distance = nearest_body(theta, noise, covariance)
             if not distance <= NOT_A_BODY:
                 status, reason = "not_physical", "No body of positive density has these parameters, whatever the noise."
         if status != "warming_up" and (self.base is not None or t <= self._log.open_until):

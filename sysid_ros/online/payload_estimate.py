@@ -145,13 +145,13 @@ class PayloadEstimate:
         return np.sqrt(np.diag(self.body.com_covariance))
 
 
-def nearest_body(theta: FloatArray, noise: FloatArray, model: FloatArray) -> tuple[FloatArray, float]:
-    """The body nearest to parameters (10,), and its squared distance by both covariances, of noise and of model errors, (10, 10).
+def nearest_body(theta: FloatArray, noise: FloatArray, covariance: FloatArray) -> tuple[FloatArray, float]:
+    """The body nearest to parameters (10,), and its squared distance by their covariance (10, 10), a part of which is of noise.
 
     What the noise alone explains is not laid on the errors of the model, which would draw the mass along.
     """
     nearest, within = theta.copy(), np.empty(10)
-    distance = float(project_into(theta, noise + model, nearest))
+    distance = float(project_into(theta, covariance, nearest))
     if distance > 0.0 and project_into(theta, noise, within) <= NOT_A_BODY:
         nearest = within
     return nearest, distance
