@@ -173,8 +173,8 @@ class VariableForgetting(Estimator):
     def _learn_colour(self) -> None:
         """Read the long-run variance from the blocks that are full."""
         known_anew = False
-        for level, power in reversed(self._blocks.pop_full(self.noise.variance)):
-            known_anew = self.noise.add_block(level, power)
+        for block in reversed(self._blocks.pop_full(self.noise.variance)):
+            known_anew = self.noise.add_block(*block)
         if known_anew:
             self._weigh_anew()
 
@@ -189,9 +189,9 @@ class VariableForgetting(Estimator):
             return
         freedom = max(1.0 - self.p / (self.m * count * self._period / self.INDEPENDENT), 0.25)
         about = self._levels, freedom, self._period, self.SPREAD_MEMORY, self.CLIP_AFTER
-        for residual in learn_first(self._early, self._theta, *about):
+        for residual, part in learn_first(self._early, self._theta, *about):
             if count == fewest:
-                self.noise.add(residual)
+                self.noise.add(residual, part)
         self._spread_count = count
         if count == fewest:
             self._early = []

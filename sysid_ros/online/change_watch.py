@@ -70,6 +70,8 @@ class ChangeWatch:
 
     def take(self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd) -> tuple[Estimator, Estimate]:
         """Take in a row; the estimator that goes on, and what it says. ``hold``: nothing excites the parameters."""
+        if self._free.tilt is not None and self._free.tilt.told:
+            self._free.tilt.load = estimator.theta[PAYLOAD]
         if self.trial is not None:
             return self._take_on_trial(rows, hold, estimator, front_end, self.trial)
         known, jumps, friction, extra = estimator.noise_known, estimator.jumps, self._free.friction, None

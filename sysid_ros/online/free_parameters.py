@@ -94,7 +94,7 @@ class FreeParameters:
             prior_std.append(self.friction.expected_std)
         self.tilt: SmallTilt | None = None
         if base is None and settings.effort_type == "total" and settings.base_tilt_std > 0.0 and np.any(robot.gravity):
-            self.tilt = SmallTilt(robot, settings.base_tilt_std)
+            self.tilt = SmallTilt(robot, settings.base_tilt_std, self.payload.frame_index)
             effects.append(self.tilt)
             prior_std.append(np.full(2, settings.base_tilt_std))
         self.extra_colour = 1.0
