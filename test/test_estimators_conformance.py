@@ -630,7 +630,7 @@ def test_long_run_variance(period: float, phi: float) -> None:
     noise = LongRunVariance(2, period, np.full(2, 1e-9), memory=1e9)
     std = np.array([1.0, 3.0])
     for row in coloured(np.random.default_rng(2), 60_000, 2, 1.0, phi) * std:
-        noise.add(row)
+        noise.add(row, np.ones(row.size))
     assert noise.known
     expected = std**2 * period * (1.0 + phi) / (1.0 - phi)
     np.testing.assert_allclose(noise.variance * period, expected, rtol=0.3)
@@ -641,17 +641,17 @@ def test_long_run_variance_until_it_is_known() -> None:
     noise = LongRunVariance(2, PERIOD, floor)
     rng = np.random.default_rng(0)
     for _ in range(noise.fewest_updates - 1):
-        noise.add(rng.normal(size=2))
+        noise.add(rng.normal(size=2), np.ones(2))
         assert not noise.known
         np.testing.assert_array_equal(noise.variance, noise.CAUTION * floor)
-    noise.add(rng.normal(size=2))
+    noise.add(rng.normal(size=2), np.ones(2))
     assert noise.known
 
 
 def test_long_run_variance_never_falls_below_the_floor() -> None:
     noise = LongRunVariance(2, PERIOD, np.array([4.0, 1e-6]), memory=1e9)
     for row in np.random.default_rng(0).normal(size=(5000, 2)):
-        noise.add(row)
+        noise.add(row, np.ones(row.size))
     assert noise.variance[0] == 4.0
     assert 0.7 < noise.variance[1] < 1.5
 
@@ -661,7 +661,7 @@ def test_long_run_variance_follows_the_noise() -> None:
     rng = np.random.default_rng(0)
     for std in (1.0, 0.1):
         for row in std * rng.normal(size=(12_000, 1)):
-            noise.add(row)
+            noise.add(row, np.ones(row.size))
     assert noise.variance[0] < 0.03
 
 
@@ -669,9 +669,30 @@ def test_interrupted_blocks_do_not_count() -> None:
     noise = LongRunVariance(1, PERIOD, np.array([1e-6]))
     for _ in range(500):
         for _ in range(20):
-            noise.add(np.array([100.0]))
+            noise.add(np.array([100.0]), np.ones(1))
         noise.interrupt()
     assert not noise.known
+
+
+def test_a_row_that_tells_nothing_is_as_far_above_its_floor_as_the_others() -> None:
+    noise = LongRunVariance(3, PERIOD, np.array([1e-2, 2e-2, 4e-2]), memory=1e9)
+    part = np.array([1.0, 1.0, 1e-4])
+    for row in np.random.default_rng(0).normal(size=(5000, 3)) * np.sqrt([0.5, 1.0, 1e-6]):
+        noise.add(row, part)
+    np.testing.assert_allclose(noise.variance, [0.5, 1.0, 2.0], rtol=0.3)
+
+
+def test_what_may_hide_but_does_not_is_not_taken_for_the_noise() -> None:
+    """Next to all that dry friction could hide before it is known, what is left of a row looks like nothing."""
+    rng = np.random.default_rng(0)
+    Y = smooth_rows(rng, 600, 3, 5, highest=2.0)
+    tau = Y @ rng.normal(size=5) + coloured(rng, 600, 3, 0.1, 0.9)
+    estimator, extra = make_variable(np.full(5, 3.0), np.full(3, 1e-3**2)), np.array([25.0, 0.0, 0.0])
+    for rows, values in zip(Y, tau, strict=True):
+        estimator.update(rows, values, extra_variance=extra)
+    assert estimator.noise_known
+    assert np.all(estimator.noise_variance > 0.25 * 0.1**2 * 19.0)  # (1 + 0.9) / (1 - 0.9)
+    assert np.all(estimator.row_variance > 0.25 * 0.1**2)
 
 
 @pytest.mark.parametrize("seed", range(20))

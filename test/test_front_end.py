@@ -77,6 +77,29 @@ def test_rows_are_values() -> None:
     assert not np.array_equal(first[0].Y, first[-1].Y)
 
 
+def test_links_that_are_settled_under_way_are_as_if_they_had_been_from_the_start() -> None:
+    """Filters, history and model alike: rows of after it, and those that are made again since a change."""
+    model, rng = robot("small_arm"), np.random.default_rng(0)
+    directions, payload = 0.1 * rng.normal(size=(10 * model.n, 3)), Payload(model)
+    mean, root = rng.normal(size=13), rng.normal(size=(13, 5))
+    loads = np.hstack([payload.link_columns(), directions])
+    first = FrontEnd(TorqueModel(model, [payload], inexact=directions), 0.004, 100.0)
+    known = TorqueModel(model, [payload], inexact=directions)
+    known.settle_links(loads @ mean, loads @ root)
+    second = FrontEnd(known, 0.004, 100.0)
+    recording = measurements(Motion(model), 3.0, 250.0, [], torque_noise=0.1)
+    rows_of(second, recording[:500])
+    rows_of(first, recording[:500])
+    first.settle_links(loads, mean, root)
+    variance, prior, theta = np.full(model.n, 0.01), np.ones(10), np.zeros(10)
+    after = rows_of(first, recording[500:]) + first.since_change(theta, variance, prior)[1]
+    straight = rows_of(second, recording[500:]) + second.since_change(theta, variance, prior)[1]
+    assert len(after) > 100
+    for a, b in zip(after, straight, strict=True):
+        for one, other in ((a.Y, b.Y), (a.y, b.y), (a.considered, b.considered), (a.tau, b.tau)):
+            np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-9)
+
+
 @pytest.mark.parametrize("rate", [250.0, 1000.0])
 def test_the_first_rows_hold_nothing_of_a_noisy_first_acceleration(rate: float) -> None:
     """A second difference of noisy positions is off by hundreds of rad/s^2, which only cancels with those that follow."""

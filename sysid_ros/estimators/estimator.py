@@ -130,6 +130,10 @@ class Estimator(ABC):
         """What unit considered errors do to theta, shape (p, c); c = 0 where none are considered."""
         return self._sensitivity.copy()
 
+    def covariance_parts(self, where: slice) -> tuple[FloatArray, FloatArray]:
+        """Of some of the parameters: covariance without the considered errors, (k, k), and sensitivity to these, (k, c)."""
+        return self.noise_covariance()[where, where], self.sensitivity[where]
+
     def marginal(self, where: slice) -> tuple[FloatArray, FloatArray]:
         """Some of the parameters, and their variance but for what the considered errors make, shapes (k,)."""
         return self.theta[where], np.array(self.noise_covariance().diagonal()[where])
@@ -191,6 +195,9 @@ class Estimator(ABC):
 
     def fix(self, where: slice, std: float) -> None:  # noqa: B027 - one that goes on estimating them is right too
         """From now on the parameters ``where`` are known to be zero to within ``std``; here nothing."""
+
+    def suppose(self, where: slice, std: FloatArray) -> None:  # noqa: B027 - one that learns it from rows to come is right too
+        """The parameters ``where`` are zero now to within ``std``, shape (k,); here nothing."""
 
     def undo_misfits(self) -> None:  # noqa: B027 - one that finds none has nothing to do
         """Go back to before the rows that count as ``misfits``; here nothing, as of an estimator that finds none."""

@@ -88,12 +88,12 @@ def joseph_update(theta: FloatArray, P: FloatArray, Y: FloatArray, tau: FloatArr
     joseph_update_considering(theta, P, Y, tau, variance, np.empty((theta.size, 0)), np.empty((tau.size, 0)))
 
 
-def fix(theta: FloatArray, P: FloatArray, S: FloatArray, start: int, stop: int, variance: float) -> None:
-    """Take in that the parameters from ``start`` to ``stop`` are zero, with a variance each; others as in
+def fix(theta: FloatArray, P: FloatArray, S: FloatArray, start: int, stop: int, variance: FloatArray) -> None:
+    """Take in that the parameters from ``start`` to ``stop`` are zero, with a variance each, shape () or (k,); others as in
     :func:`joseph_update_considering`."""
     rows = np.ascontiguousarray(np.eye(theta.size)[start:stop])
     k = len(rows)
-    joseph_update_considering(theta, P, rows, np.zeros(k), np.full(k, variance), S, np.zeros((k, S.shape[1])))
+    joseph_update_considering(theta, P, rows, np.zeros(k), np.broadcast_to(variance, k).copy(), S, np.zeros((k, S.shape[1])))
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]

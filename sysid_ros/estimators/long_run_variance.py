@@ -8,6 +8,8 @@ from numba import njit
 from sysid_ros.estimators import variable_update
 from sysid_ros.sample import FloatArray
 
+_LEAST_COUNT = 1e-3
+"""Blocks that a row counts as at least; so few of all rows tell nothing."""
 _MOST_LEVERAGE = 3.0
 """A block that the prior or a fresh jump makes more uncertain than this says little of the noise."""
 
@@ -19,7 +21,9 @@ class LongRunVariance:
     Jones 2010) over blocks of growing length see the colour: the block is lengthened as long as that raises the variance
     significantly.
 
-    Until enough blocks are full the variance is a cautious multiple of the floor.
+    Until enough blocks are full the variance is a cautious multiple of the floor. A row next to whose noise much more may hide
+    tells little of it: its blocks count as the part of their variance that is noise. A row of which too little was seen is taken
+    to be above its floor as the others are.
 
     Args:
         m: number of rows.
@@ -45,7 +49,8 @@ class LongRunVariance:
         self._sums = np.zeros((len(self.BLOCKS), m))
         self._filled = np.zeros(len(self.BLOCKS))
         self._power = np.zeros((len(self.BLOCKS), m))
-        self._count = np.zeros(len(self.BLOCKS))
+        self._count, self._seen = np.zeros((len(self.BLOCKS), m)), np.zeros(len(self.BLOCKS))
+        self._parts = np.zeros((len(self.BLOCKS), m))
         self.variance = self.CAUTION * floor
         self.known = False
 
@@ -54,32 +59,41 @@ class LongRunVariance:
         """Residuals that it takes to know the noise."""
         return int(self.FEWEST * self.lengths[0])
 
-    def add(self, residual: FloatArray) -> bool:
-        """Take in the residual after an update, shape (m,); True where the noise is known otherwise than before."""
-        before = self._count[0]
-        _accumulate(residual, self._sums, self._filled, self.lengths, self._power, self._count, self._keep)
-        return self._count[0] != before and self._estimate()
+    def add(self, residual: FloatArray, part: FloatArray) -> bool:
+        """Take in the residual after an update, and the part of its variance that is noise, shape (m,) each; True where the
+        noise is known otherwise than before."""
+        before, sums = self._seen[0], (self._sums, self._parts, self._filled)
+        _accumulate(residual, part, *sums, self.lengths, self._power, self._count, self._seen, self._keep)
+        return self._seen[0] != before and self._estimate()
 
-    def add_block(self, level: int, power: FloatArray) -> bool:
-        """Take in what a block of a level says of the noise, shape (m,); True where the noise is known otherwise than before."""
+    def add_block(self, level: int, power: FloatArray, part: FloatArray) -> bool:
+        """Take in what a block of a level says of the noise, and the part of its variance that is noise, shape (m,) each; True
+        where the noise is known otherwise than before."""
         fade = self._keep ** self.lengths[level]
-        self._power[level] = fade * self._power[level] + power
-        self._count[level] = fade * self._count[level] + 1.0
+        self._power[level] = fade * self._power[level] + part * power
+        self._count[level] = fade * self._count[level] + part
+        self._seen[level] = fade * self._seen[level] + 1.0
         return level == 0 and self._estimate()
 
     def _estimate(self) -> bool:
-        self.known = bool(self._count[0] > self.FEWEST - 0.5)
+        self.known = bool(self._seen[0] > self.FEWEST - 0.5)
         if not self.known:
             return False
-        chosen = self._power[0] / self._count[0] * _small_sample(self._count[0])
+        counts = np.maximum(self._count, _LEAST_COUNT)
+        means = self._power / counts
+        fewest = self.FEWEST - 0.5
+        chosen = means[0] * _small_sample(np.maximum(counts[0], fewest))
         for level in range(1, len(self.BLOCKS)):
-            count = self._count[level]
-            if count < self.FEWEST_LONGER - 0.5:
+            count, longer = counts[level], means[level]
+            if self._seen[level] < self.FEWEST_LONGER - 0.5:
                 break
-            longer = self._power[level] / count
-            grown = 2.0 * longer - self._power[level - 1] / self._count[level - 1]
+            grown = 2.0 * longer - means[level - 1]
             chosen = np.where(longer > chosen * (1.0 + 1.5 * np.sqrt(2.0 / count)), grown * _small_sample(count), chosen)
-        self.variance = np.maximum(chosen, self.floor)
+        own = np.maximum(chosen, self.floor)
+        told = np.minimum(counts[0] / fewest, 1.0)  # the rest of so many blocks is supposed
+        seen = float(told.sum())
+        above = np.exp(told @ np.log(own / self.floor) / seen) if seen > _LEAST_COUNT else self.CAUTION
+        self.variance = told * own + (1.0 - told) * self.floor * above
         return True
 
     def coloured(self, spread: FloatArray) -> FloatArray:
@@ -94,7 +108,7 @@ class LongRunVariance:
 
     def interrupt(self) -> None:
         """Drop the blocks in progress: the residuals to come do not follow the ones before."""
-        self._sums[:] = 0.0
+        self._sums[:] = self._parts[:] = 0.0
         self._filled[:] = 0.0
 
 
@@ -116,16 +130,17 @@ class BlockInnovations:
         levels = len(lengths)
         self.progress = np.zeros((2, levels))
         self.progress[variable_update.LENGTH] = lengths
-        self.total = np.zeros((m, p + 1))
-        self.starts = np.zeros((levels, m, p + 1))
+        self.total = np.zeros((m, p + 2))
+        self.starts = np.zeros((levels, m, p + 2))
         self.known = np.zeros((levels, p, p + 1))
 
     def interrupt(self) -> None:
         """Drop the blocks in progress."""
         self.progress[variable_update.FILLED] = 0.0
 
-    def pop_full(self, variance: FloatArray) -> list[tuple[int, FloatArray]]:
-        """The level of each block that is full, and its estimate of the noise, shape (m,); they begin anew.
+    def pop_full(self, variance: FloatArray) -> list[tuple[int, FloatArray, FloatArray]]:
+        """The level of each block that is full, its estimate of the noise, and the part of its variance that is noise, shape
+        (m,) each; they begin anew.
 
         Args:
             variance: noise of the rows as it is known, shape (m,).
@@ -135,15 +150,15 @@ class BlockInnovations:
         for level in np.flatnonzero(filled >= lengths):
             filled[level] = 0.0
             sums, known = self.total - self.starts[level], self.known[level]
-            Ysum, P = sums[:, :-1], known[:, :-1]
-            innovation = sums[:, -1] - Ysum @ known[:, -1]
+            Ysum, P = sums[:, :-2], known[:, :-1]
+            innovation = sums[:, -2] - Ysum @ known[:, -1]
             leverage = ((Ysum @ P) * Ysum).sum(axis=1) / (lengths[level] * variance)
             if float(leverage.max()) < _MOST_LEVERAGE:
-                full.append((int(level), innovation**2 / lengths[level] / (1.0 + leverage)))
+                full.append((int(level), innovation**2 / lengths[level] / (1.0 + leverage), sums[:, -1] / lengths[level]))
         return full
 
 
-def _small_sample(count: float) -> float:
+def _small_sample(count: FloatArray) -> FloatArray:
     """Widens the variance as Student's t does the interval."""
     return 1.0 + 4.0 / count
 
@@ -151,23 +166,30 @@ def _small_sample(count: float) -> float:
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def _accumulate(
     residual: FloatArray,
+    part: FloatArray,
     sums: FloatArray,
+    parts: FloatArray,
     filled: FloatArray,
     lengths: FloatArray,
     power: FloatArray,
     count: FloatArray,
+    seen: FloatArray,
     keep: float,
 ) -> None:
     """Batch means at several block lengths: adds a residual (m,) to ``sums`` (levels, m); a block that is full adds its squared
-    sum over its length to ``power`` (levels, m) and one to ``count`` (levels,), both fading by ``keep`` a sample of the block."""
+    sum over its length, times the mean ``part`` of it, to ``power`` (levels, m), that part to ``count`` (levels, m) and one to
+    ``seen`` (levels,), all fading by ``keep`` a sample of the block."""
     for level in range(lengths.size):
         for i in range(residual.size):
             sums[level, i] += residual[i]
+            parts[level, i] += part[i]
         filled[level] += 1.0
         if filled[level] >= lengths[level]:
             fade = keep ** lengths[level]
-            count[level] = fade * count[level] + 1.0
+            seen[level] = fade * seen[level] + 1.0
             for i in range(residual.size):
-                power[level, i] = fade * power[level, i] + sums[level, i] * sums[level, i] / lengths[level]
-                sums[level, i] = 0.0
+                told = parts[level, i] / lengths[level]
+                power[level, i] = fade * power[level, i] + told * sums[level, i] * sums[level, i] / lengths[level]
+                count[level, i] = fade * count[level, i] + told
+                sums[level, i] = parts[level, i] = 0.0
             filled[level] = 0.0

@@ -45,8 +45,7 @@ class VariableForgetting(Estimator):
         self._prior_variance = np.asarray(problem.prior_std, dtype=float) ** 2
         self._floor = np.asarray(problem.floor, dtype=float)
         self._part, self._period, self._jump, self._colour = problem.part, problem.period, problem.jump, problem.extra_colour
-        self._epsilon = min(self.FORGET_EVERY * problem.period / problem.forgetting_time, 0.5)
-        self._no_extra = np.zeros(self.m)
+        self._epsilon, self._no_extra = min(self.FORGET_EVERY * problem.period / problem.forgetting_time, 0.5), np.zeros(self.m)
         self.reset()
 
     @classmethod
@@ -124,8 +123,8 @@ class VariableForgetting(Estimator):
         if noise is not None and self._taken > 0:
             level = self._levels[variable_update.NOISE]
             variance = (level if extra_variance is None else level + self._colour * extra_variance) / self._taken
-            state = self._prior_variance, self._theta, self._P, self._sensitivity, self._sums.rows
-            variable_update.remove(*noise, variance, level, *state)
+            known = self._prior_variance, self._theta, self._P, self._sensitivity
+            variable_update.remove(*noise, variance, level, *known, self._sums.rows)
             self._taken = 0
 
     def _is_idle(self, Y: FloatArray, innovation: FloatArray, extra: FloatArray, z: float, hold: bool) -> bool:
@@ -174,8 +173,8 @@ class VariableForgetting(Estimator):
     def _learn_colour(self) -> None:
         """Read the long-run variance from the blocks that are full."""
         known_anew = False
-        for level, power in reversed(self._blocks.pop_full(self.noise.variance)):
-            known_anew = self.noise.add_block(level, power)
+        for block in reversed(self._blocks.pop_full(self.noise.variance)):
+            known_anew = self.noise.add_block(*block)
         if known_anew:
             self._weigh_anew()
 
@@ -190,9 +189,9 @@ class VariableForgetting(Estimator):
             return
         freedom = max(1.0 - self.p / (self.m * count * self._period / self.INDEPENDENT), 0.25)
         about = self._levels, freedom, self._period, self.SPREAD_MEMORY, self.CLIP_AFTER
-        for residual in learn_first(self._early, self._theta, *about):
+        for residual, part in learn_first(self._early, self._theta, *about):
             if count == fewest:
-                self.noise.add(residual)
+                self.noise.add(residual, part)
         self._spread_count = count
         if count == fewest:
             self._early = []
@@ -236,33 +235,35 @@ class VariableForgetting(Estimator):
             self._interrupt_noise()
             self._begin_again()
 
+    def covariance_parts(self, where: slice) -> tuple[FloatArray, FloatArray]:
+        return self._P[where, where].copy(), self._sensitivity[where].copy()
+
     def marginal(self, where: slice) -> tuple[FloatArray, FloatArray]:
         return self._theta[where], self._P.diagonal()[where]
 
     def widen(self, factor: float) -> None:
         self.noise.widen(factor)
-        self.noise_variance = self.noise.variance
+        self.noise_variance = self._levels[variable_update.NOISE] = self.noise.variance
         self._levels[variable_update.SPREAD] *= factor
-        self._levels[variable_update.NOISE] = self.noise.variance
 
     def shift(self, where: slice, by: FloatArray) -> None:
         super().shift(where, by)
         self._sums.start(self._P, self._theta, self._sensitivity)
 
     def fix(self, where: slice, std: float) -> None:
-        kernels.fix(self._theta, self._P, self._sensitivity, where.start, where.stop, std**2)
         self._prior_variance[where] = std**2
+        self.suppose(where, np.array(std))
+
+    def suppose(self, where: slice, std: FloatArray) -> None:
+        kernels.fix(self._theta, self._P, self._sensitivity, where.start, where.stop, std**2)
         self._sums.start(self._P, self._theta, self._sensitivity)
 
     def undo_misfits(self) -> None:
         if self._kept:
-            self._theta, self._P, self._sensitivity, self._sums.known, self._sums.rows = self._kept
-            self._kept = ()
-        self._search = JumpSearch(self._jump, self._prior_variance)
-        self.misfits = 0
+            (self._theta, self._P, self._sensitivity, self._sums.known, self._sums.rows), self._kept = self._kept, ()
+        self._search, self.misfits = JumpSearch(self._jump, self._prior_variance), 0
 
     def forget(self) -> None:
-        """Forget the parameters that may jump, and keep what is known of the noise."""
         self._theta[self._jump.block] = 0.0
         self._settling = 0
         self._spread_count = min(self._spread_count, round(self.SPREAD_ANEW / self._period))
@@ -278,8 +279,7 @@ class VariableForgetting(Estimator):
             self._spread_count = min(self._spread_count, round(self.SPREAD_ANEW / self._period))
 
     def _begin_again(self) -> None:
-        """Start the block that jumped again; the others start from what they are known to now. Before the noise is known nothing
-        learned is kept through a jump."""
+        """Start the block that jumped again, the others from what they are known to; all while the noise is not known."""
         if self.noise.known:
             block = self._jump.block
             self._P[block, :] = 0.0

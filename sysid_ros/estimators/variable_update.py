@@ -48,9 +48,9 @@ def add_to_blocks(
     known: FloatArray,
     progress: FloatArray,
 ) -> bool:
-    """Add the rows ``[Y | tau]``, brought to the noise ``spread``, to the running ``total``, shape (m, p + 1). Where a block of a
-    level begins, keep the total in ``starts``, shape (levels, m, p + 1), and what is known, ``[P | theta]``, in ``known``, shape
-    (levels, p, p + 1). True where a block is full now."""
+    """Add the rows ``[Y | tau | part]``, brought to the noise ``spread``, which is that part of their variance, to the running
+    ``total``, shape (m, p + 2). Where a block of a level begins, keep the total in ``starts``, shape (levels, m, p + 2), and what
+    is known, ``[P | theta]``, in ``known``, shape (levels, p, p + 1). True where a block is full now."""
     m, p = Y.shape
     begun, full = False, False
     for level in range(progress.shape[1]):
@@ -69,16 +69,25 @@ def add_to_blocks(
         for a in range(p):
             total[i, a] += weight * Y[i, a]
         total[i, p] += weight * tau[i]
+        total[i, p + 1] += weight * weight
     return full
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def noise_squared(residual: float, spread: float, extra: float) -> float:
+    """Expectation of ``n^2`` given ``residual = n + h``, where n has the variance ``spread`` and h ``extra``."""
+    part = spread / (spread + extra)
+    return part * part * residual * residual + (1.0 - part) * spread
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
 def learn_spread(residual: FloatArray, extra: FloatArray, levels: FloatArray, rate: float, clip: bool) -> None:
     """Running mean of the squared residuals, shape (m,), of rows whose noise is larger by ``extra``; at most
-    :data:`MOST_SPREAD` times the mean so far where ``clip``."""
+    :data:`MOST_SPREAD` times the mean so far where ``clip``. Of the noise's square the expectation is taken (expectation
+    maximisation: Dempster, Laird, Rubin 1977): where ``extra`` is all but everything, a residual tells nothing of it."""
     for i in range(residual.size):
         spread = levels[SPREAD, i]
-        squared = residual[i] * residual[i] * (spread / (spread + extra[i]))
+        squared = noise_squared(residual[i], spread, extra[i])
         if clip:
             squared = min(squared, MOST_SPREAD * spread)
         levels[SPREAD, i] = max((1.0 - rate) * spread + rate * squared, levels[FLOOR, i])

@@ -63,6 +63,10 @@ class WatchedEstimator(Estimator):
         self._inner.fix(where, std)
         self._watch.fix(where, std)
 
+    def suppose(self, where: slice, std: FloatArray) -> None:
+        self._inner.suppose(where, std)
+        self._watch.suppose(where, std)
+
     def undo_misfits(self) -> None:
         self._watch.undo_misfits()
         self._see()

@@ -27,9 +27,7 @@ def create(
         return True, "The estimation was started again."
 
     def tare(live: LiveEstimation, request: Trigger.Request) -> tuple[bool, str]:
-        known = live.estimation.latest is not None
-        live.commit.interrupt("The estimate was tared.")
-        return known, live.estimation.tare()
+        return live.tare()
 
     def commit(live: LiveEstimation, request: Trigger.Request) -> tuple[bool, str]:
         done, sentence = live.commit_now()

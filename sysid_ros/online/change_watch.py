@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 
+import numpy as np
+
 from sysid_ros.estimators import Estimate, Estimator
 from sysid_ros.online.change_trial import ChangeTrial, Verdict
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
@@ -12,6 +14,7 @@ from sysid_ros.online.payload_events import EventLog
 from sysid_ros.online.rows import Rows
 from sysid_ros.online.standstill import Standstill
 from sysid_ros.online.tare import Tare
+from sysid_ros.online.told_links import RowsSoFar
 from sysid_ros.robot.urdf_bodies import reach
 from sysid_ros.sample import FloatArray
 
@@ -31,7 +34,7 @@ class ChangeWatch:
 
     Attributes:
         tare: taken from what is estimated. trial: of the newest change, while it is not known what it was.
-        standstill: what may have changed while the arm hardly moves.
+        standstill: what may have changed while the arm hardly moves. rows_so_far: what a tare may learn the links from.
     """
 
     def __init__(self, free: FreeParameters, log: EventLog) -> None:
@@ -40,6 +43,25 @@ class ChangeWatch:
         self.tare = Tare()
         self.trial: ChangeTrial | None = None
         self.standstill = Standstill(self._prior_std**2)
+        self.rows_so_far = RowsSoFar(free)
+
+    def take_tare(
+        self, estimator: Estimator, front_end: FrontEnd | None, floor: FloatArray
+    ) -> tuple[Estimator, tuple[float, float]]:
+        """What is carried counts as nothing from now on: the estimator that goes on, and the mass [kg] with its standard
+        deviation. Where the rows so far tell what the links are wrong by, that and what is carried become known; else the
+        estimate is taken off from all that come."""
+        told = None
+        if front_end is not None and self.trial is None and not estimator.misfits:
+            told = self.rows_so_far.tell(front_end, floor)
+        if told is None or front_end is None:
+            self.tare = Tare.of(estimator)
+            return estimator, (float(self.tare.theta[0]), float(np.sqrt(estimator.covariance()[0, 0])))
+        front_end.settle_links(self._free.error_directions(), told.mean, told.root)
+        self.rows_so_far.clear()
+        self.standstill.clear()
+        self.tare = Tare(taken=True)
+        return told.estimator, told.mass
 
     def stand(self, rows: Rows, quiet: bool, estimator: Estimator, front_end: FrontEnd) -> None:
         """Look whether the torques of an arm that hardly moves have changed."""
@@ -47,11 +69,30 @@ class ChangeWatch:
         self.standstill.add(rows, quiet, estimator, hidden, front_end.memory)
 
     def take(self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd) -> tuple[Estimator, Estimate]:
-        """Take in a row while there is a trial; the estimator that goes on, and what it says. ``hold``: nothing excites the
-        parameters."""
-        assert self.trial is not None
-        self.trial.compare(rows.Y, rows.y, self._free.extra_variance(rows, self.trial.before, front_end.passed), estimator)
-        if self.trial.force:
+        """Take in a row; the estimator that goes on, and what it says. ``hold``: nothing excites the parameters."""
+        if self._free.tilt is not None and self._free.tilt.told:
+            self._free.tilt.load = estimator.theta[PAYLOAD]
+        if self.trial is not None:
+            return self._take_on_trial(rows, hold, estimator, front_end, self.trial)
+        known, jumps, friction, extra = estimator.noise_known, estimator.jumps, self._free.friction, None
+        if rows.fresh:
+            extra = self._free.extra_variance(rows, estimator, front_end.passed)
+        elif friction is not None:  # the same in fewer steps
+            extra = friction.hidden_variance(rows.slow, rows.speed, *estimator.marginal(self._free.friction_slice))
+        estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
+        estimator.compensate(rows.noise, hold, extra)
+        jumped = estimator.jumps != jumps
+        if estimate.status != "not_finite" and (jumped or estimator.misfits):
+            estimate = self.changed(rows, hold, estimator, front_end, estimate, jumped, known)
+        elif not hold:
+            self.rows_so_far.add(rows)
+        return estimator, estimate
+
+    def _take_on_trial(
+        self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd, trial: ChangeTrial
+    ) -> tuple[Estimator, Estimate]:
+        trial.compare(rows.Y, rows.y, self._free.extra_variance(rows, trial.before, front_end.passed), estimator)
+        if trial.force:
             innovation = rows.y - rows.Y @ estimator.theta
             estimate = Estimate(estimator.theta, innovation, "outlier", "a force acts on the robot")
         else:
@@ -61,6 +102,7 @@ class ChangeWatch:
             estimator.compensate(rows.noise, hold, extra)
             if estimator.jumps != jumps or estimator.misfits:
                 estimate = self.changed(rows, hold, estimator, front_end, estimate, estimator.jumps != jumps, known)
+        assert self.trial is not None
         return self._follow(self.trial, rows.sample.t, hold, estimator, front_end), estimate
 
     def status(self, t: float, status: str, reason: str) -> tuple[str, str]:
@@ -117,6 +159,7 @@ class ChangeWatch:
         prior_variance = self._free.prior_std[PAYLOAD] ** 2
         t, since = front_end.since_change(before.theta, before.row_variance, prior_variance)
         estimator.forget()
+        self.rows_so_far.clear()
         estimate = None
         for rows in since:
             extra = self._free.extra_variance(rows, estimator, front_end.passed)

@@ -94,7 +94,7 @@ class FreeParameters:
             prior_std.append(self.friction.expected_std)
         self.tilt: SmallTilt | None = None
         if base is None and settings.effort_type == "total" and settings.base_tilt_std > 0.0 and np.any(robot.gravity):
-            self.tilt = SmallTilt(robot, settings.base_tilt_std)
+            self.tilt = SmallTilt(robot, settings.base_tilt_std, self.payload.frame_index)
             effects.append(self.tilt)
             prior_std.append(np.full(2, settings.base_tilt_std))
         self.extra_colour = 1.0
@@ -205,17 +205,32 @@ class FreeParameters:
 
     def make_estimator(self, front_end: FrontEnd, floor: FloatArray) -> Estimator:
         """The estimator that the settings name, for rows of at least the variance ``floor``, shape (n,)."""
-        s = self._settings
-        # an arm's rows are made anew after a change, see RowHistory
-        jump = JumpRule(PAYLOAD, np.array(LEAST_JUMP), front_end.memory if self._base else 0.0, _STEP if self._base else 0.0)
-        part = 1.0 if self._base is None else front_end.passed
         self.extra_colour = 1.0 if self._base else max(_STAYS / front_end.period, 1.0)
         if self.tilt is not None:  # nothing is known of it any more
             self.tilt.level, self.tilt_is_open = False, True
             self.model.leave_out()
-        return make_estimator(
-            s.estimator, Problem(self.prior_std, floor, front_end.period, s.forgetting_time, jump, part, self.extra_colour)
-        )
+        return self.make_again(front_end, floor)
+
+    def make_again(self, front_end: FrontEnd, floor: FloatArray, considered: int = 0) -> Estimator:
+        """Such an estimator, which knows whether the base is tilted; so many considered errors are parameters behind its own."""
+        s, prior_std = self._settings, np.append(self.prior_std, np.ones(considered))
+        # an arm's rows are made anew after a change, see RowHistory
+        jump = JumpRule(PAYLOAD, np.array(LEAST_JUMP), front_end.memory if self._base else 0.0, _STEP if self._base else 0.0)
+        part = 1.0 if self._base is None else front_end.passed
+        problem = Problem(prior_std, floor, front_end.period, s.forgetting_time, jump, part, self.extra_colour)
+        estimator = make_estimator(s.estimator, problem)
+        if self.tilt is not None and self.tilt.level:
+            estimator.fix(self.tilt_slice, _LEVEL * s.base_tilt_std)
+        return estimator
+
+    @property
+    def links_are_of_the_urdf(self) -> bool:
+        """True of an arm whose links are known from the URDF alone."""
+        return self._known is None and self._base is None and self._settings.effort_type == "total"
+
+    def error_directions(self) -> FloatArray:
+        """What a payload and the considered errors of the links are in the links' inertials, shape (10 n, 10 + c)."""
+        return np.hstack([self.payload.link_columns(), self.model.error.links])
 
 
 def white_noise_variance(measurements: list[Measurement]) -> FloatArray:

@@ -10,8 +10,8 @@ from sysid_ros.sample import FREE, FloatArray
 _POSTURES = 300
 _SPEED, _ACCELERATION = 1.0, 3.0
 """Of the random motions on which directions are compared [rad/s], [rad/s^2]."""
-_LEFT_OUT = 1e-3
-"""Part of the variance of the torque that the directions left out make together."""
+_LEFT_OUT = 1e-6
+"""Part of the variance of the torque that the directions left out make together: some mN m, which a tare does not resolve."""
 _LEFT_OUT_FLOATING = 5e-3
 """The same of force and moment on a trunk, to which many small links of the legs add."""
 _NEAR = 0.25
@@ -33,6 +33,12 @@ def link_inexactness(robot: RobotModel, mass: float, com: float, floats: bool = 
         floats: the first six joints are those of a floating base.
     """
     directions = _directions(robot.pi.reshape(-1, 10), mass, com)
+    return directions @ principal_directions(robot, directions, floats)
+
+
+def principal_directions(robot: RobotModel, directions: FloatArray, floats: bool = False) -> FloatArray:
+    """How directions of the error of the links, (10 n, k), are rotated, and some left out: shape (k, c), see
+    :func:`link_inexactness`."""
     q, v, a = _motion(robot, floats)
     rows = slice(0, FREE) if floats else slice(None)
     torque = np.einsum("tjk,kc->tjc", robot.regressor_along(q, v, a)[:, rows], directions)
@@ -42,7 +48,7 @@ def link_inexactness(robot: RobotModel, mass: float, com: float, floats: bool = 
     torque /= np.maximum(usual, 1e-3 * max(float(usual.max()), 1e-9))[:, None]
     _, size, turned = np.linalg.svd(torque.reshape(-1, directions.shape[1]), full_matrices=False)
     part = np.cumsum(size[::-1] ** 2)[::-1] / max(float(np.sum(size**2)), 1e-300)
-    return np.asarray(np.ascontiguousarray(directions @ turned[part > (_LEFT_OUT_FLOATING if floats else _LEFT_OUT)].T))
+    return np.asarray(np.ascontiguousarray(turned[part > (_LEFT_OUT_FLOATING if floats else _LEFT_OUT)].T))
 
 
 def _motion(robot: RobotModel, floats: bool) -> tuple[FloatArray, FloatArray, FloatArray]:

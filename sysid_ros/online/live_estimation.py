@@ -226,6 +226,14 @@ class LiveEstimation:
         self.commit.interrupt(f"The estimation was started again: {reason}.")
         self._good = None
 
+    def tare(self) -> tuple[bool, str]:
+        """As of :class:`.OnlineEstimation`; whether it was done, and a sentence."""
+        known = self.estimation.latest is not None
+        self.commit.interrupt("The estimate was tared.")
+        said = self.estimation.tare()
+        self._good = None  # it holds what is carried no more
+        return known, said
+
     def set_enabled(self, enabled: bool) -> None:
         """Freeze the estimate, or go on."""
         self.enabled = enabled

@@ -18,12 +18,10 @@ from sysid_ros.online.change_watch import ChangeWatch
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
 from sysid_ros.online.front_end import Cadence, FrontEnd
 from sysid_ros.online.imu_doubts import name_imu
-from sysid_ros.online.payload_estimate import Judgement, PayloadEstimate, PayloadEvent
+from sysid_ros.online.payload_estimate import NOT_A_BODY, Judgement, PayloadEstimate, PayloadEvent, nearest_body
 from sysid_ros.online.payload_events import EventLog
 from sysid_ros.online.rows import Rows
-from sysid_ros.online.tare import Tare
 from sysid_ros.online_settings import OnlineSettings
-from sysid_ros.robot.inertial_parameters import project_into
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FREE, FloatArray, Measurement
 from sysid_ros.signals.cutoff import position_noise
@@ -33,8 +31,6 @@ _STANDS = 0.15
 """Time below the standstill velocity after which the robot stands [s]."""
 _OBSERVABLE = 0.3
 """Part of a parameter's prior standard deviation below which it is the motion that determines it."""
-_NOT_A_BODY = 29.6
-"""99.9 % quantile of chi-squared with 10 degrees of freedom."""
 
 
 class OnlineEstimation:
@@ -117,6 +113,7 @@ class OnlineEstimation:
     def reset(self, reason: str) -> None:
         """Forget payload, friction and noise, and start again."""
         self.latest = self.estimator = self._judgement = self._changes.trial = None
+        self._changes.rows_so_far.clear()
         self._forget_filters()
         self._warnings["reset"] = f"The estimation was started again: {reason}."
 
@@ -127,12 +124,11 @@ class OnlineEstimation:
         self._enabled = enabled
 
     def tare(self) -> str:
-        """Take the present estimate as zero from now on, its covariance added to all that come. Says what was done."""
+        """Take what is carried as nothing from now on, and learn what is known wrongly of the arm. Says what was done."""
         if self.estimator is None or self.latest is None:
             return "There is no estimate yet, so nothing was tared."
-        self._changes.tare = Tare.of(self.estimator)
-        std = math.sqrt(self.estimator.covariance()[0, 0])
-        return f"Tared at {self._changes.tare.theta[0]:.3f} kg (std {std:.3f} kg)."
+        self.estimator, (mass, std) = self._changes.take_tare(self.estimator, self._front_end, self._floor)
+        return f"Tared at {mass:.3f} kg (std {std:.3f} kg)."
 
     def step(self, measurement: Measurement) -> PayloadEstimate | None:
         """Take in one measurement; the estimate when one is due (``publish_rate``), else None. Never raises on a measurement."""
@@ -195,20 +191,8 @@ class OnlineEstimation:
         hold = self._still > _STANDS and self.base is None
         if self._free.legs is not None:
             self._free.carry(estimator, front_end)
-        known, jumps, extra = estimator.noise_known, estimator.jumps, None
-        if self._changes.trial is not None:
-            self.estimator, estimate = self._changes.take(rows, hold, estimator, front_end)
-            estimator = self.estimator
-        else:
-            if rows.fresh:
-                extra = self._free.extra_variance(rows, estimator, front_end.passed)
-            elif friction is not None:  # the same in fewer steps
-                extra = friction.hidden_variance(rows.slow, rows.speed, *estimator.marginal(self._free.friction_slice))
-            estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
-            estimator.compensate(rows.noise, hold, extra)
-            jumped = estimator.jumps != jumps
-            if estimate.status != "not_finite" and (jumped or estimator.misfits):
-                estimate = self._changes.changed(rows, hold, estimator, front_end, estimate, jumped, known)
+        self.estimator, estimate = self._changes.take(rows, hold, estimator, front_end)
+        estimator = self.estimator
         self._outliers += estimate.status == "outlier"
         quiet = hold or (friction is not None and fastest < self.settings.low_velocity)
         if quiet or self._changes.standstill.lasts:
@@ -249,9 +233,8 @@ class OnlineEstimation:
     ) -> PayloadEstimate:
         assert self.estimator is not None
         theta: FloatArray = self.estimator.theta[PAYLOAD] - self._changes.tare.theta
-        covariance = self.estimator.covariance()[PAYLOAD, PAYLOAD]
-        if self._changes.tare.taken:
-            covariance = sum(self._changes.tare.covariances(self.estimator), np.zeros((10, 10)))
+        noise, model = self._changes.tare.covariances(self.estimator)
+        covariance = noise + model
         if self.base is not None:
             covariance[0, 0] += self._doubt(float(theta[0])) ** 2
         std = np.sqrt(covariance.diagonal())
@@ -259,6 +242,7 @@ class OnlineEstimation:
         asked = fits and self._free.tilt_is_open
         if asked and self._free.settle_tilt(self.estimator) and self._front_end is not None:
             self._front_end.rest()
+            self._changes.rows_so_far.clear()
         if asked and self._free.tilt is not None and self._free.tilt.told:
             self._warnings["tilt"] = self._free.tilt.told
         status, reason = judgement.status(estimate, self.estimator, float(theta[0]), float(std[0]))
@@ -271,13 +255,8 @@ class OnlineEstimation:
         if self._changes.trial is not None or self._changes.standstill.told:
             status, reason = self._changes.status(t, status, reason)
         if status == "ok":
-            nearest = np.empty(10)
-            distance = project_into(theta, covariance, nearest)
-            if distance > 0.0:  # what the noise explains is not laid on the considered errors, which would draw the mass along
-                noise = self.estimator.noise_covariance()[PAYLOAD, PAYLOAD] + self._changes.tare.noise
-                project_into(theta, noise, nearest)
-            theta = nearest if distance > 0.0 else theta
-            if not distance <= _NOT_A_BODY:
+            theta, distance = nearest_body(theta, noise, covariance)
+            if not distance <= NOT_A_BODY:
                 status, reason = "not_physical", "No body of positive density has these parameters, whatever the noise."
         if status != "warming_up" and (self.base is not None or t <= self._log.open_until):
             self._log.refine(t, float(theta[0]))

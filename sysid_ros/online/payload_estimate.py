@@ -11,7 +11,7 @@ from numba import njit
 
 from sysid_ros.estimators import Estimate, Estimator
 from sysid_ros.online_settings import OnlineSettings
-from sysid_ros.robot.inertial_parameters import body_of
+from sysid_ros.robot.inertial_parameters import body_of, project_into
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
@@ -22,6 +22,8 @@ _LOOK = "Check the URDF's legs and feet, and that the IMU is low-passed before i
 _OF_ROBOT = 0.03
 """Part of the mass of a robot on legs that what it carries need not be known better to: its legs hold both."""
 _DISTURBED = "For two steps the torques have fitted neither what was known nor another payload: something pulls at the robot."
+NOT_A_BODY = 29.6
+"""99.9 % quantile of chi-squared with 10 degrees of freedom."""
 _STAYS_KNOWN = 1.5
 """A mass that was known stays known up to so many times the limit, or the status would flicker at it."""
 
@@ -141,6 +143,18 @@ class PayloadEstimate:
     def com_std(self) -> FloatArray:
         """Standard deviation of the centre of mass, shape (3,) [m]."""
         return np.sqrt(np.diag(self.body.com_covariance))
+
+
+def nearest_body(theta: FloatArray, noise: FloatArray, covariance: FloatArray) -> tuple[FloatArray, float]:
+    """The body nearest to parameters (10,), and its squared distance by their covariance (10, 10), a part of which is of noise.
+
+    What the noise alone explains is not laid on the errors of the model, which would draw the mass along.
+    """
+    nearest, within = theta.copy(), np.empty(10)
+    distance = float(project_into(theta, covariance, nearest))
+    if distance > 0.0 and project_into(theta, noise, within) <= NOT_A_BODY:
+        nearest = within
+    return nearest, distance
 
 
 class ModelCheck:

@@ -37,7 +37,7 @@ class RowHistory:
         ring, size, count: the channels before the low-pass, of which the newest ``size`` stand in the ring, shape (size, n, c),
             each at its number modulo ``size``; whoever pushes them writes there. samples: when they were taken [s], and the
             sample where a row was due.
-        updates: Y and y of the rows that were due, after the low-pass.
+        updates: Y, y and what is considered of the rows that were due, after the low-pass.
         rise: w after a change, as a factor on each of the samples after it, the last one for all to come.
     """
 
@@ -47,7 +47,7 @@ class RowHistory:
         self._bank = bank
         self.ring = np.tile(empty, (self.size, 1, 1))
         self.samples: deque[tuple[float, Sample | None]] = deque(maxlen=self.size)
-        self.updates: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=self.size)
+        self.updates: deque[tuple[FloatArray, FloatArray, FloatArray]] = deque(maxlen=self.size)
         self.count, self._step = 0, max(round(_STEP * own), 1)
         rise = (np.arange(round(_RISE * own) + 1) + 0.5) / (_RISE * own)
         self.rise: FloatArray = 0.5 - 0.5 * np.cos(np.pi * np.minimum(rise, 1.0))
@@ -56,6 +56,13 @@ class RowHistory:
         """Nothing of what has been is looked at again."""
         self.samples.clear()
         self.updates.clear()
+
+    def settle(self, mean: FloatArray, root: FloatArray, matrix: FloatArray) -> None:
+        """As of :meth:`.ArmRows.settle_links`; ``matrix``: that of :meth:`.LowPassBank.mix`."""
+        self.ring = self.ring @ matrix
+        rows = [(Y, y, np.hstack([Y[:, self._block], Z])) for Y, y, Z in self.updates]
+        self.updates.clear()
+        self.updates.extend((Y, y - known @ mean, known @ root) for Y, y, known in rows)
 
     def onset(self, theta: FloatArray, variance: FloatArray, prior_variance: FloatArray) -> int:
         """Index, in what is kept, of the first channels after the change that explains the newest rows best.
@@ -68,7 +75,7 @@ class RowHistory:
         due = np.array([k for k, (_, sample) in enumerate(self.samples) if sample], dtype=np.int64)
         rows = list(self.updates)[-due.size :]
         due = due[due.size - len(rows) :]
-        e = np.array([y - Y @ theta for Y, y in rows])
+        e = np.array([y - Y @ theta for Y, y, _ in rows])
         raw = np.ascontiguousarray(self._recent()[:, :, self._block])
         starts = np.arange(kept - _NEWEST * self._step, 0, -self._step)
         if starts.size == 0:  # too little is kept to tell: all of it

@@ -30,18 +30,20 @@ class SmallTilt(Effect):
     because what was found is uncertain; where they grow until a small angle is none, gravity is turned again.
 
     Args:
-        robot: the arm; its gravity may be turned. prior_std: of the angles [rad].
+        robot: the arm; its gravity may be turned. prior_std: of the angles [rad]. frame: as of :meth:`.RobotModel.frame_id`.
 
     Attributes:
         level: True once it is known not to be tilted. axes: e_k, shape (2, 3).
+        load: what is carried at ``frame``, as it is known, shape (10,): it is heavy in another direction too.
         told: a sentence once it was found to be tilted, with what is known now.
     """
 
     id: ClassVar[str] = "small_tilt"
     label: ClassVar[str] = "small tilt of the base"
 
-    def __init__(self, robot: RobotModel, prior_std: float) -> None:
+    def __init__(self, robot: RobotModel, prior_std: float, frame: int) -> None:
         super().__init__(robot)
+        self.frame, self.load = frame, np.zeros(10)
         self._prior_std, self._set = prior_std, robot.gravity.copy()
         self.level, self.told = False, ""
         # two axes across gravity: the base's own x and y where gravity points along its z
@@ -53,7 +55,10 @@ class SmallTilt(Effect):
         self.parameter_names, self.units = ("tilt_1", "tilt_2"), ("rad", "rad")
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
-        np.matmul(self.robot.base_acceleration_columns(sample.q), self._turned, out=out)
+        columns = self.robot.base_acceleration_columns(sample.q)
+        if self.told:
+            columns += self.robot.base_acceleration_columns_of(sample.q, self.frame, self.load)
+        np.matmul(columns, self._turned, out=out)
 
     def settle(self, theta: FloatArray, covariance: FloatArray, noise: FloatArray) -> bool:
         """Whether gravity was turned by the two parameters (2,), of the covariance (2, 2), because the base is tilted. ``noise``:

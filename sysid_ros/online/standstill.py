@@ -70,6 +70,10 @@ class Standstill:
         if not self.told:
             self._compare(rows, hidden, was, could, estimator)
 
+    def clear(self) -> None:
+        """Rows to come are not those of before; what has happened is told on."""
+        self._before.clear()
+
     def _compare(self, rows: Rows, hidden: FloatArray, was: Rows, could: FloatArray, estimator: Estimator) -> None:
         apart = rows.sample.t - was.sample.t
         columns, considered = rows.Y - was.Y, rows.considered - was.considered

@@ -31,12 +31,12 @@ class Tare:
     @classmethod
     def of(cls, estimator: Estimator) -> Tare:
         """What the estimator has now."""
-        noise = estimator.noise_covariance()[PAYLOAD, PAYLOAD]
-        return cls(estimator.theta[PAYLOAD], noise, estimator.sensitivity[PAYLOAD], True)
+        noise, sensitivity = estimator.covariance_parts(PAYLOAD)
+        return cls(estimator.theta[PAYLOAD], noise, sensitivity, True)
 
     def covariances(self, estimator: Estimator) -> tuple[FloatArray, FloatArray]:
         """Of the tared payload: what noise and what considered errors make, shape (10, 10) each."""
-        sensitivity = estimator.sensitivity[PAYLOAD]
-        if sensitivity.shape == self.sensitivity.shape:
-            sensitivity = sensitivity - self.sensitivity
-        return estimator.noise_covariance()[PAYLOAD, PAYLOAD] + self.noise, sensitivity @ sensitivity.T
+        noise, sensitivity = estimator.covariance_parts(PAYLOAD)
+        if self.taken and sensitivity.shape == self.sensitivity.shape:
+            sensitivity -= self.sensitivity
+        return noise + self.noise, sensitivity @ sensitivity.T

@@ -170,7 +170,12 @@ class RobotModel:
 
     def regressor(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Y of all links, shape (n, 10 n): ``tau = Y pi``."""
-        return np.array(pin.computeJointTorqueRegressor(self.model, self.data, q, v, a)).reshape(self.n, -1)  # (10,) where n is 1
+        return np.array(self.newest_regressor(q, v, a))
+
+    def newest_regressor(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """As :meth:`regressor`; the next call of either overwrites it."""
+        Y: FloatArray = pin.computeJointTorqueRegressor(self.model, self.data, q, v, a)
+        return Y if self.n > 1 else Y.reshape(1, -1)  # (10,) where n is 1
 
     def momentum_regressors(self, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Y_p and Y_r, shape (n, 10 n) each: ``tau = d/dt(Y_p pi) + Y_r pi``, with ``Y_p pi = M v`` and ``Y_r pi = g - C' v``.

@@ -273,6 +273,13 @@ class LowPassBank:
         _filter(self.sections, self._state, flat, self._flat)
         return self.output
 
+    def mix(self, matrix: FloatArray) -> None:
+        """From now on the last axis of the channels holds ``channels @ matrix``, shape (c, d), as if all inputs had been so."""
+        shape = *self._state.shape[:2], -1
+        self._state = (self._state.reshape(*shape, len(matrix)) @ matrix).reshape(shape)
+        self.output = self.output @ matrix
+        self._flat = self.output.reshape(-1)
+
     def rest(self) -> None:
         """Forget all, as if every input before had been zero."""
         self._state[:] = 0.0

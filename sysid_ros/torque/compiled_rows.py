@@ -70,6 +70,8 @@ class CompiledRows:
                 self._asked.append((effect, where))
         self._asked_ids = {id(effect) for effect, _ in self._asked}
         self._linear = np.ascontiguousarray(np.hstack(blocks))
+        ends = np.arange(1, self._linear.shape[1] + 1)
+        self._filled = np.max(ends * (self._linear != 0.0), axis=1)  # beyond which the products of an inertial are zero
         self._places, self._columns = np.concatenate(places), np.ascontiguousarray(np.vstack(columns))
         self._curves, self._spread = np.ascontiguousarray(curves), np.ascontiguousarray(spread)
         self._torque: FloatArray = np.zeros(n)
@@ -85,9 +87,9 @@ class CompiledRows:
             for effect, where in self._asked:
                 if id(effect) not in self._left_out:
                     effect.fill(sample, raw[:, where])
-        regressor = self._robot.regressor(q, v, a)
+        regressor = self._robot.newest_regressor(q, v, a)
         _fill(
-            regressor, self._linear, self._places, self._columns, self._curves, self._spread, self._torque,
+            regressor, self._linear, self._filled, self._places, self._columns, self._curves, self._spread, self._torque,
             v, a, tau, raw, self.p,
         )  # fmt: skip
         for effect, rows in self._errors:
@@ -109,6 +111,7 @@ def _curve(kind: float, width: float, v: float, a: float) -> float:
 def _fill(
     regressor: FloatArray,
     linear: FloatArray,
+    filled: FloatArray,
     places: FloatArray,
     columns: FloatArray,
     curves: FloatArray,
@@ -124,6 +127,7 @@ def _fill(
 
     Args:
         regressor: of the links, (n, 10 n). linear, places: what it is multiplied by, (10 n, k), and where each product stands.
+        filled: up to which column a row of ``linear`` is not zero, (10 n,).
         columns: curve, width, joint, column of the free simple curves. curves, spread: as of :class:`CompiledRows`.
         others: torque of the other known effects, (n,).
     """
@@ -134,7 +138,7 @@ def _fill(
         for x in range(regressor.shape[1]):
             y = regressor[i, x]
             if y != 0.0:
-                for s in range(count):
+                for s in range(filled[x]):
                     products[s] += y * linear[x, s]
         for s in range(count):
             raw[i, places[s]] = products[s]

@@ -231,6 +231,12 @@ class TorqueModel:
             self._left_out,
         )
 
+    def settle_links(self, error: FloatArray, directions: FloatArray) -> None:
+        """The inertials of the URDF's links have turned out to be wrong by ``error + directions z``, z ~ N(0, 1), shapes (10 n,)
+        and (10 n, c)."""
+        self._correction = error if self._correction is None else self._correction + error
+        self.error.links, self.error.c = directions, directions.shape[1]
+
     def leave_out(self, *effects: Effect) -> None:
         """The columns of these free effects, and of no others, are not needed: :meth:`split_into` leaves them alone."""
         self._filled = [(e, where) for e, where in zip(self.free, self.slices, strict=True) if e not in effects]

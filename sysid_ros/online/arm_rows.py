@@ -1,0 +1,135 @@
+"""ArmRows: from the measurements of an arm to the filtered rows of the equation."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from sysid_ros.estimators.estimator import Noise
+from sysid_ros.online.row_history import RowHistory
+from sysid_ros.online.rows import Rows
+from sysid_ros.sample import FloatArray, Measurement, Sample
+from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank
+from sysid_ros.signals.cutoff import acceleration_variance, window_half_width
+from sysid_ros.torque.compiled_rows import BESIDE
+from sysid_ros.torque.torque_model import TorqueModel
+
+_FILLED = 0.98
+"""Part of the low-pass above which it counts as filled."""
+_NOISE_EVERY = 10
+"""Rows after which what the noise of the accelerations does to them is looked at again."""
+
+
+class ArmRows:
+    """Derivative, split into known and free, and the low-pass on both sides.
+
+    Args:
+        model: what is known and what is free. cutoff_hz: of the low-pass [Hz]. period: usual time between measurements [s].
+        every: samples from one row to the next. use_message_velocity: as of :class:`.CausalDerivative`.
+
+    Attributes:
+        derivative: what makes samples of measurements. bank: the low-pass. rows: of an update.
+        noise: standard deviation of the positions' white noise [rad].
+    """
+
+    def __init__(self, model: TorqueModel, cutoff_hz: float, period: float, every: int, use_message_velocity: bool) -> None:
+        n, rate = model.robot.n, 1.0 / period
+        self.rows, self._p, self._every = n, model.p, every
+        self.derivative = CausalDerivative(n, period, window_half_width(rate), use_message_velocity)
+        self._compiled = model.compiled()
+        self.bank = LowPassBank(self._compiled.empty.shape, cutoff_hz, rate)
+        self._history = RowHistory(self._compiled.empty, model.slices[0], period, self.bank)
+        self._filling, self._fresh = round(self.bank.memory / (every * period)), 0
+        self._rising = 0
+        self.bank.rest()  # primed with a first acceleration, a second difference, it would hold that one's noise for long
+        self.noise, self._since = 0.0, 0
+        self._pushed, self._still = np.tile(self._compiled.empty, (n, 1, 1)), self._compiled.empty.copy()
+        self._tick = -max(round(2.0 * self.bank.memory * rate), every)
+
+    def push(self, measurement: Measurement) -> list[Rows]:
+        """Rows that are due: none while the filters fill and between updates, seldom more than one."""
+        due: list[Rows] = []
+        derivative, history = self.derivative, self._history
+        for k in range(derivative.advance(measurement)):
+            t, (q, v, a, tau) = derivative.times[k], derivative.channels[k]
+            raw = history.ring[history.count % history.size]
+            self._compiled.fill(t, q, v, a, tau, raw)
+            self.bank.push(raw if self._rising < 0 else raw * history.rise[self._rising])
+            self._rising = self._rising + 1 if 0 <= self._rising < history.rise.size - 1 else -1
+            history.count += 1
+            self._tick += 1
+            sample = None
+            if self._tick >= 0 and self._tick % self._every == 0:
+                sample = Sample(float(t), q.copy(), v.copy(), a.copy(), tau.copy())
+                due.append(self._rows(sample))
+            history.samples.append((t, sample))
+        return due
+
+    def rest(self) -> None:
+        """Rows to come hold nothing of what has been."""
+        self.bank.rest()
+        self._history.clear()
+        self._rising = 0
+
+    def settle_links(self, model: TorqueModel, mean: FloatArray, root: FloatArray) -> None:
+        """Rows to come are those of ``model``, whose links and what they carry are wrong by ``mean + root z``, and so are all
+        that have gone into the filters; see :class:`.Told`."""
+        first, load = self._p + BESIDE, model.slices[0]
+        known = np.r_[load, first : self.bank.output.shape[1]]
+        matrix = np.eye(self.bank.output.shape[1], first + root.shape[1])
+        matrix[first:] = 0.0
+        matrix[known, self._p] -= mean
+        matrix[known, first:] = root
+        self.bank.mix(matrix)
+        self._history.settle(mean, root, matrix)
+        self._compiled = model.compiled()
+        self._pushed, self._still = np.tile(self._compiled.empty, (self.rows, 1, 1)), self._compiled.empty.copy()
+
+    def since_change(self, theta: FloatArray, variance: FloatArray, prior_variance: FloatArray) -> tuple[float, list[Rows]]:
+        """As of :class:`.FrontEnd`."""
+        replayed = self._history.replay(self._history.onset(theta, variance, prior_variance))
+        rows = [self._rows(sample) for sample in replayed]
+        since = self._history.samples
+        self._rising = len(since) if len(since) < self._history.rise.size else -1
+        return float(since[0][0]), rows
+
+    def _rows(self, sample: Sample) -> Rows:
+        """What the low-pass shows now, one row a joint."""
+        p, out = self._p, self.bank.output
+        n, c = out.shape
+        Y, considered, beside = np.empty((n, p)), np.empty((n, c - p - BESIDE)), np.empty((5, n))
+        filled = _split(out, p, Y, beside, considered)
+        self._fresh = self._filling if filled < _FILLED else max(self._fresh - 1, 0)
+        y, speed, slow, acceleration, tau = beside
+        self._since = (self._since + 1) % _NOISE_EVERY
+        noise = self._noise(sample) if self._since == 0 and self.noise > 0.0 else None
+        rows = Rows(Y, y, speed, slow, acceleration, tau, considered, sample, fresh=self._fresh > 0, noise=noise)
+        self._history.updates.append((rows.Y, rows.y, rows.considered))
+        return rows
+
+    def _noise(self, sample: Sample) -> Noise:
+        """What a standard deviation of each joint's acceleration does to a row."""
+        variance = acceleration_variance(1.0 / self.derivative.period, self.noise, self.bank.cutoff_hz)
+        p, zero = self._p, np.zeros(self.rows)
+        self._compiled.fill(sample.t, sample.q, zero, zero, zero, self._still)
+        for pushed, unit in zip(self._pushed, np.sqrt(variance) * np.eye(self.rows), strict=True):
+            self._compiled.fill(sample.t, sample.q, zero, unit, zero, pushed)
+        moved = self._pushed - self._still
+        return np.ascontiguousarray(moved[:, :, :p]), moved[:, :, p].copy(), np.ascontiguousarray(moved[:, :, p + BESIDE :])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _split(out: FloatArray, p: int, Y: FloatArray, beside: FloatArray, considered: FloatArray) -> float:
+    """What the low-pass shows, in the arrays of :class:`.Rows`: y, speed, slow, acceleration and tau are rows of ``beside``.
+    How far the low-pass is filled, over which the means beside the equation are taken."""
+    filled = out[0, p + 5]
+    part = max(filled, 0.02) if filled < _FILLED else 1.0
+    for i in range(out.shape[0]):
+        Y[i] = out[i, :p]
+        considered[i] = out[i, p + BESIDE :]
+        beside[0, i] = out[i, p]
+        beside[1, i] = abs(out[i, p + 1]) / part
+        beside[2, i] = abs(out[i, p + 4]) / part
+        beside[3, i] = out[i, p + 2] / part
+        beside[4, i] = out[i, p + 3]
+    return float(filled)
