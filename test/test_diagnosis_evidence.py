@@ -75,6 +75,17 @@ def test_intervals_hold_the_truth_where_noise_is_slower_than_its_weights_say(ban
         assert 0.9 < wider < 0.985
 
 
+def test_what_one_block_alone_tells_scatters_no_more_than_that_block_can_know(band: Band) -> None:
+    """As a motor at its limit once: rounding in the blocks that tell nothing of it made ratios of 1e262."""
+    rng = np.random.default_rng(2)
+    t = np.arange(len(band.motions[0].t)) * band.motions[0].period
+    once = np.repeat(np.exp(-(((t - 5.0) / 0.2) ** 2))[:, None], robot(ARM).n, axis=1)
+    columns = np.column_stack([band.rows([once])[:, 0], slowly(band, rng, 3)])
+    found = [ratios(band, rng.normal(size=len(band.f)), columns)[0] for _ in range(40)]
+    assert np.median(found) < 3.0
+    assert max(found) < 10.0
+
+
 def test_a_model_that_is_wrong_for_a_while_scatters_more(band: Band) -> None:
     rng = np.random.default_rng(1)
     t = np.arange(len(band.motions[0].t)) * band.motions[0].period

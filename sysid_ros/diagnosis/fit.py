@@ -255,11 +255,12 @@ def scatter_ratios(scores: FloatArray, each: FloatArray, information: FloatArray
     variance = np.maximum(np.diag(whole), 1e-300)
     without = inverse_of(information - each)
     moved = np.einsum("bij,bj->bi", without, scores) ** 2
-    expected = np.maximum(np.diagonal(without, axis1=1, axis2=2) - variance, 1e-300)
     told = np.maximum(np.einsum("ij,bjk,ki->bi", whole, each, whole, optimize=True), 0.0) / variance
+    # (M - G)^-1 - M^-1 is M^-1 G M^-1 at least, but for rounding
+    expected = np.maximum(np.diagonal(without, axis1=1, axis2=2) - variance, told * variance)
     total = np.maximum(told.sum(axis=0), 1e-300)
     blocks = total**2 / np.maximum(np.sum(told**2, axis=0), 1e-300)
-    ratio = np.sum(told * moved / expected, axis=0) / total
+    ratio = np.sum(told / np.maximum(expected, 1e-300) * moved, axis=0) / total
     more = np.maximum((_KNOWN + blocks * ratio) / (_KNOWN + blocks - 2.0) - 1.0, 0.0)
     return np.asarray(1.0 + np.minimum(total, 1.0) * more)
 
