@@ -49,7 +49,7 @@ class Condition:
         pauses: pick-and-place: moves of two seconds with pauses of half a second. slow: factor on the speed.
         spikes: part of the samples with a torque of three times the joint's limit. frozen: from 8 s on the effort of one joint,
             or of all (2), keeps its value. compensated: the effort lacks the links' gravity.
-        tared: an empty estimate is taken as zero before the pick.
+        tared: an empty estimate is taken as zero before the pick. wakes: until then every other joint moves by a twentieth only.
     """
 
     encoder: float = 2e-5
@@ -73,6 +73,7 @@ class Condition:
     pauses: bool = False
     slow: float = 1.0
     tared: bool = False
+    wakes: bool = False
     spikes: float = 0.0
     frozen: int = 0
     compensated: bool = False
@@ -83,6 +84,7 @@ CONDITIONS: dict[str, Condition] = {
     "links 2 %": Condition(links=0.02),
     "links 2 %, com 2 mm": Condition(links=0.02, com=0.002),
     "links 2 %, tared": Condition(links=0.02, com=0.002, tared=True),
+    "links 2 %, tared on another motion": Condition(links=0.02, com=0.002, tared=True, wakes=True),
     "base tilted 5 deg": Condition(tilt=np.deg2rad(5.0)),
     "60 N contact 2 s before the pick": Condition(push=60.0, at=4.0),
     "60 N contact while carrying": Condition(push=60.0, at=8.0),
@@ -168,7 +170,7 @@ def _moves(model: RobotModel, rng: np.random.Generator, t: FloatArray, c: Condit
         return _pick_and_place(model, rng, t)
     if not c.stands:
         q, v, a = motion(model, rng, c.slow * t)
-        return q, c.slow * v, c.slow**2 * a
+        return _wakes(q, v, a, t) if c.wakes else (q, c.slow * v, c.slow**2 * a)
     # time itself is slowed to a stop from a second before the push to two after it
     h = t[1] - t[0]
     ramp = np.clip(np.minimum(np.abs(t - c.at + 1.0), np.abs(t - c.at - 3.0)) / 0.8, 0.0, 1.0)
@@ -177,6 +179,17 @@ def _moves(model: RobotModel, rng: np.random.Generator, t: FloatArray, c: Condit
     q, v, a = motion(model, rng, own)
     rate = np.gradient(speed, h)
     return q, v * speed[:, None], a * speed[:, None] ** 2 + v * rate[:, None]
+
+
+def _wakes(q: FloatArray, v: FloatArray, a: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The motion, of which every other joint takes part by a twentieth until just before the pick, and wholly 1.5 s later."""
+    x, some = np.clip((t - PICK + 0.1) / 1.5, 0.0, 1.0)[:, None], slice(None, None, 2)
+    part, away = 0.05 + 0.95 * (10 * x**3 - 15 * x**4 + 6 * x**5), q[:, some] - q[:1, some]
+    rate, bend = 0.95 * (30 * x**2 - 60 * x**3 + 30 * x**4) / 1.5, 0.95 * (60 * x - 180 * x**2 + 120 * x**3) / 1.5**2
+    a[:, some] = part * a[:, some] + 2.0 * rate * v[:, some] + bend * away
+    v[:, some] = part * v[:, some] + rate * away
+    q[:, some] = q[:1, some] + part * away
+    return q, v, a
 
 
 def _pick_and_place(model: RobotModel, rng: np.random.Generator, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -225,7 +225,7 @@ def test_what_is_carried_is_heavy_in_another_direction_too_where_the_base_is_til
     tilt.told, tilt.load = "It is.", BODY
     q, zero, angles, columns = np.linspace(-1.0, 1.0, MODEL.n), np.zeros(MODEL.n), np.array([2e-4, -3e-4]), np.zeros((MODEL.n, 2))
     tilt.fill(Sample(0.0, q, zero, zero, zero), columns)
-    loaded = MODEL.pi + Payload(MODEL, frame=MODEL.flange).link_columns() @ BODY
+    loaded = MODEL.pi + Payload(MODEL, frame=MODEL.flange).as_links(BODY).ravel()
     turned = RobotModel.from_urdf(urdf("iiwa"), gravity=tuple(MODEL.gravity + np.cross(angles @ tilt.axes, MODEL.gravity)))
     change = (turned.regressor(q, zero, zero) - MODEL.regressor(q, zero, zero)) @ loaded
     np.testing.assert_allclose(columns @ angles, change, atol=1e-9)

@@ -82,7 +82,9 @@ def test_links_that_are_settled_under_way_are_as_if_they_had_been_from_the_start
     model, rng = robot("small_arm"), np.random.default_rng(0)
     directions, payload = 0.1 * rng.normal(size=(10 * model.n, 3)), Payload(model)
     mean, root = rng.normal(size=13), rng.normal(size=(13, 5))
-    loads = np.hstack([payload.link_columns(), directions])
+    columns = payload.link_columns()
+    assert columns is not None
+    loads = np.hstack([columns, directions])
     first = FrontEnd(TorqueModel(model, [payload], inexact=directions), 0.004, 100.0)
     known = TorqueModel(model, [payload], inexact=directions)
     known.settle_links(loads @ mean, loads @ root)

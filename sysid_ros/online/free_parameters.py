@@ -230,7 +230,9 @@ class FreeParameters:
 
     def error_directions(self) -> FloatArray:
         """What a payload and the considered errors of the links are in the links' inertials, shape (10 n, 10 + c)."""
-        return np.hstack([self.payload.link_columns(), self.model.error.links])
+        columns = self.payload.link_columns()
+        assert columns is not None  # it hangs on a link
+        return np.hstack([columns, self.model.error.links])
 
 
 def white_noise_variance(measurements: list[Measurement]) -> FloatArray:
