@@ -148,11 +148,12 @@ class PayloadEstimate:
 def nearest_body(theta: FloatArray, noise: FloatArray, covariance: FloatArray) -> tuple[FloatArray, float]:
     """The body nearest to parameters (10,), and its squared distance by their covariance (10, 10), a part of which is of noise.
 
-    What the noise alone explains is not laid on the errors of the model, which would draw the mass along.
+    What the noise alone explains is not laid on the errors of the model, which would draw the mass along; nor is what not even
+    these explain.
     """
-    nearest, within = theta.copy(), np.empty(10)
-    distance = float(project_into(theta, covariance, nearest))
-    if distance > 0.0 and project_into(theta, noise, within) <= NOT_A_BODY:
+    nearest = theta.copy()
+    distance, within = float(project_into(theta, covariance, nearest)), nearest.copy()
+    if distance > 0.0 and (project_into(theta, noise, within) <= NOT_A_BODY or distance > NOT_A_BODY):
         nearest = within
     return nearest, distance
 
