@@ -39,7 +39,7 @@ def learn_first(
     extra, spread = np.array([more for _, _, more in early]), levels[variable_update.SPREAD]
     spread[:] = _typical(residuals, extra, spread, levels[variable_update.FLOOR])
     for count, (residual, more) in enumerate(zip(residuals, extra, strict=True)):
-        rate, clip = max(1.0 / (count + _SUPPOSED), period / memory), count * period > clip_after
+        rate, clip = max(1.0 / (count + 1), period / memory), count * period > clip_after
         variable_update.learn_spread(residual, more, levels, rate, clip)
     part = spread / (spread + extra)
     return list(zip(residuals * np.sqrt(part), part, strict=True))

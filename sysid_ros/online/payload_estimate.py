@@ -24,8 +24,6 @@ _OF_ROBOT = 0.03
 _DISTURBED = "For two steps the torques have fitted neither what was known nor another payload: something pulls at the robot."
 NOT_A_BODY = 29.6
 """99.9 % quantile of chi-squared with 10 degrees of freedom."""
-_MODEL_PARTS = (0.0, *np.geomspace(1e-3, 1.0, 7))
-"""Of the covariance of the model's errors, in which the least that explains a distance is sought."""
 _STAYS_KNOWN = 1.5
 """A mass that was known stays known up to so many times the limit, or the status would flicker at it."""
 
@@ -150,16 +148,13 @@ class PayloadEstimate:
 def nearest_body(theta: FloatArray, noise: FloatArray, covariance: FloatArray) -> tuple[FloatArray, float]:
     """The body nearest to parameters (10,), and its squared distance by their covariance (10, 10), a part of which is of noise.
 
-    What the noise alone explains is not laid on the errors of the model, which would draw the mass along; beyond that as small a
-    part of them counts as explains the rest. Where not even all of them does they tell nothing of where the body is.
+    What the noise alone explains is not laid on the errors of the model, which would draw the mass along; nor is what not even
+    these explain.
     """
     nearest = theta.copy()
-    distance = float(project_into(theta, covariance, nearest))
-    if not distance > 0.0:
-        return nearest, distance
-    for part in _MODEL_PARTS if distance <= NOT_A_BODY else (0.0,):
-        if project_into(theta, noise + part * (covariance - noise), nearest) <= NOT_A_BODY:
-            break
+    distance, within = float(project_into(theta, covariance, nearest)), nearest.copy()
+    if distance > 0.0 and (project_into(theta, noise, within) <= NOT_A_BODY or distance > NOT_A_BODY):
+        nearest = within
     return nearest, distance
 
 
