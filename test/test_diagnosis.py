@@ -17,7 +17,8 @@ from robots import robot
 from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import Diagnosis, diagnose
-from sysid_ros.diagnosis.band import Band, Noise
+from sysid_ros.diagnosis.band import Band
+from sysid_ros.diagnosis.noise import Noise
 from sysid_ros.exceptions import DataError
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel

@@ -9,9 +9,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.diagnosis.band import Band, Noise
+from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.evidence import Evidence
 from sysid_ros.diagnosis.fit import BlockScatter, Fit
+from sysid_ros.diagnosis.noise import Noise
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.robot_kernels import RobotKernels
 from sysid_ros.diagnosis.robot_likelihood import USUAL, JointTorques, inverse

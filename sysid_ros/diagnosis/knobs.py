@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from scipy import optimize
 
-from sysid_ros.diagnosis.band import Noise
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.noise import Noise, RowNoise
 from sysid_ros.diagnosis.prepare import links_changed, torques
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import Depends, Knob
@@ -98,7 +98,7 @@ def _whole(problem: Problem, library: Library, fit: Fit, term: Term) -> Term:
     """
     others = [t for t in fit.terms if t is not term]
 
-    def tried(settings: dict[str, Any], noise: Noise, turns: int) -> float:
+    def tried(settings: dict[str, Any], noise: RowNoise, turns: int) -> float:
         return -problem.fit([*others, library.remake(term, **settings)], noise, turns, fit.inexact).loglik
 
     def cost(settings: dict[str, Any]) -> float:

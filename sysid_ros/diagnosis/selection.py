@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import combinations
 
-from sysid_ros.diagnosis.band import Noise
 from sysid_ros.diagnosis.covariance import dry_friction
 from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.heldout import HeldOut, no_worse
 from sysid_ros.diagnosis.knobs import made_anew, refine
 from sysid_ros.diagnosis.left_out import Rows
 from sysid_ros.diagnosis.library import Library, SetPrior
+from sysid_ros.diagnosis.noise import RowNoise
 from sysid_ros.diagnosis.posterior import Posterior, posterior_of
 from sysid_ros.diagnosis.prepare import SCALES, before_gains, torques
 from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, forms
@@ -153,7 +153,7 @@ class Selection:
         search, plain = self._search(rows, list(dict.fromkeys([*before.terms, *asked])), simpler.noise)
         return posterior_of(search, plain, search.state([search.pool.index(t) for t in before.terms], state.scale))
 
-    def _search(self, rows: Sequence[Rows], asked: Sequence[Term], noise: Noise) -> tuple[SetSearch, State]:
+    def _search(self, rows: Sequence[Rows], asked: Sequence[Term], noise: RowNoise) -> tuple[SetSearch, State]:
         """A search among the fit's terms and others, and its state at the fit."""
         terms = list(self.fit.terms)
         pool = [*terms, *(t for t in asked if t not in terms)]
