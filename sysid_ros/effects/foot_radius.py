@@ -89,3 +89,10 @@ class FootRadius(TrunkEffect):
 
     def of_setup(self, setup: TrunkSetup) -> FloatArray:
         return np.array([setup.radius.get(foot, 0.0) for foot in self.feet])
+
+    def hidden_on_legs(self, torque: float) -> tuple[float, float]:
+        return float(0.04 * self._lower_legs("").mean()), float(0.07 * self._lower_legs("").mean())
+
+    def drawn_on_legs(self, size: float, rng: np.random.Generator) -> FloatArray:
+        """All feet alike."""
+        return np.full(len(self.feet), size)

@@ -152,8 +152,8 @@ def _not_what_acts(base: FloatingBase, torque: TorqueRmse) -> str:
     axis = int(np.argmax(np.where(wrong, left, 0.0)))
     return (
         f"With everything that is known here {left[axis]:.3g} N (rms) of the force along the trunk's {'xyz'[axis]} axis are left "
-        f"on held-out data, of {torque.torque[axis]:.3g} N: the torques of the messages are not those that act, "
-        "whatever is wrong with the model, or something pulls at the robot. Torques that change faster than they are published show as others. "
+        f"on held-out data, of {torque.torque[axis]:.3g} N: the torques of the messages are not those that act, whatever else is "
+        "wrong, or something pulls at the robot. Torques that change faster than they are published are shown wrongly. "
         "Publish their mean over the time between messages, and see whether a controller chatters."
     )
 
