@@ -23,7 +23,7 @@ N = BASE.robot.n
 
 
 def motion(name: str, seconds: float) -> Motion:
-    t = np.arange(round(seconds / PERIOD)) * PERIOD
+    t: FloatArray = np.asarray(np.arange(round(seconds / PERIOD)) * PERIOD, dtype=np.float64)
     still = np.zeros((len(t), N))
     out = Motion(BASE.robot, t, still, still, still, still)
     out.recording = name
@@ -36,7 +36,7 @@ def every_step(t: FloatArray) -> FloatArray:
 
 
 def test_the_period_of_steps_is_that_of_the_feet() -> None:
-    t = np.arange(700) * PERIOD
+    t: FloatArray = np.asarray(np.arange(700) * PERIOD, dtype=np.float64)
     lengths = 0.4 + 0.02 * np.stack([every_step(t), every_step(t + 0.5 * STEP)], axis=1) + 0.01 * t[:, None]
     assert step_period([lengths], PERIOD) == pytest.approx(STEP, rel=0.02)
     assert step_period([np.random.default_rng(0).normal(size=(700, 2))], PERIOD) == 0.0
@@ -44,7 +44,8 @@ def test_the_period_of_steps_is_that_of_the_feet() -> None:
 
 
 def test_repeated_power_is_that_of_what_repeats() -> None:
-    t, rng = np.arange(700) * PERIOD, np.random.default_rng(1)
+    t: FloatArray = np.asarray(np.arange(700) * PERIOD, dtype=np.float64)
+    rng = np.random.default_rng(1)
     noise = rng.normal(size=(700, 2))
     both = noise + np.stack([2.0 * every_step(t), 0.0 * t], axis=1)
     power = repeated_power([both], PERIOD, STEP)

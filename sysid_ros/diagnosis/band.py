@@ -107,11 +107,15 @@ class Band:
 
     def unmixed(self, rows: FloatArray) -> FloatArray:
         """Rows of shape (K, n) before they were multiplied."""
-        return rows if self._mixed is None else self._multiplied(rows, [np.linalg.inv(m) for m in self._mixed])
+        return rows if self._mixed is None else self._multiplied(rows, [np.asarray(np.linalg.inv(m)) for m in self._mixed])
 
     def unmixed_variance(self, variance: FloatArray) -> FloatArray:
         """Variance of those rows where those of the band have errors of their own, shape (K, n)."""
-        return variance if self._mixed is None else self._multiplied(variance, [np.linalg.inv(m) ** 2 for m in self._mixed])
+        return (
+            variance
+            if self._mixed is None
+            else self._multiplied(variance, [np.asarray(np.linalg.inv(m) ** 2) for m in self._mixed])
+        )
 
     def _multiplied(self, rows: FloatArray, by: Sequence[FloatArray]) -> FloatArray:
         out, begin = rows.copy(), 0

@@ -42,7 +42,7 @@ def check_legs(legs: RobotModel, recording: Recording, max_gap: float) -> Checke
     if not there.any():
         return checked
     spoiled |= there
-    names = ", ".join(name for name, at in zip(legs.joint_names, there.any(axis=0), strict=True) if at)
+    names = ", ".join(name for name, at in zip(legs.joint_names, np.any(there, axis=0).tolist(), strict=True) if at)
     text = (
         f"The effort of {names} is at the URDF's limit in {100.0 * float(np.mean(there.any(axis=1))):.2g} % of the messages: "
         "what a drive gives there is not what it says. These rows are not used; walk more softly, or slower."

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from sysid_ros.effects import EFFECTS, TRUNK_EFFECTS, Depends, Effect, Motion, Scope
+from sysid_ros.effects.parameter import Parameter
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.leg_priors import standing_torque
@@ -76,30 +77,31 @@ def hide_on_legs(record: Recorded, wishes: Sequence[Wish], seed: int = 0) -> Rec
     Raises:
         SettingsError: there is no such effect or joint, or the description has nothing that could be wrong.
     """
-    told = []
+    told: list[dict[str, Any]] = []
     for k, wish in enumerate(wishes):
-        kind = {**EFFECTS, **TRUNK_EFFECTS}.get(wish.effect)
-        if kind is None or not _can_hide(kind):
-            raise SettingsError(f"hide is '{wish.effect}'; it must be one of {', '.join(hideable_on_legs())}.")
-        base = FloatingBase(RobotModel.from_urdf(record.urdf), record.truth["contact_frames"])
-        rng = np.random.default_rng([seed, k, *wish.effect.encode()])
-        hidden = [(effect, _size(effect, wish.size, base, rng)) for effect in _occurrences(kind, wish, base, rng)]
-        found = []
-        for effect, size in hidden:
-            theta = effect.drawn_on_legs(size, rng)
-            record = _hidden(record, base, effect, theta)
-            found += effect.as_parameters(theta, np.zeros((len(theta), len(theta))), np.eye(len(theta)))
-        joints = dict.fromkeys(name for effect, _ in hidden for name in effect.joint_names)
-        told.append(
-            {
-                "name": wish.effect,
-                "joints": list(joints),
-                "size": [size for _, size in hidden],
-                "parameters": [{"name": p.name, "joint": p.joint, "value": p.value, "unit": p.unit} for p in found],
-            }
-        )
+        record, one = _with_wish(record, wish, np.random.default_rng([seed, k, *wish.effect.encode()]))
+        told.append(one)
     truth: dict[str, Any] = {**record.truth, "effects": [*record.truth.get("effects", []), *told], "hide_seed": seed}
     return replace(record, truth=truth)
+
+
+def _with_wish(record: Recorded, wish: Wish, rng: np.random.Generator) -> tuple[Recorded, dict[str, Any]]:
+    """The recording with one wish, and what its truth says of it."""
+    kind = {**EFFECTS, **TRUNK_EFFECTS}.get(wish.effect)
+    if kind is None or not _can_hide(kind):
+        raise SettingsError(f"hide is '{wish.effect}'; it must be one of {', '.join(hideable_on_legs())}.")
+    base = FloatingBase(RobotModel.from_urdf(record.urdf), record.truth["contact_frames"])
+    sizes: list[float] = []
+    found: list[Parameter] = []
+    joints: dict[str, None] = {}
+    for effect in _occurrences(kind, wish, base, rng):
+        sizes.append(_size(effect, wish.size, base, rng))
+        theta = effect.drawn_on_legs(sizes[-1], rng)
+        record = _hidden(record, base, effect, theta)
+        found += effect.as_parameters(theta, np.zeros((len(theta), len(theta))), np.eye(len(theta)))
+        joints |= dict.fromkeys(effect.joint_names)
+    parameters = [{"name": p.name, "joint": p.joint, "value": p.value, "unit": p.unit} for p in found]
+    return record, {"name": wish.effect, "joints": list(joints), "size": sizes, "parameters": parameters}
 
 
 def _size(effect: Effect, given: float | None, base: FloatingBase, rng: np.random.Generator) -> float:
