@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, sparse
 
-from sysid_ros.diagnosis.noise import Noise, RowNoise
 from sysid_ros.effects import Motion
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.whittle import Noise
 
 CUTOFF = 8.0
 """Upper end of the band that is judged [Hz]."""
@@ -28,6 +29,17 @@ _ANCHOR = 0.15
 """Longest stretch of motion whose mean a bridge ends at [s]; shorter stretches count as rest."""
 _FEWEST = 0.05
 """Part of the time that a joint must move to be judged."""
+
+
+class RowNoise(Protocol):
+    """Noise of rows."""
+
+    def along(self, band: Band) -> FloatArray:
+        """Variance of each coefficient of a band, shape (K, n)."""
+
+    @property
+    def at_zero(self) -> FloatArray:
+        """Variance of a coefficient at the frequency zero, shape (n,)."""
 
 
 class Band:

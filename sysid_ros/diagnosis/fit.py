@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from sysid_ros.diagnosis.band import Band
-from sysid_ros.diagnosis.noise import RowNoise
+from sysid_ros.diagnosis.band import Band, RowNoise
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
 

@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 from scipy import optimize
 
+from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.noise import Noise, RowNoise
 from sysid_ros.diagnosis.prepare import links_changed, torques
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import Depends, Knob
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.whittle import Noise
 
 _NARROWED_STEPS = 8
 _FIXED_POINTS = 3

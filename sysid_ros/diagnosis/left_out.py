@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.covariance import unknown_columns
 from sysid_ros.diagnosis.fit import Problem, inverse_of, scatter_ratios
-from sysid_ros.diagnosis.noise import RowNoise
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
 

@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import combinations
 
+from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.covariance import dry_friction
 from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.heldout import HeldOut, no_worse
 from sysid_ros.diagnosis.knobs import made_anew, refine
 from sysid_ros.diagnosis.left_out import Rows
 from sysid_ros.diagnosis.library import Library, SetPrior
-from sysid_ros.diagnosis.noise import RowNoise
 from sysid_ros.diagnosis.posterior import Posterior, posterior_of
 from sysid_ros.diagnosis.prepare import SCALES, before_gains, torques
 from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, forms

@@ -8,11 +8,11 @@ from itertools import combinations, product
 
 import numpy as np
 
+from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.covariance import unknown_prior
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.left_out import Indices, LeftOut, Predicted, Rows
 from sysid_ros.diagnosis.library import SetPrior
-from sysid_ros.diagnosis.noise import RowNoise
 from sysid_ros.diagnosis.prepare import SCALES, scales_beside
 from sysid_ros.diagnosis.term import Term, conflicts
 from sysid_ros.effects import Effect, forms_of

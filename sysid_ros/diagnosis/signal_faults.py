@@ -10,9 +10,9 @@ from scipy import fft, interpolate, optimize, signal
 
 from sysid_ros.diagnosis.evidence import Evidence
 from sysid_ros.diagnosis.fit import scatter_ratios
-from sysid_ros.diagnosis.noise import Noise
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.whittle import Noise
 
 _BAND = 12.0
 _LEAST_LAG = 1.5e-3

@@ -9,9 +9,9 @@ import numpy as np
 from scipy import fft
 
 from sysid_ros.diagnosis.band import Band
-from sysid_ros.diagnosis.noise import Noise
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.repetition import repeated_power
+from sysid_ros.signals.whittle import Noise
 
 
 @dataclass(frozen=True, slots=True)

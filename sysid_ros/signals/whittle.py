@@ -1,17 +1,14 @@
-"""Noise of rows in the band: of one colour in all recordings, with the likeliest levels by Whittle's likelihood."""
+"""Noise of rows in the frequency domain, of one colour, with the likeliest levels by Whittle's likelihood."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numba import njit
 
 from sysid_ros.sample import FloatArray
-
-if TYPE_CHECKING:
-    from sysid_ros.diagnosis.band import Band
 
 _CORNERS = np.geomspace(0.03, 2.0, 8)
 _BINS = 36
@@ -62,15 +59,12 @@ def _likeliest(power: FloatArray, count: FloatArray, f: FloatArray, corners: Flo
                 out[j, 0], out[j, 1], out[j, 2], out[j, 3] = w, c, corners[k], r
 
 
-class RowNoise(Protocol):
-    """Noise of rows."""
-
-    def along(self, band: Band) -> FloatArray:
-        """Variance of each coefficient of a band, shape (K, n)."""
+class Frequencies(Protocol):
+    """Rows in the frequency domain."""
 
     @property
-    def at_zero(self) -> FloatArray:
-        """Variance of a coefficient at the frequency zero, shape (n,)."""
+    def f(self) -> FloatArray:
+        """Frequency of each coefficient, shape (K,) [Hz]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +86,7 @@ class Noise:
         variance: FloatArray = self.white + slow + self.rising * (f[:, None] / _TOP) ** 4
         return variance
 
-    def along(self, band: Band) -> FloatArray:
+    def along(self, band: Frequencies) -> FloatArray:
         """S of each coefficient of a band, shape (K, n)."""
         return self.variance(band.f)
 
