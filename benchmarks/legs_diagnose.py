@@ -47,6 +47,8 @@ from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.trunk_channels import TrunkSetup
 from sysid_ros.simulation.legged_record import LeggedRecord, simulate_legged
 from sysid_ros.simulation.legged_scenario import LeggedScenario
+from sysid_ros.simulation.quadruped_record import QuadrupedRecord, simulate_quadruped
+from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,17 +229,22 @@ class Trial:
     peer_first: bool
 
 
-def simulated(name: str, seed: int, seconds: float) -> Robot:
-    """A robot that hides nothing but masses that are 2 % off.
+def simulated(simulator: str, name: str, gait: str, seed: int, seconds: float) -> Robot:
+    """A robot that hides nothing but, in MuJoCo, masses that are 2 % off; in PyBullet an A1 whose description is right.
 
     Raises:
         SettingsError: it falls.
     """
-    scenario = LeggedScenario(
-        robot=name, gait="sway", seed=seed, duration=seconds, extent=1.4, encoder_step=1e-4, imu_rate=250, mass_error=0.02
-    )
-    record: LeggedRecord = simulate_legged(scenario, start_time=START)
-    base, recording = recorded(record, "sway")
+    extent = 1.4 if gait == "sway" else 1.0
+    if simulator == "mujoco":
+        scenario = LeggedScenario(
+            robot=name, gait=gait, seed=seed, duration=seconds, extent=extent, encoder_step=1e-4, imu_rate=250, mass_error=0.02
+        )
+        record: LeggedRecord | QuadrupedRecord = simulate_legged(scenario, start_time=START)
+    else:
+        torques = QuadrupedScenario(gait=gait, seed=seed, duration=seconds, extent=extent, encoder_noise=1e-4)
+        record = simulate_quadruped(torques, start_time=START)
+    base, recording = recorded(record, gait)
     t, v = np.array([START + x.t for x in record.exact]), np.stack([x.v for x in record.exact])
     names = list(record.truth["joint_names"])
     order = [names.index(joint) for joint in base.legs.joint_names]
@@ -288,30 +295,45 @@ def trial(robot: Robot, seed: int, kinds: tuple[str, ...]) -> Trial:
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--robot", default="go2", show_default=True, help="By name.")
+@click.option("--simulator", type=click.Choice(["mujoco", "pybullet"]), default="mujoco", show_default=True)
+@click.option("--robot", default="go2", show_default=True, help="By name; of MuJoCo.")
+@click.option("--gait", default="sway", show_default=True, help="That is recorded: sway, trot, flying_trot.")
+@click.option("--only", default=",".join(KINDS), help="Some of the causes; all of them without.")
 @click.option("--seconds", default=20.0, show_default=True, help="Of the recording.")
 @click.option("--seeds", type=click.IntRange(1), default=3, show_default=True, help="Simulated robots.")
 @click.option("--first-seed", type=int, default=500, show_default=True)
 @click.option("--pairs", type=click.IntRange(0), default=4, show_default=True, help="With two causes, of each simulated robot.")
 @click.option("--json", "json_path", type=click.Path(path_type=Path, dir_okay=False), help="Write the results.")
-def main(robot: str, seconds: float, seeds: int, first_seed: int, pairs: int, json_path: Path | None) -> int:
+def main(
+    simulator: str,
+    robot: str,
+    gait: str,
+    only: str,
+    seconds: float,
+    seeds: int,
+    first_seed: int,
+    pairs: int,
+    json_path: Path | None,
+) -> int:  # fmt: skip
     """Diagnose robots on legs; a simulated one with all that is hidden in it takes some five minutes.
 
     \b
     Example:
       python benchmarks/legs_diagnose.py --seeds 1 --pairs 0
     """
+    if unknown := sorted(set(only.split(",")) - set(KINDS)):
+        raise click.UsageError(f"only has {', '.join(unknown)}; it has some of {', '.join(KINDS)}.")
     console = Console(width=150)
     trials: list[Trial] = []
     for seed in range(first_seed, first_seed + seeds):
         try:
-            own = simulated(robot, seed, seconds)
+            own = simulated(simulator, robot, gait, seed, seconds)
         except SettingsError as error:
             console.print(f"{robot} {seed}: {error}")
             continue
         rng = np.random.default_rng([seed, 1])
         two = [tuple(str(x) for x in rng.choice(list(KINDS), 2, replace=False)) for _ in range(pairs)]
-        for kinds in [(), *((kind,) for kind in KINDS), *two]:
+        for kinds in [(), *((kind,) for kind in only.split(",")), *two]:
             t = trial(own, seed, kinds)
             trials.append(t)
             told = ", ".join(f"{name} {p:.2f}" for name, p in t.told)

@@ -42,6 +42,7 @@ from sysid_ros.signals.recording import Recording
 from sysid_ros.simulation.legged_record import LeggedRecord, simulate_legged
 from sysid_ros.simulation.legged_scenario import LeggedScenario
 from sysid_ros.simulation.legged_simulation import LeggedSimulation
+from sysid_ros.simulation.quadruped_record import QuadrupedRecord
 
 START = 1000.0
 ROTORS = {"solo12": 5e-4, "anymal": 0.04}
@@ -81,7 +82,7 @@ def scenario(robot: str, gait: str, seed: int, seconds: float, mass_error: float
     )  # fmt: skip
 
 
-def recorded(record: LeggedRecord, name: str) -> tuple[FloatingBase, Recording]:
+def recorded(record: LeggedRecord | QuadrupedRecord, name: str) -> tuple[FloatingBase, Recording]:
     """What the input gate lets through of a recording."""
     base = FloatingBase(RobotModel.from_urdf(record.urdf))
     gate = gate_for(base.legs, base, OnlineSettings())

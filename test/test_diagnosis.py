@@ -17,13 +17,14 @@ from robots import robot
 from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import Diagnosis, diagnose
-from sysid_ros.diagnosis.band import Band, Noise
+from sysid_ros.diagnosis.band import Band
 from sysid_ros.exceptions import DataError
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.conditioning import motions
 from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.whittle import Noise
 
 ARM = "small_arm"
 RATE = 200.0

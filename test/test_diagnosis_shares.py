@@ -101,7 +101,7 @@ def test_any_set_of_terms_removes_what_a_fit_of_it_removes() -> None:
     groups = [[library.local(id_, j) for j in joints] for id_ in ("coulomb_friction", "viscous_friction", "rotor_inertia")]
     fit = train.problem.fit([t for g in groups for t in g], inexact=True)
     held = HeldOut.of(model, judged, fit)
-    weight = 1.0 / held.rms(np.sqrt(fit.noise.variance(judged.band.f))) ** 2
+    weight = 1.0 / held.rms(np.sqrt(fit.noise.along(judged.band))) ** 2
     removes = removed_power(train.problem, held, fit, [Part(t, frozenset({i})) for i, g in enumerate(groups) for t in g], weight)
 
     def power(rows: FloatArray) -> float:

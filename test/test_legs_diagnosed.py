@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sysid_ros.diagnosis.legs.leg_rows import Corrected, leg_model
+from sysid_ros.diagnosis.legs.corrected import Corrected, leg_model
 from sysid_ros.diagnosis.legs.on_legs import diagnose_on_legs
 from sysid_ros.diagnosis.result import Diagnosis
 from sysid_ros.effects import EFFECTS, TRUNK_EFFECTS, LinkInertia

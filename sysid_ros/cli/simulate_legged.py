@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
 from sysid_ros.cli import options as opt
-from sysid_ros.cli.simulate_output import conclude, payload_rows, recorder_of, simulated
+from sysid_ros.cli.simulate_output import Rows, conclude, named_option, payload_rows, recorder_of, simulated
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.simulation.legged_scenario import OWN, LeggedScenario
 from sysid_ros.simulation.quadruped_record import write_quadruped
+
+if TYPE_CHECKING:  # it needs MuJoCo
+    from sysid_ros.simulation.hidden_on_legs import Recorded
 
 _ABSENT = ("controller_knows_payload", "lifted_foot", "hoist_time", "hoist_duration")
 _OPTIONS = (
@@ -52,8 +55,41 @@ def without_own(options: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in options.items() if name not in OWN}
 
 
-def record_legged(bag: Path, storage: str, json_path: Path | None, imu: bool, contacts: bool, options: dict[str, Any]) -> None:
+def with_hidden(record: Recorded, hide: Sequence[str], seed: int) -> Recorded:
+    """The recording with what ``--hide`` asks for in it.
+
+    Raises:
+        SettingsError: it can't be hidden.
+    """
+    from sysid_ros.simulation.hidden_on_legs import Wish, hide_on_legs
+
+    try:
+        return hide_on_legs(record, [Wish.parse(text) for text in hide], seed) if hide else record
+    except SettingsError as error:
+        raise named_option(error, {"hide"}) from None
+
+
+def hidden_rows(truth: dict[str, Any]) -> Rows:
+    """What is hidden, with its parameters."""
+    rows: Rows = []
+    for effect in truth.get("effects", []):
+        where = "the whole robot" if len(effect["joints"]) == len(truth["joint_names"]) else ", ".join(effect["joints"])
+        rows.append(("hidden", f"{effect['name']} ({where})"))
+        for p in effect["parameters"]:
+            numbers = p["value"] if isinstance(p["value"], list) else [p["value"]]
+            text = ", ".join(x if isinstance(x, str) else f"{x:.4g}" for x in numbers)
+            rows.append(("", f"{p['name']} = {text} {p['unit']}" + (f"  [{p['joint']}]" if p["joint"] else "")))
+    return rows
+
+
+def record_legged(
+    bag: Path, storage: str, json_path: Path | None, imu: bool, contacts: bool, options: dict[str, Any],
+    hidden: tuple[Sequence[str], int] = ((), 0),
+) -> None:  # fmt: skip
     """Simulate in MuJoCo, write the bag and its truth, and show what was simulated.
+
+    Args:
+        hidden: what ``--hide`` asks for, and its seed.
 
     Raises:
         SettingsError: an option is not allowed, MuJoCo does not have it, or is not installed.
@@ -65,15 +101,16 @@ def record_legged(bag: Path, storage: str, json_path: Path | None, imu: bool, co
     _refuse([name for name in _ABSENT if _given(name)], "--simulator is mujoco, which has no {}; leave it out")
     began = time.perf_counter()
     chosen = {name: value for name, value in options.items() if name not in _ABSENT}
-    record = simulated(LeggedScenario, simulate_legged, chosen)
+    record = with_hidden(simulated(LeggedScenario, simulate_legged, chosen), *hidden)
     truth = record.truth
     with recorder_of(bag, storage, truth) as recorder:
         write_quadruped(record, recorder, imu, contacts)
-    hidden = truth["settings"]
+    settings = truth["settings"]
     more = [
         *payload_rows(truth),
+        *hidden_rows(truth),
         ("motion", f"{truth['gait']}, joints hold their positions"),
-        ("hidden", f"dry friction {hidden['leg_friction']:g} N m, rotors {hidden['rotor_inertia']:g} kg m^2 on the mean"),
+        ("hidden", f"dry friction {settings['leg_friction']:g} N m, rotors {settings['rotor_inertia']:g} kg m^2 on the mean"),
         ("noise", f"effort {truth['noise']['torque']:g} N m, position {truth['noise']['encoder']:g} rad"),
     ]
     conclude(bag, json_path, len(record.measured), time.perf_counter() - began, truth, more)

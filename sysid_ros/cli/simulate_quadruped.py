@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from sysid_ros.cli import options as opt
-from sysid_ros.cli.simulate_legged import legged_options, record_legged, without_own
+from sysid_ros.cli.simulate_legged import hidden_rows, legged_options, record_legged, with_hidden, without_own
 from sysid_ros.cli.simulate_output import conclude, payload_rows, prepare, recorder_of, simulated
 from sysid_ros.simulation.quadruped_record import simulate_quadruped, write_quadruped
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
@@ -65,31 +65,42 @@ from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 @opt.number("--contact-error", default=0.0, help="Share of messages that tell one foot's contact wrong.")
 @click.option("--imu/--no-imu", default=True, show_default=True, help="Record /imu.")
 @click.option("--contacts/--no-contacts", default=True, show_default=True, help="Record /contacts.")
+@click.option(
+    "--hide",
+    multiple=True,
+    metavar="EFFECT[@JOINT][=SIZE]",
+    help="A cause that the URDF does not tell, or tells wrongly, repeatable: coulomb_friction, imu_tilt=0.03, "
+    "torque_scale@FL_calf_joint=0.2. A joint and a size are drawn; of several numbers each has the size, with a drawn sign.",
+)
+@opt.number("--hide-seed", default=0, help="Of what is hidden; --seed draws another motion of the same robot.")
 @legged_options
 @opt.JSON
 @opt.FORCE
 def command(
-    bag: Path, storage: str, json_path: Path | None, force: bool, imu: bool, contacts: bool, simulator: str, **options: Any
-) -> None:
+    bag: Path, storage: str, json_path: Path | None, force: bool, imu: bool, contacts: bool, simulator: str,
+    hide: tuple[str, ...], hide_seed: int, **options: Any,
+) -> None:  # fmt: skip
     """Record a quadruped that stands, sways or trots, with a box put on its back and taken off.
 
-    The bag holds /joint_states, /imu, /contacts and /robot_description; BAG.truth.json tells the box, the times and the noise.
+    The bag holds /joint_states, /imu, /contacts and /robot_description; BAG.truth.json tells the box, the times, the noise and
+    what is hidden.
 
     \b
     Examples:
       sysid simulate quadruped --bag stand --payload-mass 3 --pick 4 --drop 8
       sysid simulate quadruped --bag hard --simulator mujoco --robot go2 --gait trot --payload-mass 2 --leg-friction 0.2
+      sysid simulate quadruped --bag turned --gait sway --hide imu_tilt=0.03 --hide coulomb_friction
       sysid simulate quadruped --bag trot --gait trot --slope 8 --payload-mass 2 --payload-com 0.05 0.02 0.12 --duration 15
 
     Exit codes: 0 done; 2 bad input or usage.
     """
     prepare(bag, json_path, force)
     if simulator == "mujoco":
-        record_legged(bag, storage, json_path, imu, contacts, options)
+        record_legged(bag, storage, json_path, imu, contacts, options, (hide, hide_seed))
         return
     options = without_own(options)
     began = time.perf_counter()
-    record = simulated(QuadrupedScenario, simulate_quadruped, options)
+    record = with_hidden(simulated(QuadrupedScenario, simulate_quadruped, options), hide, hide_seed)
     truth = record.truth
     with recorder_of(bag, storage, truth) as recorder:
         write_quadruped(record, recorder, imu, contacts)
@@ -97,6 +108,7 @@ def command(
     noise = truth["noise"]
     more = [
         *payload_rows(truth),
+        *hidden_rows(truth),
         ("motion", f"{truth['gait']} on {ground}"),
         ("noise", f"effort {noise['torque']:g} N m, position {noise['encoder']:g} rad, gyro {noise['gyro']:g} rad/s"),
     ]

@@ -7,17 +7,17 @@ variance S(f_k) (Whittle 1953), so coloured noise needs a weight a coefficient a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import fft, sparse
 
 from sysid_ros.effects import Motion
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.whittle import Noise
 
 CUTOFF = 8.0
 """Upper end of the band that is judged [Hz]."""
@@ -29,11 +29,17 @@ _ANCHOR = 0.15
 """Longest stretch of motion whose mean a bridge ends at [s]; shorter stretches count as rest."""
 _FEWEST = 0.05
 """Part of the time that a joint must move to be judged."""
-_CORNERS = np.geomspace(0.03, 2.0, 8)
-_BINS = 36
-_STEPS = 30
-_TOP = 8.0
-"""Frequency at which the part of the acceleration is stated [Hz]."""
+
+
+class RowNoise(Protocol):
+    """Noise of rows."""
+
+    def along(self, band: Band) -> FloatArray:
+        """Variance of each coefficient of a band, shape (K, n)."""
+
+    @property
+    def at_zero(self) -> FloatArray:
+        """Variance of a coefficient at the frequency zero, shape (n,)."""
 
 
 class Band:
@@ -48,6 +54,9 @@ class Band:
         active: joints whose rows are to be judged where no rest leaves them undetermined, shape (n,), bool, as of a robot on
             legs, see :mod:`.legs.leg_rows`; None: those that move enough.
         cutoff: upper end of the band [Hz].
+        noise: of rows of a band, shape (K, n), what makes them the likeliest; None: one colour for all, :class:`.Noise`.
+        mixed: what the first rows of each motion are multiplied by, shape (m, m) each; None: nothing.
+        usable: where the rows of ``active`` may be used, shape (N, n) of each motion; None: always.
 
     Attributes:
         f: frequency of each coefficient, shape (K,) [Hz]. segment: which segment it belongs to, shape (K,).
@@ -56,15 +65,23 @@ class Band:
         seconds: time that the rows cover [s].
     """
 
-    def __init__(self, motions: Sequence[Motion], active: NDArray[np.bool_] | None = None, cutoff: float = CUTOFF) -> None:
-        self.motions = tuple(motions)
+    def __init__(
+        self,
+        motions: Sequence[Motion],
+        active: NDArray[np.bool_] | None = None,
+        cutoff: float = CUTOFF,
+        usable: Sequence[NDArray[np.bool_]] | None = None,
+        noise: Callable[[Band, FloatArray], RowNoise] | None = None,
+        mixed: Sequence[FloatArray] | None = None,
+    ) -> None:
+        self.motions, self._noise, self._mixed = tuple(motions), noise, mixed
         robot = self.motions[0].robot
         self.n = robot.n
         stands = np.where(robot.is_prismatic, _STANDS_SLIDE, _STANDS)
         if active is None:
             self.moving = [_without_twitches(np.abs(m.v) > stands, m.period) for m in self.motions]
         else:
-            self.moving = [np.ones(m.v.shape, dtype=np.bool_) for m in self.motions]
+            self.moving = list(usable or (np.ones(m.v.shape, dtype=np.bool_) for m in self.motions))
         self.moves = np.mean(np.concatenate(self.moving), axis=0)
         self.active = self.moves > _FEWEST if active is None else active
         self._bridges = [
@@ -97,7 +114,28 @@ class Band:
     def rows(self, values: Sequence[FloatArray]) -> FloatArray:
         """Coefficients, shape (K, n, ...), of values on the grids of the motions, shape (N, n, ...) each."""
         bridged = [self._bridged(i, x) for i, x in enumerate(values)]
-        return np.concatenate([fft.dct(bridged[i][where], axis=0, norm="ortho")[:count] for i, where, count in self.slices])
+        rows = np.concatenate([fft.dct(bridged[i][where], axis=0, norm="ortho")[:count] for i, where, count in self.slices])
+        return rows if self._mixed is None else self._multiplied(rows, self._mixed)
+
+    def unmixed(self, rows: FloatArray) -> FloatArray:
+        """Rows of shape (K, n) before they were multiplied."""
+        return rows if self._mixed is None else self._multiplied(rows, [np.asarray(np.linalg.inv(m)) for m in self._mixed])
+
+    def unmixed_variance(self, variance: FloatArray) -> FloatArray:
+        """Variance of those rows where those of the band have errors of their own, shape (K, n)."""
+        return (
+            variance
+            if self._mixed is None
+            else self._multiplied(variance, [np.asarray(np.linalg.inv(m) ** 2) for m in self._mixed])
+        )
+
+    def _multiplied(self, rows: FloatArray, by: Sequence[FloatArray]) -> FloatArray:
+        out, begin = rows.copy(), 0
+        for i, _, count in self.slices:
+            part, size = slice(begin, begin + count), len(by[i])
+            begin += count
+            out[part, :size] = np.einsum("ij,kj...->ki...", by[i], rows[part, :size], optimize=True)
+        return out
 
     def _bridged(self, i: int, values: FloatArray) -> FloatArray:
         out = np.array(values)
@@ -105,6 +143,10 @@ class Band:
             if len(bridge.gap):
                 out[bridge.gap, j] = bridge.over(values[:, j])
         return out
+
+    def noise_of(self, rows: FloatArray) -> RowNoise:
+        """The noise that makes what is left of the rows, shape (K, n), the most likely."""
+        return self._noise(self, rows) if self._noise else Noise.of(self.f, rows**2)
 
     def curves(self, values: Sequence[FloatArray]) -> FloatArray:
         """Coefficients, shape (c, K, n), of curves on the grids, shape (c, N, n) each."""
@@ -179,94 +221,3 @@ def _without_twitches(moving: NDArray[np.bool_], period: float) -> NDArray[np.bo
             if moving[a, j] and (b - a) * period < _ANCHOR:
                 out[a:b, j] = False
     return out
-
-
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _likeliest(power: FloatArray, count: FloatArray, f: FloatArray, corners: FloatArray, steps: int, out: FloatArray) -> None:
-    """Rows of ``out``: white level, coloured level, corner and level of the acceleration's noise that maximise Whittle's
-    likelihood, by multiplicative updates."""
-    bins, joints = power.shape
-    rising = (f / _TOP) ** 4
-    falling = np.empty(bins)
-    for j in range(joints):
-        total = 0.0
-        members = 0.0
-        for b in range(bins):
-            total += count[b] * power[b, j]
-            members += count[b]
-        level = max(total / members, 1e-30)
-        best = np.inf
-        for k in range(corners.size):
-            for b in range(bins):
-                falling[b] = 1.0 / (1.0 + (f[b] / corners[k]) ** 2)
-            w, c, r = 0.5 * level, 2.0 * level, 0.5 * level
-            for _ in range(steps):
-                wn = wd = cn = cd = rn = rd = 0.0
-                for b in range(bins):
-                    s = w + c * falling[b] + r * rising[b]
-                    here, ratio = count[b] / s, power[b, j] / s
-                    wn += here * ratio
-                    wd += here
-                    cn += here * falling[b] * ratio
-                    cd += here * falling[b]
-                    rn += here * rising[b] * ratio
-                    rd += here * rising[b]
-                w = max(w * wn / wd, 1e-6 * level)
-                c = max(c * cn / cd, 1e-9 * level)
-                r = max(r * rn / rd, 1e-9 * level)
-            cost = 0.0
-            for b in range(bins):
-                s = w + c * falling[b] + r * rising[b]
-                cost += count[b] * (np.log(s) + power[b, j] / s)
-            if cost < best:
-                best = cost
-                out[j, 0], out[j, 1], out[j, 2], out[j, 3] = w, c, corners[k], r
-
-
-@dataclass(frozen=True, slots=True)
-class Noise:
-    """``S(f) = white + coloured / (1 + (f / corner)^2) + rising (f / 8 Hz)^4``, variance of a coefficient, each of shape (n,).
-
-    The second part is a first-order process with the correlation time ``1 / (2 pi corner)``; the third is white noise of the
-    positions, differentiated twice and carried by the links' inertia.
-    """
-
-    white: FloatArray
-    coloured: FloatArray
-    corner: FloatArray
-    rising: FloatArray
-
-    def variance(self, f: FloatArray) -> FloatArray:
-        """S, shape (K, n)."""
-        slow = self.coloured / (1.0 + (f[:, None] / self.corner) ** 2)
-        variance: FloatArray = self.white + slow + self.rising * (f[:, None] / _TOP) ** 4
-        return variance
-
-    def loglik(self, f: FloatArray, rows: FloatArray) -> float:
-        """Of rows of shape (K, n), up to a constant (Whittle 1953)."""
-        variance = self.variance(f)
-        return -0.5 * float(np.sum(np.log(variance) + rows**2 / variance))
-
-    @classmethod
-    def even(cls, power: FloatArray) -> Noise:
-        """White noise of a power, shape (n,)."""
-        nothing = np.zeros_like(power)
-        return cls(np.maximum(power, 1e-30), nothing, np.ones_like(power), nothing)
-
-    @classmethod
-    def of(cls, f: FloatArray, power: FloatArray) -> Noise:
-        """The noise that makes coefficients of this power the most likely.
-
-        Args:
-            f: shape (K,) [Hz]. power: squares of the coefficients, shape (K, n).
-        """
-        edges = np.concatenate([[0.0], np.geomspace(0.05, float(f.max()) + 1e-9, _BINS)])
-        where = np.minimum(np.searchsorted(edges, f, side="right") - 1, _BINS - 1)
-        count = np.bincount(where, minlength=_BINS).astype(float)
-        used = count > 0
-        mean_f = np.bincount(where, f, minlength=_BINS)[used] / count[used]
-        mean = np.stack([np.bincount(where, power[:, j], minlength=_BINS) for j in range(power.shape[1])], axis=1)
-        out = np.zeros((power.shape[1], 4))
-        _likeliest(np.ascontiguousarray(mean[used] / count[used, None]), count[used], mean_f, _CORNERS, _STEPS, out)
-        white, coloured, corner, rising = np.ascontiguousarray(out.T)
-        return cls(white, coloured, corner, rising)

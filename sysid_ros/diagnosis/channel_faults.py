@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.diagnosis.band import Band, Noise
+from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.evidence import Evidence
 from sysid_ros.diagnosis.fit import BlockScatter, Fit
 from sysid_ros.diagnosis.prepare import Prepared
@@ -21,6 +21,7 @@ from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.conditioning import motions
 from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.whittle import Noise
 
 UNITS = {
     1000.0: "N mm",

@@ -75,7 +75,7 @@ class Judged:
     @cached_property
     def noise(self) -> FloatArray:
         """Variance of the rows of ``held``, shape (K, n)."""
-        return self.fit.noise.variance(self.held.prepared.band.f)
+        return self.fit.noise.along(self.held.prepared.band)
 
     @cached_property
     def floor(self) -> FloatArray:

@@ -50,7 +50,7 @@ def extended_model(
     blocks += [_block(t, fit, covariance[t][1], stamps) for t in fit.terms if not t.effect.replaces_links]
     samples = sum(len(m.t) for m in train.motions)
     variance = np.sum(fit.variance, axis=0) / samples
-    at_zero = fit.noise.white + fit.noise.coloured
+    at_zero = fit.noise.at_zero
     period = train.motions[0].period
     return ModelFile(
         robot_name=robot.name,

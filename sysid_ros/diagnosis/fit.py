@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from sysid_ros.diagnosis.band import Band, Noise
+from sysid_ros.diagnosis.band import Band, RowNoise
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
 
@@ -58,7 +58,7 @@ class Fit:
     terms: tuple[Term, ...]
     theta: FloatArray
     inverse: FloatArray
-    noise: Noise
+    noise: RowNoise
     loglik: float
     residual: FloatArray
     blocks: dict[int, Block]
@@ -165,21 +165,20 @@ class Problem:
             )
         return out, start
 
-    def fit(self, terms: Sequence[Term], noise: Noise | None = None, iterations: int = 3, inexact: bool = False) -> Fit:
+    def fit(self, terms: Sequence[Term], noise: RowNoise | None = None, iterations: int = 3, inexact: bool = False) -> Fit:
         """The most likely parameters and noise, in turns.
 
         Args:
             noise: to start from, else that of the torque itself. inexact: leave the nuisance parameters free, within their usual
                 size; the likelihood is then that of the rows for any values of theirs (marginal).
         """
-        f = self.band.f
         blocks, m = self.blocks(terms, inexact)
         count = m - (len(self.prior) if inexact else 0)
         prior = np.concatenate([np.zeros(0), *(term.prior for term in terms), self.prior if inexact else np.zeros(0)])
-        noise = noise or Noise.of(f, self.y**2)
+        noise = noise or self.band.noise_of(self.y)
         residual = self.y.copy()
         for turn in range(iterations + 1):
-            variance = noise.variance(f)
+            variance = noise.along(self.band)
             information, score = np.diag(prior), np.zeros(m)
             for j, (index, X) in blocks.items():
                 weighted = X / variance[:, j, None]
@@ -191,7 +190,7 @@ class Problem:
                 residual[:, j] = self.y[:, j] - X @ theta[index]
             # the last parameters are those of the noise that is kept: what a new term would gain depends on it
             if turn < iterations:
-                noise = Noise.of(f, residual**2)
+                noise = self.band.noise_of(residual)
         fit_quality = (np.log(variance) + residual**2 / variance)[:, self.active]
         loglik = -0.5 * float(np.sum(fit_quality)) - 0.5 * float(theta**2 @ prior)
         if inexact:

@@ -113,7 +113,7 @@ def dated_again(library: Library, prepared: Prepared, fit: Fit, terms: Mapping[T
     if not events:
         return {}
     # with the weights of coloured noise the cost has a narrow minimum, and tells nothing a quarter of a second beside it
-    weight = 1.0 / np.sqrt(np.mean(fit.noise.variance(prepared.band.f), axis=0))
+    weight = 1.0 / np.sqrt(np.mean(fit.noise.along(prepared.band), axis=0))
     active = prepared.problem.active
     rest = prepared.problem.y.copy()
     for term in fit.terms:
@@ -207,7 +207,7 @@ def no_worse(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit
     """
     plain = {int(j): plain_terms(library, int(j)) for j in problem.active}
     held.add([t for terms in plain.values() for t in terms])
-    floor = np.maximum(held.rms(np.sqrt(fit.noise.variance(held.prepared.band.f))), 1e-9)
+    floor = np.maximum(held.rms(np.sqrt(fit.noise.along(held.prepared.band))), 1e-9)
     active = held.prepared.band.active & problem.band.active
 
     def error(x: Fit) -> FloatArray:

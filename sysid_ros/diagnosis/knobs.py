@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy import optimize
 
-from sysid_ros.diagnosis.band import Noise
+from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import links_changed, torques
@@ -18,6 +18,7 @@ from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import Depends, Knob
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.whittle import Noise
 
 _NARROWED_STEPS = 8
 _FIXED_POINTS = 3
@@ -98,7 +99,7 @@ def _whole(problem: Problem, library: Library, fit: Fit, term: Term) -> Term:
     """
     others = [t for t in fit.terms if t is not term]
 
-    def tried(settings: dict[str, Any], noise: Noise, turns: int) -> float:
+    def tried(settings: dict[str, Any], noise: RowNoise, turns: int) -> float:
         return -problem.fit([*others, library.remake(term, **settings)], noise, turns, fit.inexact).loglik
 
     def cost(settings: dict[str, Any]) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from sysid_ros.diagnosis.band import Noise
+from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.covariance import unknown_columns
 from sysid_ros.diagnosis.fit import Problem, inverse_of, scatter_ratios
 from sysid_ros.diagnosis.term import Term
@@ -71,7 +71,7 @@ class LeftOut:
         joints: number of joints that have the latter. stretches: how many there are, S.
     """
 
-    def __init__(self, rows: Sequence[Rows], terms: Sequence[Term], noise: Noise, dry: FloatArray) -> None:
+    def __init__(self, rows: Sequence[Rows], terms: Sequence[Term], noise: RowNoise, dry: FloatArray) -> None:
         self._problems = [problem for problem, _ in rows]
         starts = np.cumsum([0, *(t.p for t in terms)])
         self.slices = [slice(int(a), int(a) + t.p) for a, t in zip(starts, terms, strict=False)]
@@ -81,7 +81,7 @@ class LeftOut:
         self.joints = len(moves)
         self.unknown = int(starts[-1]) + len(self.inexact) + np.arange(each * self.joints)
         self.count = int(starts[-1]) + len(self.inexact) + len(self.unknown)
-        self._root = [1.0 / np.sqrt(noise.variance(p.band.f)) for p in self._problems]
+        self._root = [1.0 / np.sqrt(noise.along(p.band)) for p in self._problems]
         n = self._problems[0].band.n
         columns: dict[int, list[FloatArray]] = {j: [] for j in range(n)}
         self._index: dict[int, Indices] = {}
@@ -251,11 +251,17 @@ class LeftOut:
         scores = self._b[self._fitted][:, state.at] - each @ state.with_all_rows[1]
         return scatter_ratios(scores, each, state.information)
 
-    def noise(self, left: FloatArray) -> Noise:
+    def noise(self, left: FloatArray) -> RowNoise:
         """The noise that makes what is left of the fitted recordings, of whitened rows of shape (S, L, n), the most likely."""
-        problem, root = self._problems[0], self._root[0]
-        rows = _in_frequency(problem, left[self._filled][: len(root)]) / root
-        return Noise.of(problem.band.f, rows**2)
+        return self._problems[0].band.noise_of(self.rows(left)[0])
+
+    def rows(self, left: FloatArray) -> list[FloatArray]:
+        """Of whitened rows of each stretch, shape (S, L, n), those of each problem as they were, shape (K, n) each."""
+        out, rows = [], left[self._filled]
+        for problem, root in zip(self._problems, self._root, strict=True):
+            out.append(_in_frequency(problem, rows[: len(root)]) / root)
+            rows = rows[len(root) :]
+        return out
 
     def _without(self, rows: Indices, columns: Indices) -> FloatArray:
         rest: FloatArray = self._whole[rows[:, None], columns] - self._G[:, rows[:, None], columns]

@@ -52,7 +52,7 @@ def leftovers(train: Prepared, fit: Fit, held: Prepared, residual: FloatArray) -
         X = train.band.joint_curves(j, [np.stack(list(f.values())) for f in here])
         Z = held.band.joint_curves(j, [np.stack(list(f.values())) for f in there])
         root = 1.0 / np.sqrt(fit.variance[:, j])
-        root_there = 1.0 / np.sqrt(fit.noise.variance(held.band.f)[:, j])
+        root_there = 1.0 / np.sqrt(fit.noise.along(held.band)[:, j])
         found = _greedy(X * root[:, None], fit.residual[:, j] * root, len(root) * float(train.band.moves[j]))
         if not found:
             continue
@@ -164,7 +164,7 @@ def unsteady(train: Prepared, fit: Fit, held: Prepared, residual: FloatArray) ->
     out = []
     for j in (int(j) for j in train.problem.active if held.band.active[j]):
         here = train.band, fit.residual[:, j], 1.0 / np.sqrt(fit.variance[:, j])
-        there = held.band, residual[:, j], 1.0 / np.sqrt(fit.noise.variance(held.band.f)[:, j])
+        there = held.band, residual[:, j], 1.0 / np.sqrt(fit.noise.along(held.band)[:, j])
         f, gain, share = _beat(*here, j)
         if gain > _PAYS and share > _GOES:
             part, gain = _explained(*there, _waves(held.band, j, f), j)

@@ -291,6 +291,6 @@ def _swapped(problem: Problem, library: Library, fit: Fit, terms: Sequence[Term]
 
 def _worse_elsewhere(fit: Fit, trial: Fit, held: HeldOut, joints: list[int]) -> float:
     """Twice the likelihood of held-out rows that a trial loses."""
-    noise = fit.noise.variance(held.prepared.band.f)[:, joints]
+    noise = fit.noise.along(held.prepared.band)[:, joints]
     own, other = (held.residual(x)[:, joints] for x in (fit, trial))
     return float(np.sum((other**2 - own**2) / noise))

@@ -46,7 +46,8 @@ def report(judged: Judged) -> Diagnosis:
     if follows:
         lost = sum(x.share * after[x.joint] ** 2 * judged.weight[x.joint] for x in follows)
         unexplained = min(1.0, max(unexplained, float(lost) / power_before))
-    worse = _worse(robot, before, after, floor)
+    judged_joints = np.isin(np.arange(robot.n), judged.train.problem.active)
+    worse = _worse(robot, np.where(judged_joints, before, np.inf), after, floor)
     beyond = _beyond(held, judged.after, judged.noise)
     verdict = (
         "nothing_wrong"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import combinations
 
-from sysid_ros.diagnosis.band import Noise
+from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.covariance import dry_friction
 from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.heldout import HeldOut, no_worse
@@ -165,7 +165,7 @@ class Selection:
             held.update(self.fit)
         return before - self.fit.loglik > max(map(self.price, self.fit.terms), default=0.0)
 
-    def _search(self, rows: Sequence[Rows], asked: Sequence[Term], noise: Noise) -> tuple[SetSearch, State]:
+    def _search(self, rows: Sequence[Rows], asked: Sequence[Term], noise: RowNoise) -> tuple[SetSearch, State]:
         """A search among the fit's terms and others, and its state at the fit."""
         terms = list(self.fit.terms)
         pool = [*terms, *(t for t in asked if t not in terms)]

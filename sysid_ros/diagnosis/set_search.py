@@ -8,7 +8,7 @@ from itertools import combinations, islice, product
 
 import numpy as np
 
-from sysid_ros.diagnosis.band import Noise
+from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.covariance import unknown_prior
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.left_out import Indices, LeftOut, Predicted, Rows
@@ -62,7 +62,7 @@ class SetSearch:
         rows: Sequence[Rows],
         pool: Sequence[Term],
         prior: SetPrior,
-        noise: Noise,
+        noise: RowNoise,
         dry: FloatArray,
         allowed: Seen,
     ) -> None:
@@ -103,7 +103,7 @@ class SetSearch:
         own = list(members)
         return self.prior.of(self.prior.counts(self._number[own]), float(np.sum(self._cost[own])))
 
-    def fit(self, members: Sequence[int], scale: int, noise: Noise | None = None) -> Fit:
+    def fit(self, members: Sequence[int], scale: int, noise: RowNoise | None = None) -> Fit:
         """The fitted rows with a set."""
         always = self.problem.considered > 0
         self.problem.scale = SCALES[scale if scale or always else SCALES.index((1.0, 1.0))]

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft, interpolate, optimize, signal
 
-from sysid_ros.diagnosis.band import Noise
 from sysid_ros.diagnosis.evidence import Evidence
 from sysid_ros.diagnosis.fit import scatter_ratios
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.whittle import Noise
 
 _BAND = 12.0
 _LEAST_LAG = 1.5e-3

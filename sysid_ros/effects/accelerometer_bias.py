@@ -80,3 +80,6 @@ class AccelerometerBias(Effect):
     @classmethod
     def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
         return []  # an arm has no accelerometer: its base is tilted
+
+    def hidden_on_legs(self, torque: float) -> tuple[float, float]:
+        return 0.2, 0.6

@@ -46,6 +46,7 @@ class CoulombFriction(DryFriction, JointEffect):
     words = "{unmodelled} dry friction (Coulomb) on {where} ({Fc})"
     usual = 0.9
     on_legs = True
+    everywhere = True
     in_urdf = True
     signature = "two levels of equal size by direction of motion"
     look_alikes = ("stribeck_friction", "presliding_hysteresis", "asymmetric_coulomb_friction")
@@ -63,3 +64,6 @@ class CoulombFriction(DryFriction, JointEffect):
 
     def smoothed(self, width: float) -> CoulombFriction:
         return CoulombFriction(self.robot, self.joint_names, width=width)
+
+    def hidden_on_legs(self, torque: float) -> tuple[float, float]:
+        return 0.05 * torque, 0.14 * torque

@@ -8,12 +8,19 @@ import numpy as np
 from sysid_ros.effects.traits import Candidate
 from sysid_ros.effects.trunk_effect import TrunkEffect
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.robot.urdf_bodies import beyond_joint
 from sysid_ros.sample import FREE, FloatArray
 from sysid_ros.signals.motion import Motion
 from sysid_ros.signals.trunk_channels import TrunkSetup
 
-_OTHER = 0.01
-"""Usual size of an error that is a cause [m]: feet of another make, or worn ones."""
+_OTHER = 0.05
+"""Usual size of an error that is a cause, over the length of the lower leg: feet of another make, or worn ones, of a radius that
+is a tenth of that length."""
+_GONE, _THICKEST = 0.1, 0.15
+"""Over the same length: a foot that is worn down to its centre, and by how much one is thicker that is a quarter of the leg."""
+
+_EACH = "each"
+"""Form in which each foot has its own."""
 
 
 class FootRadius(TrunkEffect):
@@ -46,7 +53,18 @@ class FootRadius(TrunkEffect):
         self.unsure: FloatArray = np.full(len(self.feet), self.expected)
 
     def prior_std(self, form: str = "") -> FloatArray:
-        return np.full(len(self.feet), _OTHER) if form else self.unsure
+        return _OTHER * self._lower_legs(form) if form else self.unsure
+
+    def _lower_legs(self, form: str) -> FloatArray:
+        """Their lengths, shape (k,) [m]; of a form of one parameter the mean of its feet's, shape (1,)."""
+        own = [form] if form in self.feet else self.feet
+        each = np.array([beyond_joint(self.robot, foot) for foot in own])
+        return each if form == _EACH else each.mean(keepdims=True)
+
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        """A foot is no hole, and no ball that a leg could not lift."""
+        leg = self._lower_legs(form or _EACH)
+        return bool(np.all((theta + 2.0 * std > -_GONE * leg) & (theta - 2.0 * std < _THICKEST * leg)))
 
     def usual_on_legs(self, torque: float) -> FloatArray | float:
         return self.unsure
@@ -58,7 +76,7 @@ class FootRadius(TrunkEffect):
     def candidates_on_legs(self) -> list[Candidate]:
         each = np.eye(len(self.feet))
         one = [Candidate(basis=column[:, None], form=foot) for foot, column in zip(self.feet, each, strict=True)]
-        return [*one, Candidate(basis=np.ones((len(self.feet), 1)), form="all alike"), Candidate(basis=each, form="each")]
+        return [*one, Candidate(basis=np.ones((len(self.feet), 1)), form="all alike"), Candidate(basis=each, form=_EACH)]
 
     def columns_along(self, motion: Motion) -> FloatArray:
         out = np.zeros((len(motion.t), self.robot.n, self.p))
@@ -71,3 +89,10 @@ class FootRadius(TrunkEffect):
 
     def of_setup(self, setup: TrunkSetup) -> FloatArray:
         return np.array([setup.radius.get(foot, 0.0) for foot in self.feet])
+
+    def hidden_on_legs(self, torque: float) -> tuple[float, float]:
+        return float(0.04 * self._lower_legs("").mean()), float(0.07 * self._lower_legs("").mean())
+
+    def drawn_on_legs(self, size: float, rng: np.random.Generator) -> FloatArray:
+        """All feet alike."""
+        return np.full(len(self.feet), size)

@@ -41,3 +41,6 @@ class ImuDelay(TrunkEffect):
 
     def of_setup(self, setup: TrunkSetup) -> FloatArray:
         return np.array([setup.delay])
+
+    def hidden_on_legs(self, torque: float) -> tuple[float, float]:
+        return 0.006, 0.02

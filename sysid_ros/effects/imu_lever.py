@@ -38,3 +38,6 @@ class ImuLever(PlacementEffect):
 
     def of_setup(self, setup: TrunkSetup) -> FloatArray:
         return setup.lever
+
+    def hidden_on_legs(self, torque: float) -> tuple[float, float]:
+        return 0.02, 0.06

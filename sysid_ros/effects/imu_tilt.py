@@ -35,3 +35,6 @@ class ImuTilt(PlacementEffect):
 
     def of_setup(self, setup: TrunkSetup) -> FloatArray:
         return setup.tilt
+
+    def hidden_on_legs(self, torque: float) -> tuple[float, float]:
+        return 0.015, 0.06

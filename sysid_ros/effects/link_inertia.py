@@ -137,6 +137,13 @@ class LinkInertia(Effect):
         what = f"mass and place of the URDF's {names}: not mounted?" if names else f"around {place} of its frame"
         return f"the model has {size} on {link} that are not there ({what})"
 
+    def hidden_on_legs(self, torque: float) -> tuple[float, float]:
+        return 0.35, 0.8
+
+    def drawn_on_legs(self, size: float, rng: np.random.Generator) -> FloatArray:
+        """What a link that is heavier by a part than its description says has beside that: ``size / (1 + size)`` of its own."""
+        return np.asarray(size / (1.0 + size) * self.nominal)
+
 
 def _by_place(pi: FloatArray) -> FloatArray:
     """Derivative of ten parameters by the place of the body, shape (10, 3): ``d(mc) = m dc`` and, with the inertia about the

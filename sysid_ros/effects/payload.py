@@ -118,3 +118,11 @@ class Payload(Effect):
         if np.sqrt(covariance[0, 0]) >= _SEEN * BODY_STD[0]:
             return [mass, vector("mc", None, "kg m", lambda x: x[1:4], values, covariance)]
         return [mass, vector("com", None, "m", lambda x: x[1:4] / x[0], values, covariance)]
+
+    def hidden_on_legs(self, torque: float) -> tuple[float, float]:
+        return 0.17 * torque, 0.34 * torque
+
+    def drawn_on_legs(self, size: float, rng: np.random.Generator) -> FloatArray:
+        """A body of a mass [kg] on the back, of the size of a fist."""
+        place = np.array([*rng.uniform(-0.08, 0.08, 2), rng.uniform(0.03, 0.07)])
+        return inertial_parameters.from_com(size, place, size * 1.5e-3 * np.eye(3))

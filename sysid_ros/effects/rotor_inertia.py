@@ -21,6 +21,7 @@ class RotorInertia(JointEffect):
     inertial = True
     usual = 0.9
     on_legs = True
+    everywhere = True
     simple = Curve.ACCELERATION
     symbol = "J"
     unit = "kg m^2"
@@ -35,3 +36,6 @@ class RotorInertia(JointEffect):
         momentum = np.zeros((len(motion.t), self.robot.n, self.p))
         momentum[:, self.joints, self._columns] = motion.v[:, self.joints]
         return momentum, np.zeros_like(momentum)
+
+    def hidden_on_legs(self, torque: float) -> tuple[float, float]:
+        return 3.4e-3 * torque, 8.5e-3 * torque

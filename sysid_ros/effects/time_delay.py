@@ -72,6 +72,9 @@ class TimeDelay(Effect):
     def notable(self, theta: FloatArray) -> bool:
         return abs(float(theta[0])) >= _SAMPLING
 
+    def hidden_on_legs(self, torque: float) -> tuple[float, float]:
+        return 0.01, 0.025
+
 
 def _advanced(motion: Motion, torque: FloatArray, by: float) -> FloatArray:
     """``torque(t + by) - torque(t)``, shape (N, n): beyond the ends of a recording a torque is what it is there."""

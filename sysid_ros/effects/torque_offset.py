@@ -20,6 +20,7 @@ class TorqueOffset(JointEffect):
     words = "efforts with a constant offset on {where} ({offset})"
     acts = Acts.MEASUREMENT
     on_legs = True
+    signed_on_legs = True
     usual = 0.5
     signature = "a constant, at rest and in motion"
     look_alikes = ("asymmetric_coulomb_friction", "spring", "joint_offset")
@@ -33,3 +34,6 @@ class TorqueOffset(JointEffect):
 
     def curve(self, sample: Sample | Motion) -> FloatArray:
         return np.ones(sample.q.shape)
+
+    def hidden_on_legs(self, torque: float) -> tuple[float, float]:
+        return 0.07 * torque, 0.17 * torque

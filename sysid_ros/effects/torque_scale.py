@@ -22,6 +22,7 @@ class TorqueScale(JointCurves):
     words = "efforts with a wrong gain on {where} (measured over true: {gain})"
     acts = Acts.MEASUREMENT
     on_legs = True
+    signed_on_legs = True
     of_own_torque = True
     depends_on = frozenset({Depends.DRIVE})
     usual = 0.1
@@ -47,3 +48,6 @@ class TorqueScale(JointCurves):
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         (joint,) = self.joint_names
         return [by_delta_method("gain", joint, "1", lambda x: 1.0 + float(x[0]), values, covariance)]
+
+    def hidden_on_legs(self, torque: float) -> tuple[float, float]:
+        return 0.15, 0.3

@@ -14,6 +14,7 @@ class ViscousFriction(JointEffect):
     words = "{unmodelled} viscous friction on {where} ({b})"
     usual = 0.9
     on_legs = True
+    everywhere = True
     in_urdf = True
     signature = "a straight line against the speed"
     look_alikes = ("time_delay", "quadratic_friction", "coulomb_friction")
@@ -28,3 +29,6 @@ class ViscousFriction(JointEffect):
 
     def as_damping(self, theta: FloatArray) -> FloatArray:
         return self.per_joint(theta)
+
+    def hidden_on_legs(self, torque: float) -> tuple[float, float]:
+        return 0.017 * torque, 0.07 * torque

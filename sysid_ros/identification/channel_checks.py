@@ -25,6 +25,31 @@ class CheckedRecording:
     spoiled: BoolArray
 
 
+def check_legs(legs: RobotModel, recording: Recording, max_gap: float) -> CheckedRecording:
+    """As :func:`check_channels`, of a robot on legs: beside that, torques at the limits of its drives are not to be fitted.
+
+    A foot that strikes the ground asks its drives for all that they have, for an instant. A drive gives no more, whatever its
+    message says, and the rows of the whole robot hold the torques of all legs.
+
+    Raises:
+        DataError: as there.
+    """
+    checked = check_channels(legs, recording, max_gap)
+    spoiled, size = checked.spoiled.copy(), np.abs(recording.tau)
+    limit = np.where(np.isfinite(legs.effort_limit) & (legs.effort_limit > 0.0), legs.effort_limit, np.inf)
+    limit = np.where(size.max(axis=0) > (2.0 - TOL.at_limit) * limit, np.inf, limit)  # what is exceeded limits nothing
+    there = size > TOL.at_limit * limit
+    if not there.any():
+        return checked
+    spoiled |= there
+    names = ", ".join(name for name, at in zip(legs.joint_names, np.any(there, axis=0).tolist(), strict=True) if at)
+    text = (
+        f"The effort of {names} is at the URDF's limit in {100.0 * float(np.mean(there.any(axis=1))):.2g} % of the messages: "
+        "what a drive gives there is not what it says. These rows are not used; walk more softly, or slower."
+    )
+    return CheckedRecording(recording, (*checked.problems, Problem(recording.name, "", "saturated_effort", text)), spoiled)
+
+
 def check_channels(robot: RobotModel, recording: Recording, max_gap: float) -> CheckedRecording:
     """Look at every channel by itself.
 

@@ -11,7 +11,7 @@ import numpy as np
 from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.floating.feet_along import STANDS
 from sysid_ros.floating.floating_base import FloatingBase
-from sysid_ros.identification.channel_checks import CheckedRecording, check_channels
+from sysid_ros.identification.channel_checks import CheckedRecording, check_legs
 from sysid_ros.identification.free_effects import free_model_on_legs
 from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.identify import Choices, identify
@@ -119,7 +119,7 @@ def identify_on_legs(
     """
     choices = choices or Choices()
     _require_of_legs(choices)
-    checked = [check_channels(base.legs, r, max_gap) for r in (*recordings, *validation)]
+    checked = [check_legs(base.legs, r, max_gap) for r in (*recordings, *validation)]
     found = [*problems, *(p for c in checked for p in c.problems)]
     cutoff = CutOff(cutoff_hz, "as given") if cutoff_hz else choose_cutoff(recordings, base.legs.joint_names, max_gap)
     first = len(recordings)

@@ -54,6 +54,7 @@ class Tolerances:
     frozen_position: float = 0.2  # Chosen: time for which a position must stand while by its velocity the joint moved [s].
     saturated: float = 0.03  # Time for which the largest value must repeat exactly: three periods of 100 Hz [s].
     saturated_runs: float = 5.0  # Chosen: and times that the channel's values usually do.
+    at_limit: float = 0.98  # Of a drive's greatest torque: torque constants are known to 2 %.
     outside: float = 0.05  # 3 degrees: by that zeros and soft limits differ [rad or m].
     outside_time: float = 0.01  # 1 % of the time beyond the limits is no glitch.
 

@@ -66,6 +66,15 @@ def within_reach(robot: RobotModel, first: FloatArray, std: FloatArray) -> bool:
     return heaviest > 0.0 and nearest <= heaviest * reach(robot)
 
 
+def beyond_joint(robot: RobotModel, frame: str) -> float:
+    """How far a frame is from the joint that moves it [m].
+
+    Raises:
+        RobotModelError: there is no such frame.
+    """
+    return float(np.linalg.norm(robot.model.frames[robot.frame_id(frame)].placement.translation))
+
+
 def reach(robot: RobotModel) -> float:
     """How far from any joint a part of the robot can be at most [m]: all distances between its joints, with what slides, and that
     of the farthest frame or centre of mass beyond one."""

@@ -17,12 +17,15 @@ _LIFT = 0.2
 """Height of a step as a part of the trunk's height."""
 _BLEND = 1.0
 """Time in which a gait begins [s]."""
-_SHIFT = 0.3
+_SHIFT = 0.25
 """How far the trunk moves away from a foot that is to be lifted, as a part of the foot's distance."""
-_CYCLES = {"step": (4.0, 0.9), "trot": (0.55, 0.6), "flying_trot": (0.5, 0.42)}
+_CYCLES = {"step": (8.0, 0.94), "trot": (0.55, 0.6), "flying_trot": (0.5, 0.42)}
 """Period of the cycle [s] of a robot of half a metre of leg, and share of it that a foot stands."""
 _OFFSETS = {"step": (0.0, 0.5, 0.75, 0.25), "trot": (0.0, 0.5, 0.5, 0.0), "flying_trot": (0.0, 0.5, 0.5, 0.0)}
 _USUAL_HEIGHT = 0.3
+_FELT = 0.01
+"""Time constant by which velocity and tilt are known [s], that of an estimate from joints and IMU; without one the wanted places
+answer the forces of the same step, and light legs chatter from one step to the next."""
 
 
 class LeggedGait:
@@ -59,7 +62,7 @@ class LeggedGait:
         self._turn = rng.uniform(-0.2, 0.2) if walks else 0.0
         self._lifted_from, self._swings = feet[:, :2].copy(), np.zeros(4, dtype=bool)
         self._standing_at = feet[:, :2].copy()
-        self._level = np.zeros(2)
+        self._level, self._velocity, self._tilt = np.zeros(2), np.zeros(2), np.zeros(2)
         self.stands = np.ones(4, dtype=bool)
 
     def places(self, t: float, period: float, velocity: FloatArray, tilt: FloatArray) -> FloatArray:
@@ -70,6 +73,9 @@ class LeggedGait:
             tilt: roll and pitch of the trunk, shape (2,) [rad].
         """
         blend = _smooth(t / _BLEND)
+        self._velocity += min(period / _FELT, 1.0) * (velocity - self._velocity)
+        self._tilt += min(period / _FELT, 1.0) * (tilt - self._tilt)
+        velocity, tilt = self._velocity, self._tilt
         if self.gait in ("stand", "sway"):
             return self._sway(t)
         phase = (t / self.period + self._offset + 0.5 * self.duty) % 1.0
