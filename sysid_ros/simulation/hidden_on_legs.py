@@ -78,19 +78,20 @@ def hide_on_legs(record: Recorded, wishes: Sequence[Wish], seed: int = 0) -> Rec
         SettingsError: there is no such effect or joint, or the description has nothing that could be wrong.
     """
     told: list[dict[str, Any]] = []
-    for k, wish in enumerate(wishes):
-        record, one = _with_wish(record, wish, np.random.default_rng([seed, k, *wish.effect.encode()]))
+    for k in range(len(wishes)):
+        record, one = _with_wish(record, wishes[k], [seed, k])
         told.append(one)
     truth: dict[str, Any] = {**record.truth, "effects": [*record.truth.get("effects", []), *told], "hide_seed": seed}
     return replace(record, truth=truth)
 
 
-def _with_wish(record: Recorded, wish: Wish, rng: np.random.Generator) -> tuple[Recorded, dict[str, Any]]:
+def _with_wish(record: Recorded, wish: Wish, seed: Sequence[int]) -> tuple[Recorded, dict[str, Any]]:
     """The recording with one wish, and what its truth says of it."""
     kind = {**EFFECTS, **TRUNK_EFFECTS}.get(wish.effect)
     if kind is None or not _can_hide(kind):
         raise SettingsError(f"hide is '{wish.effect}'; it must be one of {', '.join(hideable_on_legs())}.")
     base = FloatingBase(RobotModel.from_urdf(record.urdf), record.truth["contact_frames"])
+    rng = np.random.default_rng([*seed, *wish.effect.encode()])
     sizes: list[float] = []
     found: list[Parameter] = []
     joints: dict[str, None] = {}
