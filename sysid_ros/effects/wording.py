@@ -11,6 +11,9 @@ from sysid_ros.effects.parameter import Parameter
 _SMALL = {"s": ("ms", 1e3), "m": ("mm", 1e3), "rad": ("mrad", 1e3)}
 """Units that a small value is told in, and how many of them one is."""
 
+_UNSEEN = 10.0
+"""Times the largest component that half of a component's interval is from which no motion has shown it."""
+
 
 def phrase(words: str, label: str, parameters: Sequence[Parameter], where: str) -> str:
     """``words`` with what stands in braces filled in.
@@ -49,8 +52,11 @@ def one(p: Parameter) -> str:
         return p.value
     if isinstance(p.value, list):
         unit, factor = _unit(p.unit, max(p.value, key=abs))
-        digits = max(0, 2 - int(np.floor(np.log10(max(max(abs(factor * x) for x in p.value), 1e-12)))))
-        return f"({', '.join(f'{factor * x + 0.0:.{digits}f}' for x in p.value)}){unit}"
+        largest = max(max(abs(x) for x in p.value), 1e-12)
+        digits = max(0, 2 - int(np.floor(np.log10(factor * largest))))
+        seen = [1.96 * std <= _UNSEEN * largest for std in p.std or [0.0] * len(p.value)]
+        texts = [f"{factor * x + 0.0:.{digits}f}" if told else "unseen" for x, told in zip(p.value, seen, strict=True)]
+        return f"({', '.join(texts)}){unit}"
     unit, factor = _unit(p.unit, p.value)
     value, half = factor * p.value, 0.0 if p.std is None else 1.96 * factor * p.std
     if not half > 0.0:

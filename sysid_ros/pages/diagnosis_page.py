@@ -159,7 +159,9 @@ def _errors(result: Diagnosis) -> list[dict[str, Any]]:
 
 
 def _rows(result: Diagnosis) -> str:
-    return "force and moment on the whole robot" if result.units else f"{len(result.joints)} joints"
+    return (
+        "force and moment on the whole robot" if result.units else f"{len(result.joints)} joint{'s' * (len(result.joints) != 1)}"
+    )
 
 
 def _judged_on(provenance: Mapping[str, object]) -> str:

@@ -61,7 +61,7 @@ def report_page(
     return page(
         "identification.html",
         title=f"Identification of {result.model.robot_name or 'robot'}",
-        where=f"{len(joints)} joints, from {_bag_names(result.bags)}; {_judged_on(result)}.",
+        where=f"{len(joints)} joint{'s' * (len(joints) != 1)}, from {_bag_names(result.bags)}; {_judged_on(result)}.",
         result=result,
         judged_on=_judged_on(result).removeprefix("judged on "),
         summary=_summary(result, judged),
