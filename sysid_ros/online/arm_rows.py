@@ -1,6 +1,8 @@
-"""ArmRows: from the measurements of an arm to the filtered rows of the equation."""
+"""Cadence: how fast measurements come; ArmRows: from those of an arm to the filtered rows of the equation."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numba import njit
@@ -10,14 +12,77 @@ from sysid_ros.online.row_history import RowHistory
 from sysid_ros.online.rows import Rows
 from sysid_ros.sample import FloatArray, Measurement, Sample
 from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank
-from sysid_ros.signals.cutoff import acceleration_variance, window_half_width
+from sysid_ros.signals.cutoff import acceleration_variance, default_cutoff, position_noise, window_half_width
 from sysid_ros.torque.compiled_rows import BESIDE
 from sysid_ros.torque.torque_model import TorqueModel
 
+FIRST = 25
+"""Measurements from which rate and noise of the torque are read before anything is estimated."""
+_LONGEST_STEP = 1.0
+"""Longest time between measurements while the rate is not known [s]."""
+_SHORTEST_PERIOD = 5e-5
+"""Measurements do not come faster, whatever their stamps say [s]."""
+_CHECK_EVERY = 300
+"""Measurements after which rate and noise of the positions are looked at again."""
+_FINER = 0.8
+"""A cut-off that is right below so much of the one at work takes its place."""
+_LONGEST_FILL = 10.5
+"""Longest step that is interpolated over [periods]."""
 _FILLED = 0.98
 """Part of the low-pass above which it counts as filled."""
 _NOISE_EVERY = 10
 """Rows after which what the noise of the accelerations does to them is looked at again."""
+
+
+class Cadence:
+    """Reads the period between measurements from the first of them, and watches that it stays.
+
+    Args:
+        max_gap: a longer step between measurements breaks the row of them [s].
+    """
+
+    def __init__(self, max_gap: float) -> None:
+        self._max_gap = max_gap
+        self._last_t = -math.inf
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the rate; the next measurement is a first one."""
+        self._first: list[Measurement] = []
+        self._period = 0.0
+        self._longest_step = math.inf
+        self._since_check, self._checked_t = 0, 0.0
+
+    def follows(self, t: float) -> bool:
+        """Take in a stamp [s]. False where it does not follow the ones before: time jumped, there was a gap, or measurements come
+        at another rate than the first of them did, as after a burst."""
+        step, self._last_t = t - self._last_t, t
+        if not 0.0 < step <= self._longest_step:
+            return False
+        self._since_check += 1
+        return self._since_check < _CHECK_EVERY or self._keeps_rate(t)
+
+    def first(self, measurement: Measurement) -> list[Measurement]:
+        """Take in one of the first measurements; all of them, once there are enough to know the rate."""
+        self._longest_step = _LONGEST_STEP
+        self._first.append(measurement)
+        if len(self._first) < FIRST:
+            return []
+        first, self._first = self._first, []
+        self._period = max(float(np.median(np.diff([m.t for m in first]))), _SHORTEST_PERIOD)
+        self._since_check, self._checked_t = 0, measurement.t
+        self._longest_step = max(min(self._max_gap, _LONGEST_FILL * self._period), 3.5 * self._period)
+        return first
+
+    @property
+    def period(self) -> float:
+        """Usual time between measurements, once known [s]."""
+        return self._period
+
+    def _keeps_rate(self, t: float) -> bool:
+        faster = self._since_check * self._period / (t - self._checked_t)
+        self._since_check, self._checked_t = 0, t
+        return 0.6 < faster < 1.4
 
 
 class ArmRows:
@@ -26,13 +91,23 @@ class ArmRows:
     Args:
         model: what is known and what is free. cutoff_hz: of the low-pass [Hz]. period: usual time between measurements [s].
         every: samples from one row to the next. use_message_velocity: as of :class:`.CausalDerivative`.
+        adapts: the cut-off may be another one. noise: standard deviation of the positions' white noise [rad].
 
     Attributes:
         derivative: what makes samples of measurements. bank: the low-pass. rows: of an update.
-        noise: standard deviation of the positions' white noise [rad].
+        noise: as it was last measured. too_fast: True where the low-pass lets too much of it pass.
     """
 
-    def __init__(self, model: TorqueModel, cutoff_hz: float, period: float, every: int, use_message_velocity: bool) -> None:
+    def __init__(
+        self,
+        model: TorqueModel,
+        cutoff_hz: float,
+        period: float,
+        every: int,
+        use_message_velocity: bool,
+        adapts: bool,
+        noise: float,
+    ) -> None:
         n, rate = model.robot.n, 1.0 / period
         self.rows, self._p, self._every = n, model.p, every
         self.derivative = CausalDerivative(n, period, window_half_width(rate), use_message_velocity)
@@ -42,12 +117,18 @@ class ArmRows:
         self._filling, self._fresh = round(self.bank.memory / (every * period)), 0
         self._rising = 0
         self.bank.rest()  # primed with a first acceleration, a second difference, it would hold that one's noise for long
-        self.noise, self._since = 0.0, 0
+        self.noise, self._since = noise, 0
+        self._adapts, self.too_fast, self._positions = adapts, False, list[FloatArray]()
         self._pushed, self._still = np.tile(self._compiled.empty, (n, 1, 1)), self._compiled.empty.copy()
         self._tick = -max(round(2.0 * self.bank.memory * rate), every)
 
     def push(self, measurement: Measurement) -> list[Rows]:
         """Rows that are due: none while the filters fill and between updates, seldom more than one."""
+        self._positions.append(measurement.q)
+        if len(self._positions) == _CHECK_EVERY:
+            self.noise, self._positions = position_noise(np.array(self._positions)), []
+            right = default_cutoff(1.0 / self.derivative.period, self.noise)
+            self.too_fast = self._adapts and right < _FINER * self.bank.cutoff_hz
         due: list[Rows] = []
         derivative, history = self.derivative, self._history
         for k in range(derivative.advance(measurement)):

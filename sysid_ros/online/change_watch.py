@@ -68,29 +68,10 @@ class ChangeWatch:
         hidden = self._free.hidden_variance(rows, estimator) if quiet and estimator.noise_known else None
         self.standstill.add(rows, quiet, estimator, hidden, front_end.memory)
 
-    def take(self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd) -> tuple[Estimator, Estimate]:
-        """Take in a row; the estimator that goes on, and what it says. ``hold``: nothing excites the parameters."""
-        if self._free.tilt is not None and self._free.tilt.told:
-            self._free.tilt.load = estimator.theta[PAYLOAD]
-        if self.trial is not None:
-            return self._take_on_trial(rows, hold, estimator, front_end, self.trial)
-        known, jumps, friction, extra = estimator.noise_known, estimator.jumps, self._free.friction, None
-        if rows.fresh:
-            extra = self._free.extra_variance(rows, estimator, front_end.passed)
-        elif friction is not None:  # the same in fewer steps
-            extra = friction.hidden_variance(rows.slow, rows.speed, *estimator.marginal(self._free.friction_slice))
-        estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
-        estimator.compensate(rows.noise, hold, extra)
-        jumped = estimator.jumps != jumps
-        if estimate.status != "not_finite" and (jumped or estimator.misfits):
-            estimate = self.changed(rows, hold, estimator, front_end, estimate, jumped, known)
-        elif not hold:
-            self.rows_so_far.add(rows)
-        return estimator, estimate
-
-    def _take_on_trial(
+    def take_on_trial(
         self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd, trial: ChangeTrial
     ) -> tuple[Estimator, Estimate]:
+        """Take in a row; the estimator that goes on, and what it says. ``hold``: nothing excites the parameters."""
         trial.compare(rows.Y, rows.y, self._free.extra_variance(rows, trial.before, front_end.passed), estimator)
         if trial.force:
             innovation = rows.y - rows.Y @ estimator.theta

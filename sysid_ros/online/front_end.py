@@ -1,8 +1,6 @@
-"""Cadence: how fast measurements come; FrontEnd: from them to filtered rows of the equation at the estimator's rate."""
+"""FrontEnd: from measurements to filtered rows of the equation at the estimator's rate."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 
@@ -14,74 +12,10 @@ from sysid_ros.online.leg_parameters import LegParameters
 from sysid_ros.online.rows import Rows
 from sysid_ros.sample import FloatArray, Measurement
 from sysid_ros.signals.causal_filters import CausalDerivative, fill_beside
-from sysid_ros.signals.cutoff import default_cutoff, position_noise, window_half_width
+from sysid_ros.signals.cutoff import default_cutoff, window_half_width
 from sysid_ros.signals.floating_derivative import FloatingDerivative
 from sysid_ros.torque.compiled_rows import BESIDE
 from sysid_ros.torque.torque_model import TorqueModel
-
-FIRST = 25
-"""Measurements from which rate and noise of the torque are read before anything is estimated."""
-_LONGEST_STEP = 1.0
-"""Longest time between measurements while the rate is not known [s]."""
-_SHORTEST_PERIOD = 5e-5
-"""Measurements do not come faster, whatever their stamps say [s]."""
-_CHECK_EVERY = 300
-"""Measurements after which rate and noise of the positions are looked at again."""
-_FINER = 0.8
-"""A cut-off that is right below so much of the one at work takes its place."""
-_LONGEST_FILL = 10.5
-"""Longest step that is interpolated over [periods]."""
-
-
-class Cadence:
-    """Reads the period between measurements from the first of them, and watches that it stays.
-
-    Args:
-        max_gap: a longer step between measurements breaks the row of them [s].
-    """
-
-    def __init__(self, max_gap: float) -> None:
-        self._max_gap = max_gap
-        self._last_t = -math.inf
-        self.restart()
-
-    def restart(self) -> None:
-        """Forget the rate; the next measurement is a first one."""
-        self._first: list[Measurement] = []
-        self._period = 0.0
-        self._longest_step = math.inf
-        self._since_check, self._checked_t = 0, 0.0
-
-    def follows(self, t: float) -> bool:
-        """Take in a stamp [s]. False where it does not follow the ones before: time jumped, there was a gap, or measurements come
-        at another rate than the first of them did, as after a burst."""
-        step, self._last_t = t - self._last_t, t
-        if not 0.0 < step <= self._longest_step:
-            return False
-        self._since_check += 1
-        return self._since_check < _CHECK_EVERY or self._keeps_rate(t)
-
-    def first(self, measurement: Measurement) -> list[Measurement]:
-        """Take in one of the first measurements; all of them, once there are enough to know the rate."""
-        self._longest_step = _LONGEST_STEP
-        self._first.append(measurement)
-        if len(self._first) < FIRST:
-            return []
-        first, self._first = self._first, []
-        self._period = max(float(np.median(np.diff([m.t for m in first]))), _SHORTEST_PERIOD)
-        self._since_check, self._checked_t = 0, measurement.t
-        self._longest_step = max(min(self._max_gap, _LONGEST_FILL * self._period), 3.5 * self._period)
-        return first
-
-    @property
-    def period(self) -> float:
-        """Usual time between measurements, once known [s]."""
-        return self._period
-
-    def _keeps_rate(self, t: float) -> bool:
-        faster = self._since_check * self._period / (t - self._checked_t)
-        self._since_check, self._checked_t = 0, t
-        return 0.6 < faster < 1.4
 
 
 class FrontEnd:
@@ -98,10 +32,12 @@ class FrontEnd:
         standstill, stances, gravity, bias: as of :class:`TrunkRows`.
 
     Attributes:
+        arm: the rows of an arm; None where it floats.
+        push: takes a measurement and gives the rows that are due: none while the filters fill and between updates, seldom more
+            than one.
         derivative: what makes samples of measurements. projection: of a floating base, else None. rows: of an update.
         passed: variance of a row over the long-run variance of the rows, for white noise.
         rate: measurements a second [Hz]. period: time between rows [s]. makes_anew: rows can be made again since a change.
-        noise: of the positions, as it was last measured [rad]. too_fast: True where the low-pass lets too much of it pass.
         memory: time after which a measurement has left the rows [s]. delay: of the rows behind their sample [s].
     """
 
@@ -123,17 +59,15 @@ class FrontEnd:
         self._model = model
         self.rate = 1.0 / period
         cutoff = min(cutoff_hz or default_cutoff(self.rate, noise), 0.4 * self.rate)
-        self._cutoff, self._adapts, self.noise = cutoff, not cutoff_hz and base is None, noise
-        self.too_fast, self._positions = False, list[FloatArray]()
         self._every = max(1, round(self.rate / update_rate))
         self.period = self._every * period
         self._trunk: TrunkRows | None = None
-        self._arm: ArmRows | None = None
+        self.arm: ArmRows | None = None
         if base is None:
-            self._arm = ArmRows(model, cutoff, period, self._every, use_message_velocity)
-            self._arm.noise = noise
-            self.derivative: CausalDerivative | FloatingDerivative = self._arm.derivative
-            bank, self.rows, self.projection = self._arm.bank, self._arm.rows, None
+            self.arm = ArmRows(model, cutoff, period, self._every, use_message_velocity, not cutoff_hz, noise)
+            self.push = self.arm.push
+            self.derivative: CausalDerivative | FloatingDerivative = self.arm.derivative
+            bank, self.rows, self.projection = self.arm.bank, self.arm.rows, None
         else:
             n, p = model.robot.n, model.p
             self._floating = FloatingDerivative(n, period, window_half_width(self.rate), use_message_velocity)
@@ -142,22 +76,15 @@ class FrontEnd:
             self._legs, self._hidden = legs, p + BESIDE + model.error.c
             self._raw = np.zeros((n, self._hidden + legs.considered))
             about = (cutoff, self.rate, self.period, standstill, stances, gravity, bias, legs.radius, legs.delay, legs.moving)
+            self.push = self._push
             self._trunk = TrunkRows(base, self._raw.shape[1], p, model.slices[0], *about)
             bank, self.rows, self.projection = self._trunk.bank, self._trunk.rows, self._trunk.projection
-        self.makes_anew = self._arm is not None
+        self.makes_anew = self.arm is not None
         self.passed = min(2.05 * cutoff * self.period, 1.0)
         self.memory, self.delay = bank.memory, bank.delay
         self._tick = -max(round(2.0 * self.memory * self.rate), self._every)
 
-    def push(self, measurement: Measurement) -> list[Rows]:
-        """Rows that are due: none while the filters fill and between updates, seldom more than one."""
-        if self._arm is not None:
-            self._positions.append(measurement.q)
-            if len(self._positions) == _CHECK_EVERY:
-                self.noise, self._positions = position_noise(np.array(self._positions)), []
-                self.too_fast = self._adapts and default_cutoff(self.rate, self.noise) < _FINER * self._cutoff
-                self._arm.noise = self.noise
-            return self._arm.push(measurement)
+    def _push(self, measurement: Measurement) -> list[Rows]:
         assert self._trunk is not None
         due: list[Rows] = []
         raw, p = self._raw, self._model.p
@@ -178,15 +105,15 @@ class FrontEnd:
 
     def rest(self) -> None:
         """Rows to come hold nothing of what has been; not of a floating base."""
-        if self._arm is not None:
-            self._arm.rest()
+        if self.arm is not None:
+            self.arm.rest()
 
     def settle_links(self, directions: FloatArray, mean: FloatArray, root: FloatArray) -> None:
         """What is known of an arm's links and load is wrong by ``directions (mean + root z)``, see :class:`.Told`: this is made
         good in the model and in all that has gone into the rows."""
-        assert self._arm is not None
+        assert self.arm is not None
         self._model.settle_links(directions @ mean, directions @ root)
-        self._arm.settle_links(self._model, mean, root)
+        self.arm.settle_links(self._model, mean, root)
 
     def since_change(self, theta: FloatArray, variance: FloatArray, prior_variance: FloatArray) -> tuple[float, list[Rows]]:
         """Where the first of the free effects has just changed: when [s], and the rows since then with nothing of the time before
@@ -196,5 +123,5 @@ class FrontEnd:
             theta: free parameters before the change, shape (p,). variance: of a single row, shape (n,). prior_variance: of the
                 parameters that changed.
         """
-        assert self._arm is not None
-        return self._arm.since_change(theta, variance, prior_variance)
+        assert self.arm is not None
+        return self.arm.since_change(theta, variance, prior_variance)

@@ -14,9 +14,10 @@ from sysid_ros.estimators import Estimate, Estimator
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import floating_base_of
 from sysid_ros.floating.stance_log import STANDS, STANDS_AGAIN, GroundContact, StanceLog
+from sysid_ros.online.arm_rows import Cadence
 from sysid_ros.online.change_watch import ChangeWatch
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
-from sysid_ros.online.front_end import Cadence, FrontEnd
+from sysid_ros.online.front_end import FrontEnd
 from sysid_ros.online.imu_doubts import name_imu
 from sysid_ros.online.payload_estimate import NOT_A_BODY, Judgement, PayloadEstimate, PayloadEvent, nearest_body
 from sysid_ros.online.payload_events import EventLog
@@ -139,8 +140,8 @@ class OnlineEstimation:
         first = [measurement] if self._front_end is not None else self._cadence.first(measurement)
         if first and self._front_end is None:
             self._front_end = self._make_front_end(first)
-        elif self._front_end is not None and self._front_end.too_fast:
-            self._noise = self._front_end.noise
+        elif self._front_end is not None and (arm := self._front_end.arm) is not None and arm.too_fast:
+            self._noise = arm.noise
             self._spikes += self._front_end.derivative.spikes
             self._front_end = self._make_front_end(first)
         published = None
@@ -191,8 +192,24 @@ class OnlineEstimation:
         hold = self._still > _STANDS and self.base is None
         if self._free.legs is not None:
             self._free.carry(estimator, front_end)
-        self.estimator, estimate = self._changes.take(rows, hold, estimator, front_end)
-        estimator = self.estimator
+        if self._free.tilt is not None and self._free.tilt.told:
+            self._free.tilt.load = estimator.theta[PAYLOAD]
+        if self._changes.trial is not None:
+            estimator, estimate = self._changes.take_on_trial(rows, hold, estimator, front_end, self._changes.trial)
+            self.estimator = estimator
+        else:
+            known, jumps, extra = estimator.noise_known, estimator.jumps, None
+            if rows.fresh:
+                extra = self._free.extra_variance(rows, estimator, front_end.passed)
+            elif friction is not None:  # the same in fewer steps
+                extra = friction.hidden_variance(rows.slow, rows.speed, *estimator.marginal(self._free.friction_slice))
+            estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
+            estimator.compensate(rows.noise, hold, extra)
+            jumped = estimator.jumps != jumps
+            if estimate.status != "not_finite" and (jumped or estimator.misfits):
+                estimate = self._changes.changed(rows, hold, estimator, front_end, estimate, jumped, known)
+            elif not hold:
+                self._changes.rows_so_far.rows.append(rows)
         self._outliers += estimate.status == "outlier"
         quiet = hold or (friction is not None and fastest < self.settings.low_velocity)
         if quiet or self._changes.standstill.lasts:
@@ -233,7 +250,11 @@ class OnlineEstimation:
     ) -> PayloadEstimate:
         assert self.estimator is not None
         theta: FloatArray = self.estimator.theta[PAYLOAD] - self._changes.tare.theta
-        noise, model = self._changes.tare.covariances(self.estimator)
+        if self._changes.tare.taken:
+            noise, model = self._changes.tare.covariances(self.estimator)
+        else:
+            noise, sensitivity = self.estimator.covariance_parts(PAYLOAD)
+            model = sensitivity @ sensitivity.T
         covariance = noise + model
         if self.base is not None:
             covariance[0, 0] += self._doubt(float(theta[0])) ** 2

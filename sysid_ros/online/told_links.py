@@ -17,6 +17,8 @@ from sysid_ros.sample import FloatArray
 
 _SPAN = 10.0
 """So much of the time before a tare is kept [s]: what the node's queue of messages holds while it is worked through twice."""
+_MOST = 2000
+"""Rows that are kept at most: of so long a time at twice the usual rate."""
 _NOTHING = (0.03, 5e-3, 5e-3, 5e-3, *[1e-3] * 6)
 """What may have been put on an arm that carries nothing, and is no change of the payload: standard deviations."""
 
@@ -51,27 +53,25 @@ class RowsSoFar:
 
     Args:
         free: what is estimated.
+
+    Attributes:
+        rows: of one payload, the newest last.
     """
 
     def __init__(self, free: FreeParameters) -> None:
         self._free = free
-        self._rows: deque[Rows] = deque()
-
-    def add(self, rows: Rows) -> None:
-        """Another row of the same payload."""
-        kept = self._rows
-        kept.append(rows)
-        while not 0.0 <= rows.sample.t - kept[0].sample.t <= _SPAN:
-            kept.popleft()
+        self.rows: deque[Rows] = deque(maxlen=_MOST)
 
     def clear(self) -> None:
         """What is carried has changed, or what is known of the arm."""
-        self._rows.clear()
+        self.rows.clear()
 
     def tell(self, front_end: FrontEnd, floor: FloatArray) -> Told | None:
         """What all rows tell together; None where they do not. ``floor``: as of :meth:`.FreeParameters.make_estimator`."""
         free, p, c = self._free, self._free.model.p, self._free.model.error.c
-        if not (free.links_are_of_the_urdf and self._rows):
+        while self.rows and not 0.0 <= self.rows[-1].sample.t - self.rows[0].sample.t <= _SPAN:
+            self.rows.popleft()
+        if not (free.links_are_of_the_urdf and self.rows):
             return None
         both = free.make_again(front_end, floor, c)
         if not self._learn(lambda Y, y, Z: (np.concatenate([Y, Z], axis=-1), y, Z[..., :0]), both, front_end):
@@ -104,7 +104,7 @@ class RowsSoFar:
     ) -> bool:
         """Let an estimator take in what ``change`` makes of Y, y and Z of all rows, and of what noise does to them; whether they
         are rows of one payload, with noise that is known."""
-        for rows in self._rows:
+        for rows in self.rows:
             extra = self._free.extra_variance(rows, estimator, front_end.passed)
             Y, y, Z = map(np.ascontiguousarray, change(rows.Y, rows.y, rows.considered))
             estimator.update(Y, y, False, extra, Z)
