@@ -12,7 +12,7 @@ from click.core import ParameterSource
 
 from sysid_ros.cli.output import warn
 from sysid_ros.cli.progress import progress_bar
-from sysid_ros.cli.simulate_output import Rows, conclude, named_option, recorder_of
+from sysid_ros.cli.simulate_output import Rows, conclude, named_option, parameter_rows, recorder_of
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.sample import JointStateRecord
 from sysid_ros.simulation.arm_record import START_TIME
@@ -99,8 +99,5 @@ def _rows(truth: dict[str, Any]) -> Rows:
         where = "the whole arm" if effect["joints"] == truth["joint_names"] else ", ".join(effect["joints"])
         kind = f" ({effect['kind']})" if effect["kind"] else ""
         rows.append(("hidden", f"{effect['name']}{kind} on {where}"))
-        for p in effect["parameters"]:
-            numbers = p["value"] if isinstance(p["value"], list) else [p["value"]]
-            text = ", ".join(x if isinstance(x, str) else f"{x:.4g}" for x in numbers)
-            rows.append(("", f"{p['name']} = {text} {p['unit']}" + (f"  [{p['joint']}]" if p["joint"] else "")))
+        rows += parameter_rows(effect)
     return rows

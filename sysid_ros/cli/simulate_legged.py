@@ -11,7 +11,7 @@ import click
 from click.core import ParameterSource
 
 from sysid_ros.cli import options as opt
-from sysid_ros.cli.simulate_output import Rows, conclude, named_option, payload_rows, recorder_of, simulated
+from sysid_ros.cli.simulate_output import Rows, conclude, named_option, parameter_rows, payload_rows, recorder_of, simulated
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.simulation.legged_scenario import OWN, LeggedScenario
 from sysid_ros.simulation.quadruped_record import write_quadruped
@@ -75,10 +75,7 @@ def hidden_rows(truth: dict[str, Any]) -> Rows:
     for effect in truth.get("effects", []):
         where = "the whole robot" if len(effect["joints"]) == len(truth["joint_names"]) else ", ".join(effect["joints"])
         rows.append(("hidden", f"{effect['name']} ({where})"))
-        for p in effect["parameters"]:
-            numbers = p["value"] if isinstance(p["value"], list) else [p["value"]]
-            text = ", ".join(x if isinstance(x, str) else f"{x:.4g}" for x in numbers)
-            rows.append(("", f"{p['name']} = {text} {p['unit']}" + (f"  [{p['joint']}]" if p["joint"] else "")))
+        rows += parameter_rows(effect)
     return rows
 
 

@@ -93,6 +93,16 @@ def simulated(
         raise named_option(error, options) from None
 
 
+def parameter_rows(effect: Mapping[str, Any]) -> Rows:
+    """Parameters of an effect that is hidden."""
+    rows: Rows = []
+    for p in effect["parameters"]:
+        numbers = p["value"] if isinstance(p["value"], list) else [p["value"]]
+        text = ", ".join(x if isinstance(x, str) else f"{x:.4g}" for x in numbers)
+        rows.append(("", f"{p['name']} = {text} {p['unit']}" + (f"  [{p['joint']}]" if p["joint"] else "")))
+    return rows
+
+
 def payload_rows(truth: Mapping[str, Any]) -> Rows:
     """What was carried, and when it was picked up and dropped."""
     payload = truth["payload"]

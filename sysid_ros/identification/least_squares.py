@@ -13,6 +13,7 @@ from sysid_ros.identification.coloured_noise import coloured_information
 from sysid_ros.identification.rows import BagRows, BoolArray
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FREE, FloatArray
+from sysid_ros.signals.repetition import autocovariance
 
 METHODS = ("ols", "wls", "irls", "robust")
 
@@ -177,8 +178,7 @@ def _repeated(residual: FloatArray, bag: BagRows) -> float:
     last = min(last, count // 3)
     if last <= first:
         return 0.0
-    size = 2 * count
-    covariance = np.fft.irfft(np.abs(np.fft.rfft(residual, size)) ** 2, size)[: last + 1] / (count - np.arange(last + 1))
+    covariance = autocovariance(residual[:, None], last)[:, 0]
     used = max(int(np.count_nonzero(residual)), 1)
     lag = first + int(np.argmax(covariance[first:]))
     power = float(covariance[lag]) - TOL.sure * float(covariance[0]) / used**0.5

@@ -55,12 +55,12 @@ class RowsSoFar:
         free: what is estimated.
 
     Attributes:
-        rows: of one payload, the newest last.
+        rows: of one payload, the newest last; none of a robot whose links a tare does not learn.
     """
 
     def __init__(self, free: FreeParameters) -> None:
         self._free = free
-        self.rows: deque[Rows] = deque(maxlen=_MOST)
+        self.rows: deque[Rows] = deque(maxlen=_MOST if free.links_are_of_the_urdf else 0)
 
     def clear(self) -> None:
         """What is carried has changed, or what is known of the arm."""
@@ -71,7 +71,7 @@ class RowsSoFar:
         free, p, c = self._free, self._free.model.p, self._free.model.error.c
         while self.rows and not 0.0 <= self.rows[-1].sample.t - self.rows[0].sample.t <= _SPAN:
             self.rows.popleft()
-        if not (free.links_are_of_the_urdf and self.rows):
+        if not self.rows:
             return None
         both = free.make_again(front_end, floor, c)
         if not self._learn(lambda Y, y, Z: (np.concatenate([Y, Z], axis=-1), y, Z[..., :0]), both, front_end):
