@@ -60,13 +60,13 @@ def stop(node: str, number: int, after: float, urdf: Path, domain: int) -> dict[
 
 
 @click.command()
-@click.option("--stops", default=100, show_default=True)
-@click.option("--seed", default=0, show_default=True)
+@click.option("--stops", default=100, show_default=True, help="All nodes together.")
+@click.option("--seed", default=0, show_default=True, help="Of the moments and signals.")
 @click.option("--latest", default=12.0, show_default=True, help="Moment after which none is stopped [s].")
 @click.option("--domain", default=77, show_default=True, help="ROS_DOMAIN_ID of the nodes.")
 @click.option("--json", "json_path", type=click.Path(path_type=Path))
 def main(stops: int, seed: int, latest: float, domain: int, json_path: Path | None) -> None:
-    """Start and stop."""
+    """Stop each node at random moments, and count the stacks that are printed."""
     rng = np.random.default_rng(seed)
     rows = []
     with tempfile.TemporaryDirectory() as folder:
