@@ -6,14 +6,16 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import Any
 
 from sysid_ros import __version__
-from sysid_ros.exceptions import ClusterError, in_a_line
+from sysid_ros.exceptions import ClusterError, OutputError
 from sysid_ros.fleet.bags import find, stamp_of
-from sysid_ros.fleet.cluster import require_dask, threads_of
+from sysid_ros.fleet.cluster import threads_of
 from sysid_ros.fleet.dates import told_in
 from sysid_ros.fleet.done import DoneIndex
+from sysid_ros.fleet.in_flight import KILLED, LOST, InFlight
 from sysid_ros.fleet.jobs import Task, fingerprint, run
 from sysid_ros.fleet.rules import Entry, Rules
 from sysid_ros.fleet.store import KEY, Done, Results, Store
@@ -121,35 +123,30 @@ class Batch:
 
     def _work(self, tasks: Iterator[tuple[Task, tuple[Entry, ...]]]) -> None:
         """A window of tasks at work, filled up as they are done: neither names nor results gather here."""
-        completed = require_dask().as_completed()
-        running: dict[Any, tuple[Task, tuple[Entry, ...], bool]] = {}
-
-        def submit(task: Task, entries: tuple[Entry, ...], look: bool) -> None:
-            future = self._client.submit(fingerprint, task.bag, pure=False) if look else self._submit(task, entries)
-            running[future.key] = (task, entries, look)
-            completed.add(future)
-
+        flight = InFlight(self._client)
         known = len(self._index) > 0  # else nothing that a bag contains can be done
-        exhausted = False
+        ready: list[tuple[Task, tuple[Entry, ...]]] = []
         while True:
-            while not exhausted and len(running) < self._window():
-                item = next(tasks, None)
-                exhausted = item is None
-                if item is not None:
-                    submit(*item, known)
-            if not running:
+            more = list(islice(tasks, max(0, self._window() - len(flight) - len(ready))))
+            if known:
+                flight.submit(fingerprint, [((*item, True), (item[0].bag,)) for item in more])
+            else:
+                ready += more
+            self._submit(flight, ready)
+            ready = []
+            if not flight:
                 return
-            future = next(completed)
-            task, entries, look = running.pop(future.key)
-            if look:
-                task = self._not_contained(task, entries, self._result(future, task, entries) or "")
-                if task.jobs:
-                    submit(task, entries, False)
+            for (task, entries, look), found in flight.next():
+                if look:
+                    task = self._not_contained(task, entries, "" if found is KILLED else found)
+                    if task.jobs:
+                        ready.append((task, entries))
+                    else:
+                        self._skip()
+                elif found is KILLED:
+                    self._hard.append((task, entries))
                 else:
-                    self._skip()
-            elif (found := self._result(future, task, entries)) is not None:
-                self._take(found)
-            future.release()
+                    self._take(found)
 
     def _window(self) -> int:
         """How many tasks are handed over at once: workers come and go, and are asked for now and then.
@@ -162,17 +159,20 @@ class Batch:
             try:
                 self._threads = max(threads_of(self._client), 1)
             except (OSError, TimeoutError) as error:
-                raise ClusterError(_LOST) from error
+                raise ClusterError(LOST) from error
             self._asked = now
         return _AHEAD * self._threads
 
-    def _submit(self, task: Task, entries: tuple[Entry, ...]) -> Any:
+    def _submit(self, flight: InFlight, work: Sequence[tuple[Task, tuple[Entry, ...]]]) -> None:
+        flight.submit(run, [((task, entries, False), (task, self._sent(entries))) for task, entries in work])
+
+    def _sent(self, entries: tuple[Entry, ...]) -> Any:
+        """The entries as a result of its own, which is made again where the worker that has it dies."""
         # robots may be called otherwise and be known alike
         which = tuple(x for entry in entries for x in (entry.robot, entry.kind, entry.description, entry.digest))
         if which not in self._entries:
-            # a result of its own, which is made again where the worker that has it dies
             self._entries[which] = self._client.submit(_themselves, entries, pure=False)
-        return self._client.submit(run, task, self._entries[which], pure=False)
+        return self._entries[which]
 
     def _not_contained(self, task: Task, entries: tuple[Entry, ...], content: str) -> Task:
         """The task without the jobs that were done on the same content elsewhere."""
@@ -180,36 +180,16 @@ class Batch:
         left = [job for job in task.jobs if not any(self._index.holds(content, model, job, told) for model, told in known)]
         return replace(task, jobs=tuple(left))
 
-    def _result(self, future: Any, task: Task, entries: tuple[Entry, ...]) -> Any:
-        """What a future holds; None of a task over which workers died, which is kept for later.
-
-        Raises:
-            ClusterError: the scheduler was lost, or its workers can't run the package.
-        """
-        distributed = require_dask()
-        try:
-            return future.result()
-        except distributed.KilledWorker:
-            self._hard.append((task, entries))
-            return None
-        except (distributed.CancelledError, OSError, TimeoutError) as error:
-            raise ClusterError(_LOST) from error
-        except Exception as error:
-            raise ClusterError(
-                f"Dask's workers can't run the package: {type(error).__name__}: {in_a_line(error)}. Install the same sysid_ros "
-                f"({__version__}) there as here."
-            ) from error
-
     def _alone(self, task: Task, entries: tuple[Entry, ...]) -> None:
         """A task over which workers died, with no other at work; a row of its own where they die again."""
         task = self._not_contained(task, entries, "")
         for _ in range(_AGAIN):
-            before = len(self._hard)
-            found = self._result(self._submit(task, entries), task, entries)
-            del self._hard[before:]
-            if found is not None:
-                self._take(found)
-                return
+            flight = InFlight(self._client)
+            self._submit(flight, [(task, entries)])
+            for _, found in flight.next():
+                if found is not KILLED:
+                    self._take(found)
+                    return
         reason = (
             f"The processes that worked on bag '{task.bag}' were killed, each time, as where it needs more memory than they have."
         )
@@ -267,18 +247,10 @@ class Batch:
 
     def _write_rest(self) -> None:
         """On the way out of an error: what is known is written where that is possible."""
-        from sysid_ros.exceptions import OutputError
-
         try:
             self._write()
         except OutputError:
             return  # it is what is told already, or what follows from it
-
-
-_LOST = (
-    "the connection to Dask's scheduler was lost. What was found till then is in the store; give the same command again, and it "
-    "goes on from there."
-)
 
 
 def _themselves(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
