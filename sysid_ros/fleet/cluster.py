@@ -21,7 +21,8 @@ _CALM = {
     "distributed.scheduler.active-memory-manager.start": False,
 }
 """What Dask's processes look at beside the work, and how often: as it comes, up to a hundred times a second, driver, scheduler
-and worker add 15 % to the processor time of ``track``, so 8 % (24 bags). Nothing here is copied, so that there are no replicas to remove."""
+and worker add 15 % to the processor time of ``track``, so 8 % (24 bags). Nothing here is copied: there are no replicas to
+remove."""
 
 
 def require_dask() -> Any:
