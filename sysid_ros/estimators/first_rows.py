@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid_ros.estimators import variable_update
+from sysid_ros.estimators.update_state import FLOOR, SPREAD
 from sysid_ros.sample import FloatArray
 
 _SUPPOSED = 10.0
@@ -34,8 +35,8 @@ def learn_first(
         period: between updates [s].
     """
     residuals = np.array([torque - rows @ theta for rows, torque, _ in early]) / np.sqrt(freedom)
-    extra, spread = np.array([more for _, _, more in early]), levels[variable_update.SPREAD]
-    spread[:] = _typical(residuals, extra, spread, levels[variable_update.FLOOR])
+    extra, spread = np.array([more for _, _, more in early]), levels[SPREAD]
+    spread[:] = _typical(residuals, extra, spread, levels[FLOOR])
     for count, (residual, more) in enumerate(zip(residuals, extra, strict=True)):
         rate, clip = max(1.0 / (count + 1), period / variable_update.SPREAD_MEMORY), count * period > variable_update.CLIP_AFTER
         variable_update.learn_spread(residual, more, levels, rate, clip)
