@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid_ros.estimators import variable_update
+from sysid_ros.estimators.update_state import FLOOR, SPREAD
 from sysid_ros.sample import FloatArray
 
 _SUPPOSED = 10.0
@@ -21,8 +22,6 @@ def learn_first(
     levels: FloatArray,
     freedom: float,
     period: float,
-    memory: float,
-    clip_after: float,
 ) -> list[tuple[FloatArray, FloatArray]]:
     """Learn the spread of residuals anew from the first rows; the residuals, brought to the noise that all rows have,
     and the part of their variance that is noise.
@@ -33,13 +32,13 @@ def learn_first(
     Args:
         early: Y (m, p), tau (m,) and extra variance (m,) of each. theta: fitted to them, shape (p,).
         levels: as of :func:`.variable_update.take_in`. freedom: part of the residuals' variance that the fit leaves.
-        period: between updates [s]. memory, clip_after: as of :class:`.VariableForgetting` [s].
+        period: between updates [s].
     """
     residuals = np.array([torque - rows @ theta for rows, torque, _ in early]) / np.sqrt(freedom)
-    extra, spread = np.array([more for _, _, more in early]), levels[variable_update.SPREAD]
-    spread[:] = _typical(residuals, extra, spread, levels[variable_update.FLOOR])
+    extra, spread = np.array([more for _, _, more in early]), levels[SPREAD]
+    spread[:] = _typical(residuals, extra, spread, levels[FLOOR])
     for count, (residual, more) in enumerate(zip(residuals, extra, strict=True)):
-        rate, clip = max(1.0 / (count + 1), period / memory), count * period > clip_after
+        rate, clip = max(1.0 / (count + 1), period / variable_update.SPREAD_MEMORY), count * period > variable_update.CLIP_AFTER
         variable_update.learn_spread(residual, more, levels, rate, clip)
     part = spread / (spread + extra)
     return list(zip(residuals * np.sqrt(part), part, strict=True))

@@ -33,20 +33,19 @@ def innovate(Y: FloatArray, tau: FloatArray, theta: FloatArray, innovation: Floa
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def joseph_update_considering(
-    theta: FloatArray, P: FloatArray, Y: FloatArray, tau: FloatArray, variance: FloatArray, S: FloatArray, Z: FloatArray
+def joseph_update_in(
+    theta: FloatArray,
+    P: FloatArray,
+    Y: FloatArray,
+    tau: FloatArray,
+    variance: FloatArray,
+    S: FloatArray,
+    Z: FloatArray,
+    room: FloatArray,
 ) -> None:
-    """Measurement update of :func:`joseph_update` for ``tau = Y theta + Z z + noise``: z is not estimated, its effect is kept.
-
-    ``S <- (1 - K y') S - K z'`` is the derivative of the estimate by -z (Schmidt 1966: consider parameters).
-
-    Args:
-        S: shape (p, c). Z: shape (m, c).
-    """
+    """As :func:`joseph_update_considering`, in the ``room`` of 2 p + c values."""
     p, c = S.shape
-    gain = np.empty(p)
-    projected = np.empty(p)
-    carried = np.empty(c)
+    gain, projected, carried = room[:p], room[p : 2 * p], room[2 * p : 2 * p + c]
     for i in range(tau.size):
         if not np.isfinite(variance[i]):
             continue
@@ -75,6 +74,21 @@ def joseph_update_considering(
             g, h = gain[a], projected[a]
             for b in range(p):
                 P[a, b] += s * (g * gain[b]) - (g * projected[b] + h * gain[b])
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def joseph_update_considering(
+    theta: FloatArray, P: FloatArray, Y: FloatArray, tau: FloatArray, variance: FloatArray, S: FloatArray, Z: FloatArray
+) -> None:
+    """Measurement update of :func:`joseph_update` for ``tau = Y theta + Z z + noise``: z is not estimated, its effect is kept.
+
+    ``S <- (1 - K y') S - K z'`` is the derivative of the estimate by -z (Schmidt 1966: consider parameters).
+
+    Args:
+        S: shape (p, c). Z: shape (m, c).
+    """
+    p, c = S.shape
+    joseph_update_in(theta, P, Y, tau, variance, S, Z, np.empty(2 * p + c))
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]

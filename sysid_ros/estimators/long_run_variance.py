@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sysid_ros.estimators import variable_update
+from sysid_ros.estimators.update_state import FILLED, UpdateState
 from sysid_ros.sample import FloatArray
 
 _LEAST_COUNT = 1e-3
@@ -120,23 +120,15 @@ class BlockInnovations:
     whole block are not (recursive residuals: Brown, Durbin, Evans 1975).
 
     Args:
-        lengths: rows a block, a level, shape (levels,). m: rows of an update. p: parameters.
-
-    Attributes:
-        total, starts, known, progress: what :func:`variable_update.add_to_blocks` adds to.
+        state: what :func:`variable_update.add_to_blocks` adds to.
     """
 
-    def __init__(self, lengths: FloatArray, m: int, p: int) -> None:
-        levels = len(lengths)
-        self.progress = np.zeros((2, levels))
-        self.progress[variable_update.LENGTH] = lengths
-        self.total = np.zeros((m, p + 2))
-        self.starts = np.zeros((levels, m, p + 2))
-        self.known = np.zeros((levels, p, p + 1))
+    def __init__(self, state: UpdateState) -> None:
+        self.state = state
 
     def interrupt(self) -> None:
         """Drop the blocks in progress."""
-        self.progress[variable_update.FILLED] = 0.0
+        self.state.progress[FILLED] = 0.0
 
     def pop_full(self, variance: FloatArray) -> list[tuple[int, FloatArray, FloatArray]]:
         """The level of each block that is full, its estimate of the noise, and the part of its variance that is noise, shape
@@ -145,11 +137,12 @@ class BlockInnovations:
         Args:
             variance: noise of the rows as it is known, shape (m,).
         """
-        filled, lengths = self.progress
+        now = self.state
+        filled, lengths = now.progress
         full = []
         for level in np.flatnonzero(filled >= lengths):
             filled[level] = 0.0
-            sums, known = self.total - self.starts[level], self.known[level]
+            sums, known = now.total - now.starts[level], now.known[level]
             Ysum, P = sums[:, :-2], known[:, :-1]
             innovation = sums[:, -2] - Ysum @ known[:, -1]
             leverage = ((Ysum @ P) * Ysum).sum(axis=1) / (lengths[level] * variance)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from sysid_ros.estimators.update_state import UpdateState
 from sysid_ros.sample import FloatArray
 
 _LEAST = 1e-3
@@ -18,39 +19,40 @@ class RowSums:
     that is known later; what the considered errors z do to theta, ``S = -P (H + sum_i C_i / r_i)``, goes along.
 
     Args:
-        prior_variance: diagonal of P0, shape (p,). m: rows of an update.
+        prior_variance: diagonal of P0, shape (p,). state: that :func:`variable_update.take_in` works on; its estimate is the
+            beginning, and its ``rows`` are ``[A_i | b_i | C_i]`` of each row.
 
     Attributes:
         known: ``[L | h | H]``, shape (p, p + 1 + c).
-        rows: ``[A_i | b_i | C_i]`` of each row, shape (m, p, p + 1 + c), to which :func:`variable_update.take_in` adds.
     """
 
-    def __init__(self, prior_variance: FloatArray, m: int) -> None:
+    def __init__(self, prior_variance: FloatArray, state: UpdateState) -> None:
         self._prior_variance = prior_variance
-        self._p, self._m = prior_variance.size, m
-        self.start(np.diag(prior_variance), np.zeros(self._p), np.zeros((self._p, 0)))
+        self._p, self._state = prior_variance.size, state
+        self.start()
 
-    def start(self, P: FloatArray, theta: FloatArray, S: FloatArray) -> None:
-        """Begin from what is known: estimate (p,), covariance (p, p) and sensitivity (p, c)."""
-        L = self._invert(P, np.sqrt(self._prior_variance))
-        self.known = np.hstack([L, L @ np.column_stack([theta, -S])])
-        self.rows = np.zeros((self._m, *self.known.shape))
+    def start(self) -> None:
+        """Begin from what is known now: estimate, covariance and sensitivity of the state."""
+        now = self._state
+        L = self._invert(now.P, np.sqrt(self._prior_variance))
+        self.known = np.hstack([L, L @ np.column_stack([now.theta, -now.S])])
+        now.rows[:] = 0.0
 
-    def consider(self, c: int) -> None:
-        """Make room for another number of considered errors; what the ones before did is forgotten."""
-        kept = self._p + 1
-        self.known = np.hstack([self.known[:, :kept], np.zeros((self._p, c))])
-        self.rows = np.concatenate([self.rows[:, :, :kept], np.zeros((self._m, self._p, c))], axis=2)
+    def consider(self, state: UpdateState) -> None:
+        """Go on with a state of another number of considered errors; what the ones before did is forgotten."""
+        self._state = state
+        self.known = np.hstack([self.known[:, : self._p + 1], np.zeros((self._p, state.S.shape[1]))])
 
-    def forget(self, P: FloatArray, theta: FloatArray, S: FloatArray, epsilon: float) -> None:
+    def forget(self, epsilon: float) -> None:
         """``P <- P + eps (P - P P0^-1 P)``, in place: a part eps of the information is exchanged for the prior around theta."""
-        _forget_towards_prior(P, self._prior_variance, epsilon, theta, S, self.known, self.rows)
+        now = self._state
+        _forget_towards_prior(now.P, self._prior_variance, epsilon, now.theta, now.S, self.known, now.rows)
 
     def solve(self, variance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Estimate (p,), covariance (p, p) and sensitivity (p, c) for rows of this noise, shape (m,)."""
         p = self._p
         total = self.known.copy()
-        for weight, rows in zip(1.0 / variance, self.rows, strict=True):
+        for weight, rows in zip(1.0 / variance, self._state.rows, strict=True):
             total += weight * rows
         scale = np.sqrt(self._prior_variance)
         information = total[:, :p] * np.outer(scale, scale)

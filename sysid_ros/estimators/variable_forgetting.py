@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from sysid_ros.estimators.jump_search import JumpSearch
 from sysid_ros.estimators.lasting_jump import LastingJumpSearch
 from sysid_ros.estimators.long_run_variance import BlockInnovations, LongRunVariance
 from sysid_ros.estimators.row_sums import RowSums
-from sysid_ros.estimators.variable_update import BLOCK_FULL, BROKEN_DOWN, NOT_ORDINARY, SAID, TAKEN_IN
+from sysid_ros.estimators.update_state import NOISE, SPREAD, UpdateState
+from sysid_ros.estimators.variable_update import BLOCK_FULL, BROKEN_DOWN, NOT_ORDINARY, SAID, TAKEN_IN, take_in
 from sysid_ros.sample import FloatArray
 
 
@@ -36,9 +37,8 @@ class VariableForgetting(Estimator):
     found_after: ClassVar[int] = JumpSearch.HITS
     THRESHOLD = 4.0
     FORGET_EVERY = 10
-    SPREAD_MEMORY, CLIP_AFTER, SPREAD_ANEW, INDEPENDENT = 10.0, 0.5, 0.2, 0.1
-    """Time constant of the mean of squared residuals; from when on one of them counts as :data:`.variable_update.MOST_SPREAD`
-    times their mean at most; what that mean counts for after a jump; after when a coloured residual is a new one at first [s]."""
+    SPREAD_ANEW, INDEPENDENT = 0.2, 0.1
+    """What the mean of squared residuals counts for after a jump; after when a coloured residual is a new one at first [s]."""
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(len(problem.prior_std), len(problem.floor))
@@ -48,19 +48,27 @@ class VariableForgetting(Estimator):
         self._epsilon, self._no_extra = min(self.FORGET_EVERY * problem.period / problem.forgetting_time, 0.5), np.zeros(self.m)
         self.reset()
 
+    def __setstate__(self, values: dict[str, Any]) -> None:
+        self.__dict__.update(values)
+        self._look_at(self._state)
+
+    def _look_at(self, state: UpdateState) -> None:
+        self._state, self._theta, self._P, self._sensitivity = state, state.theta, state.P, state.S
+
     @classmethod
     def of(cls, problem: Problem) -> VariableForgetting:
         return cls(problem)
 
     def reset(self) -> None:
-        self._theta, self._P, self._sensitivity = np.zeros(self.p), np.diag(self._prior_variance), np.zeros((self.p, 0))
         self.noise = LongRunVariance(self.m, self._period, self._floor)
-        self._levels = np.stack([self._floor * self.noise.CAUTION, self._floor, self._part * self._floor])
-        self.row_variance = self._levels[variable_update.SPREAD]
+        self._look_at(UpdateState(self.p, self.m, self.noise.lengths, self._period, self._colour))
+        self._P[:] = np.diag(self._prior_variance)
+        self._state.levels[:] = self._floor * self.noise.CAUTION, self._floor, self._part * self._floor
+        self.row_variance = self._state.levels[SPREAD]
         self.noise_known, self.noise_variance = False, self.noise.variance
         self._spread_count = self._updates = self._settling = self._burst = self.jumps = self.misfits = self._taken = 0
-        self._blocks = BlockInnovations(self.noise.lengths, self.m, self.p)
-        self._sums = RowSums(self._prior_variance, self.m)
+        self._blocks = BlockInnovations(self._state)
+        self._sums = RowSums(self._prior_variance, self._state)
         self._search = JumpSearch(self._jump, self._prior_variance)
         self._lasting = LastingJumpSearch(self._jump, self._prior_variance, self.m, self._period) if self._jump.lasts else None
         self.found_after = self._lasting.found_after if self._lasting else JumpSearch.HITS  # type: ignore[misc]
@@ -85,23 +93,45 @@ class VariableForgetting(Estimator):
         Z = self._nothing_considered if considered is None else considered
         if Z.shape[1] != self._sensitivity.shape[1]:
             self._consider(Z.shape[1])
-        innovation, outlier, done = np.empty(self.m), False, NOT_ORDINARY
-        self._look_back(Y, tau)
+        innovation, done = np.empty(self.m), NOT_ORDINARY
+        if self._lasting is not None:
+            self._look_back(Y, tau, self._lasting)
         if not (hold or self._settling or self._burst or self._search.hits):
-            done = self._take_in(Y, tau, extra, Z, innovation, self.THRESHOLD)
+            count = self._spread_count if self.noise_known else -1
+            done = take_in(Y, tau, extra, Z, self._state.memory, innovation, self.THRESHOLD, 1.0, count)
+        if done != TAKEN_IN or count < 0:
+            return self._with_care(Y, tau, hold, extra, Z, innovation, done)
+        self._spread_count, self._taken, self._updates = self._spread_count + 1, self._taken + 1, self._updates + 1
+        if self._updates % self.FORGET_EVERY == 0:
+            self._forget_a_little()
+        return Estimate(self._theta.copy(), innovation, "ok", "")
+
+    def _with_care(
+        self, Y: FloatArray, tau: FloatArray, hold: bool, extra: FloatArray, Z: FloatArray, innovation: FloatArray, done: int
+    ) -> Estimate:
+        """The rest of an update that is not one of many: ``done`` with it is what :func:`.take_in` says."""
+        outlier, inflation = False, 1.0
         if done == NOT_ORDINARY and kernels.innovate(Y, tau, self._theta, innovation):
-            z = kernels.normalised_innovation(Y, self._P, self._levels[variable_update.SPREAD], extra, innovation)
+            z = kernels.normalised_innovation(Y, self._P, self._state.levels[SPREAD], extra, innovation)
             jumps = self.jumps
-            if self._is_idle(Y, innovation, extra, z, hold):
+            if self._watch(Y, innovation, extra, z) and hold:
+                self._burst = round(0.5 / self._period)
+            if hold and self._burst == 0:
+                self._interrupt_noise()
                 return self._estimate(innovation, "not_excited", "nothing excites the parameters; the estimate is held")
+            self._burst = max(self._burst - 1, 0)
             if self.jumps != jumps and self._jump.memory == 0.0:
                 return self._estimate(innovation, "warming_up", SAID.jumped)
             outlier = z > self.THRESHOLD and not self._settling
-            done = self._take_in(Y, tau, extra, Z, innovation, np.inf, z if outlier else 1.0)
+            inflation = z if outlier else 1.0
+            count = self._spread_count if self.noise_known and not self._settling else -1
+            done = take_in(Y, tau, extra, Z, self._state.memory, innovation, np.inf, inflation, count)
         if done == BROKEN_DOWN:
             self.reset()
         if done not in (TAKEN_IN, BLOCK_FULL):
             return self._estimate(innovation, "not_finite", SAID.broken_down if done == BROKEN_DOWN else SAID.not_finite)
+        self._spread_count += self.noise_known and not self._settling
+        self._taken += inflation == 1.0
         if self._settling:
             self._settle()
         if not self.noise.known:
@@ -110,65 +140,37 @@ class VariableForgetting(Estimator):
             self._learn_colour()
         self._updates += 1
         if self._updates % self.FORGET_EVERY == 0:
-            self.row_variance = self._levels[variable_update.SPREAD]  # that of a deep copy is no view of its levels
-            if not self._settling:
-                self._sums.forget(self._P, self._theta, self._sensitivity, self._epsilon)
+            self._forget_a_little()
         if outlier:
             return self._estimate(innovation, "outlier", "the torques do not fit the estimate; they were given less weight")
         if self.noise.known and not self._settling:
             return self._estimate(innovation, "ok", "")
         return self._estimate(innovation, "warming_up", SAID.jumped if self.noise.known else SAID.unknown_noise)
 
+    def _forget_a_little(self) -> None:
+        self.row_variance = self._state.levels[SPREAD]  # that of a deep copy is no view of its levels
+        if not self._settling:
+            self._sums.forget(self._epsilon)
+
     def compensate(self, noise: Noise, hold: bool, extra_variance: FloatArray | None) -> None:
         if noise is not None and self._taken > 0:
-            level = self._levels[variable_update.NOISE]
+            level = self._state.levels[NOISE]
             variance = (level if extra_variance is None else level + self._colour * extra_variance) / self._taken
             known = self._prior_variance, self._theta, self._P, self._sensitivity
-            variable_update.remove(*noise, variance, level, *known, self._sums.rows)
+            variable_update.remove(*noise, variance, level, *known, self._state.rows)
             self._taken = 0
 
-    def _is_idle(self, Y: FloatArray, innovation: FloatArray, extra: FloatArray, z: float, hold: bool) -> bool:
-        """Look for a jump; True where nothing excites the parameters and none has just been found, so that the rows are left."""
-        if self._watch(Y, innovation, extra, z) and hold:
-            self._burst = round(0.5 / self._period)
-        if hold and self._burst == 0:
-            self._interrupt_noise()
-            return True
-        self._burst = max(self._burst - 1, 0)
-        return False
-
-    def _take_in(
-        self,
-        Y: FloatArray,
-        tau: FloatArray,
-        extra: FloatArray,
-        Z: FloatArray,
-        innovation: FloatArray,
-        threshold: float,
-        inflation: float = 1.0,
-    ) -> int:
-        blocks, count, rate = self._blocks, self._spread_count, 0.0
-        if self.noise.known and not self._settling:
-            rate = max(1.0 / (count + 1), self._period / self.SPREAD_MEMORY)
-        done: int = variable_update.take_in(
-            Y, tau, extra, Z, self._theta, self._P, self._sensitivity, self._sums.rows, self._levels,
-            blocks.total, blocks.starts, blocks.known, blocks.progress,
-            innovation, threshold, inflation, rate, count * self._period > self.CLIP_AFTER, self._colour,
-        )  # fmt: skip
-        if done in (TAKEN_IN, BLOCK_FULL):
-            self._spread_count += rate > 0.0
-            self._taken += inflation == 1.0
-        return done
-
     def _consider(self, count: int) -> None:
-        super()._consider(count)
-        self._sums.consider(count)
+        self._look_at(self._state.considering(count))
+        self.row_variance, self._blocks.state = self._state.levels[SPREAD], self._state
+        self._sums.consider(self._state)
+        self._kept = ()
 
     def _weigh_anew(self) -> None:
         """Rows were weighted with the noise known when they came; weight them all with what is known now."""
         self.noise_known, self.noise_variance = self.noise.known, self.noise.variance
-        self._levels[variable_update.NOISE] = self.noise.variance
-        self._theta, self._P, self._sensitivity = self._sums.solve(self.noise.variance)
+        self._state.levels[NOISE] = self.noise.variance
+        self._theta[:], self._P[:], self._sensitivity[:] = self._sums.solve(self.noise.variance)
 
     def _learn_colour(self) -> None:
         """Read the long-run variance from the blocks that are full."""
@@ -188,8 +190,7 @@ class VariableForgetting(Estimator):
         if count not in (fewest // 2, fewest):
             return
         freedom = max(1.0 - self.p / (self.m * count * self._period / self.INDEPENDENT), 0.25)
-        about = self._levels, freedom, self._period, self.SPREAD_MEMORY, self.CLIP_AFTER
-        for residual, part in learn_first(self._early, self._theta, *about):
+        for residual, part in learn_first(self._early, self._theta, self._state.levels, freedom, self._period):
             if count == fewest:
                 self.noise.add(residual, part)
         self._spread_count = count
@@ -206,9 +207,9 @@ class VariableForgetting(Estimator):
             self.misfits = 0
             return False
         if self._search.hits == 0 and self._jump.memory == 0.0:
-            self._kept = tuple(x.copy() for x in (self._theta, self._P, self._sensitivity, self._sums.known, self._sums.rows))
+            self._kept = tuple(x.copy() for x in (self._theta, self._P, self._sensitivity, self._sums.known, self._state.rows))
         self._search.weigh(z, self.m, self._spread_count * self._period / self.INDEPENDENT)
-        spread = self._levels[variable_update.SPREAD]
+        spread = self._state.levels[SPREAD]
         change = self._search.hit(Y, innovation, spread + extra, self.noise.coloured(spread) + extra)
         self.misfits = self._search.misfits
         if change is None:
@@ -217,13 +218,12 @@ class VariableForgetting(Estimator):
         self._take_jump(change)
         return True
 
-    def _look_back(self, Y: FloatArray, tau: FloatArray) -> None:
+    def _look_back(self, Y: FloatArray, tau: FloatArray, lasting: LastingJumpSearch) -> None:
         """Look for a jump that lasts in the rows to come and those before them."""
-        lasting, too_early = self._lasting, self._early_jump and not self.noise.known
-        self.disturbed = lasting is not None and lasting.disturbed
-        if lasting is None or self._settling or self._spread_count == 0 or too_early or not np.isfinite(Y.sum() + tau.sum()):
+        too_early, self.disturbed = self._early_jump and not self.noise.known, lasting.disturbed
+        if self._settling or self._spread_count == 0 or too_early or not np.isfinite(Y.sum() + tau.sum()):
             return
-        if (change := lasting.add(Y, tau, self._theta, self._P, self._levels[variable_update.SPREAD])) is not None:
+        if (change := lasting.add(Y, tau, self._theta, self._P, self._state.levels[SPREAD])) is not None:
             self._take_jump(change)
 
     def _take_jump(self, change: FloatArray) -> None:
@@ -243,12 +243,12 @@ class VariableForgetting(Estimator):
 
     def widen(self, factor: float) -> None:
         self.noise.widen(factor)
-        self.noise_variance = self._levels[variable_update.NOISE] = self.noise.variance
-        self._levels[variable_update.SPREAD] *= factor
+        self.noise_variance = self._state.levels[NOISE] = self.noise.variance
+        self._state.levels[SPREAD] *= factor
 
     def shift(self, where: slice, by: FloatArray) -> None:
         super().shift(where, by)
-        self._sums.start(self._P, self._theta, self._sensitivity)
+        self._sums.start()
 
     def fix(self, where: slice, std: float) -> None:
         self._prior_variance[where] = std**2
@@ -256,16 +256,16 @@ class VariableForgetting(Estimator):
 
     def suppose(self, where: slice, std: FloatArray) -> None:
         kernels.fix(self._theta, self._P, self._sensitivity, where.start, where.stop, std**2)
-        self._sums.start(self._P, self._theta, self._sensitivity)
+        self._sums.start()
 
     def undo_misfits(self) -> None:
         if self._kept:
-            (self._theta, self._P, self._sensitivity, self._sums.known, self._sums.rows), self._kept = self._kept, ()
+            self._theta[:], self._P[:], self._sensitivity[:], self._sums.known, self._state.rows[:] = self._kept
+            self._kept = ()
         self._search, self.misfits = JumpSearch(self._jump, self._prior_variance), 0
 
     def forget(self) -> None:
-        self._theta[self._jump.block] = 0.0
-        self._settling = 0
+        self._theta[self._jump.block], self._settling = 0.0, 0
         self._spread_count = min(self._spread_count, round(self.SPREAD_ANEW / self._period))
         self._search = JumpSearch(self._jump, self._prior_variance)
         self._interrupt_noise()
@@ -286,11 +286,11 @@ class VariableForgetting(Estimator):
             self._P[:, block] = 0.0
             self._P[block, block] = np.diag(self._prior_variance[block])
         else:
-            self._theta, self._P = np.zeros(self.p), np.diag(self._prior_variance)
+            self._theta[:], self._P[:] = 0.0, np.diag(self._prior_variance)
             self._sensitivity[:] = 0.0
             self._early = []
             self._early_jump = True
-        self._sums.start(self._P, self._theta, self._sensitivity)
+        self._sums.start()
 
     def _interrupt_noise(self) -> None:
         """Residuals to come do not follow those before."""

@@ -7,7 +7,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numba import njit
 
-from sysid_ros.estimators.kernels import innovate, is_ordinary, joseph_update_considering
+from sysid_ros.estimators.kernels import innovate, is_ordinary, joseph_update_in
+from sysid_ros.estimators.update_state import COLOUR, FILLED, FLOOR, LENGTH, NOISE, PERIOD, SPREAD, parts
 from sysid_ros.sample import FloatArray
 
 _JIT = {"cache": True, "error_model": "numpy", "nogil": True}
@@ -18,8 +19,10 @@ MOST_SPREAD: Final = 9.0
 TAKEN_IN, BLOCK_FULL, NOT_ORDINARY, NOT_USABLE, BROKEN_DOWN = range(5)
 """What :func:`take_in` did: took the rows in, and filled a block with them; nothing, as they do not fit what is known, or are
 not finite or absurd; or it took them in, and theta is not finite any more."""
-SPREAD, NOISE, FLOOR = range(3)
-"""Rows of ``levels``, shape (3, m): total variance of the innovations, variance that weighs a row, and the least of both."""
+SPREAD_MEMORY: Final = 10.0
+"""Time constant of the mean of squared residuals [s]."""
+CLIP_AFTER: Final = 0.5
+"""From when on a squared residual counts as :data:`MOST_SPREAD` times their mean at most [s]."""
 
 
 class _Said(NamedTuple):
@@ -31,8 +34,6 @@ class _Said(NamedTuple):
 
 SAID: Final = _Said()
 """Reasons of a status."""
-FILLED, LENGTH = range(2)
-"""Rows of ``progress``, shape (2, number of lengths): updates in each block so far, and in a full one."""
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
@@ -103,12 +104,11 @@ def accumulate_row_sums(Y: FloatArray, tau: FloatArray, Z: FloatArray, weight: F
             y = weight[i] * Y[i, a]
             if y == 0.0:
                 continue
-            row = rows[i, a]
             for k in range(p):
-                row[k] += y * Y[i, k]
-            row[p] += y * tau[i]
+                rows[i, a, k] += y * Y[i, k]
+            rows[i, a, p] += y * tau[i]
             for k in range(Z.shape[1]):
-                row[p + 1 + k] += y * Z[i, k]
+                rows[i, a, p + 1 + k] += y * Z[i, k]
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
@@ -117,58 +117,47 @@ def take_in(
     tau: FloatArray,
     extra: FloatArray,
     Z: FloatArray,
-    theta: FloatArray,
-    P: FloatArray,
-    S: FloatArray,
-    sums: FloatArray,
-    levels: FloatArray,
-    total: FloatArray,
-    starts: FloatArray,
-    known: FloatArray,
-    progress: FloatArray,
+    memory: FloatArray,
     innovation: FloatArray,
     threshold: float,
     inflation: float,
-    rate: float,
-    clip: bool,
-    colour: float,
+    count: int,
 ) -> int:
     """One update, ``tau = Y theta + Z z + noise``: the measurement update with all that the rows say of the noise.
 
     Args:
         extra: added to the noise of each row, shape (m,).
-        theta, P, S: as in :func:`joseph_update_considering`.
-        sums: as ``rows`` in :func:`accumulate_row_sums`.
-        levels: see :data:`SPREAD`. total, starts, known, progress: see :func:`add_to_blocks` and :data:`FILLED`.
+        memory: of an :class:`.UpdateState`.
         innovation: written, shape (m,).
         threshold: rows of which the normalised innovation is larger are left alone.
         inflation: factor on the noise of the rows; those of more than 1 tell nothing of the noise.
-        colour: factor on ``extra`` in the noise of the mean of many rows.
-        rate, clip: see :func:`learn_spread`; a rate of 0 where nothing is learned of the noise.
+        count: how many residuals have told of the noise; negative where nothing is learned of it.
 
     Returns:
         One of :data:`TAKEN_IN` and those beside it.
     """
-    m = tau.size
-    spread = levels[SPREAD]
+    m, p = Y.shape
+    theta, P, S, sums, levels, total, starts, known, progress, room = parts(memory)
+    spread, period, colour = levels[SPREAD], memory[PERIOD], memory[COLOUR]
     if not innovate(Y, tau, theta, innovation):
         return NOT_USABLE
     if not is_ordinary(Y, P, spread, extra, innovation, threshold):
         return NOT_ORDINARY
     full = False
-    if rate > 0.0 and inflation == 1.0:
+    if count >= 0 and inflation == 1.0:
         full = add_to_blocks(Y, tau, spread, extra, theta, P, total, starts, known, progress)
-    weight, variance = np.empty(m), np.empty(m)
+    weight, variance = room[:m], room[m : 2 * m]
     for i in range(m):
         variance[i] = (levels[NOISE, i] + colour * extra[i]) * inflation
         weight[i] = levels[NOISE, i] / variance[i]
-    joseph_update_considering(theta, P, Y, tau, variance, S, Z)
+    joseph_update_in(theta, P, Y, tau, variance, S, Z, room[2 * m :])
     accumulate_row_sums(Y, tau, Z, weight, sums)
-    if rate > 0.0:
+    if count >= 0:
         residual = variance
         innovate(Y, tau, theta, residual)
-        learn_spread(residual, extra, levels, rate, clip)
-    for a in range(theta.size):
+        rate = max(1.0 / (count + 1), period / SPREAD_MEMORY)
+        learn_spread(residual, extra, levels, rate, count * period > CLIP_AFTER)
+    for a in range(p):
         if not np.isfinite(theta[a]):
             return BROKEN_DOWN
     return BLOCK_FULL if full else TAKEN_IN
