@@ -13,7 +13,7 @@ from sysid_ros.control.controller import Reference, TrackingController
 from sysid_ros.control.state_age import StatePeriod
 from sysid_ros.control.timed_motion import TimedMotion
 from sysid_ros.control.unmodelled_torque import ToldPayload, UnmodelledTorque
-from sysid_ros.control.wanted_motion import WantedMotion
+from sysid_ros.control.wanted_motion import WantedMotion, shortly
 from sysid_ros.exceptions import DataError
 from sysid_ros.sample import FloatArray
 
@@ -30,12 +30,6 @@ _COAST = 0.03
 """So far may a joint go without states along the motion that it has, before it is brought to rest [rad or m]."""
 _NEAR = 0.1
 """Error, in parts of ``error_limit``, up to which what the law learns from it is no stranger's force."""
-_BRAKING_WAY = 0.07
-"""On which an arm without states comes to rest, unless ``braking_time`` is shorter [rad or m]."""
-_BRAKING = 7.0
-"""Slow joints are not braked harder than this [rad/s^2 or m/s^2]; what goes on for long without states goes astray."""
-_GRID = 0.01
-"""Shortest time of a motion that brakes [s]."""
 _OLDEST = 2.0
 """Age of a state in delays of the loop from which it counts as lost: with the delay itself that makes three, and from pi on what
 is damped as firmly as :class:`.Feedback` allows swings up."""
@@ -104,7 +98,7 @@ class LiveControl:
         if self._last_t is None or self._braking is not None or not 0.0 < period <= self.safety.state_timeout:
             if self.following:
                 self.trouble = f"there was no joint state for {period:.2f} s; the motion was given up"
-            self._come_to_rest(t, q, v, self._shortly(v))
+            self._come_to_rest(t, q, v, shortly(v, self.safety.braking_time))
             period, self._braking = 0.0, None
         if period > 0.0:
             self._period.add(period)
@@ -197,7 +191,7 @@ class LiveControl:
         if self._wanted is not None and self._last_t is not None:
             begin = self._next_effect
             now = self._wanted.at(begin)
-            time = self._shortly(now.v) if at_once else self.safety.braking_time
+            time = shortly(now.v, self.safety.braking_time) if at_once else self.safety.braking_time
             self._wanted = self._wanted.then(TimedMotion.braking(now.q, now.v, time), begin, self._last_t)
             self.following = False
             self.yields, self.given_up, self.trouble = False, False, ""
@@ -216,7 +210,7 @@ class LiveControl:
         speed = float(np.abs(self.reference.v).max()) if self.reference is not None else 0.0
         if self._braking is None and silent > min(_COAST / max(speed, 1e-9), self.safety.state_timeout):
             now = self._wanted.at(self._last_t + silent)
-            self._braking = TimedMotion.braking(now.q, now.v, self._shortly(now.v)), silent
+            self._braking = TimedMotion.braking(now.q, now.v, shortly(now.v, self.safety.braking_time)), silent
         if self._braking is None:
             wanted = self._wanted.at(self._last_t + silent)
         else:
@@ -287,11 +281,12 @@ class LiveControl:
             raise DataError(f"the motion begins at {t[0]:g} s; it must begin at 0 or later.")
         begin = self._next_effect
         now = self._wanted.at(begin)
+        speed = None
         if len(t) and t[0] > 0.0:
-            t, q = np.concatenate([[0.0], t]), np.vstack([now.q, q])
+            t, q, speed = np.concatenate([[0.0], t]), np.vstack([now.q, q]), now.v
             v = None if v is None else np.vstack([now.v, v])
             a = None if a is None else np.vstack([now.a, a])
-        motion = TimedMotion(t, q, v, a)
+        motion = TimedMotion(t, q, v, a, speed)
         require_allowed(motion, q[0] - now.q, self.robot, self.safety.start_tolerance)
         self._wanted = self._wanted.then(motion, begin, self._last_t)
         self.following, self.trouble = True, ""
@@ -301,11 +296,6 @@ class LiveControl:
         """Time from which on the answer to the next state acts [s]."""
         assert self._last_t is not None
         return self._last_t + self.law.feedback.lead + 0.5 * self._period.mean
-
-    def _shortly(self, v: FloatArray) -> float:
-        """Time in which to brake from this speed on a short way, no harder than that asks for, at most the usual one [s]."""
-        speed = max(float(np.abs(v).max()), 1e-9)
-        return max(min(self.safety.braking_time, 2.0 * _BRAKING_WAY / speed, speed / _BRAKING), _GRID)
 
     def _come_to_rest(self, t: float, q: FloatArray, v: FloatArray, time: float) -> None:
         self._wanted, self.following = WantedMotion(TimedMotion.braking(q, v, time), t), False

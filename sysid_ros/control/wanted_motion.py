@@ -4,9 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from sysid_ros.control.controller import Reference
 from sysid_ros.control.timed_motion import TimedMotion
 from sysid_ros.sample import FloatArray
+
+_BRAKING_WAY = 0.07
+"""On which an arm without states comes to rest, unless ``braking_time`` is shorter [rad or m]."""
+_BRAKING = 7.0
+"""Slow joints are not braked harder than this [rad/s^2 or m/s^2]; what goes on for long without states goes astray."""
+_GRID = 0.01
+"""Shortest time of a motion that brakes [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,7 +23,7 @@ class WantedMotion:
     """A motion, and the one that goes on until it begins.
 
     A motion that begins at once can't be followed: its first torque acts only when the next state has been answered, and the
-    velocity that is missing by then must be made up for by the feedback. So it begins at the time from which the next torque acts.
+    velocity that is missing by then must be made up for by the feedback. So it begins when the next torque acts.
 
     Attributes:
         motion: that is wanted last. begin: time at which it begins [s]. before: what is wanted until then.
@@ -46,3 +55,8 @@ class WantedMotion:
         """True from the end of the motion on."""
         return t - self.begin >= self.motion.end
 
+
+def shortly(v: FloatArray, longest: float) -> float:
+    """Time in which to brake from the speeds v, shape (n,), on a short way, no harder than that asks for, ``longest`` at most [s]."""
+    speed = max(float(np.abs(v).max()), 1e-9)
+    return max(min(longest, 2.0 * _BRAKING_WAY / speed, speed / _BRAKING), _GRID)
