@@ -192,8 +192,7 @@ class LiveControl:
             begin = self._next_effect
             now = self._wanted.at(begin)
             time = shortly(now.v, self.safety.braking_time) if at_once else self.safety.braking_time
-            self._wanted = self._wanted.then(TimedMotion.braking(now.q, now.v, time), begin, self._last_t)
-            self.following = False
+            self._wanted, self.following = self._wanted.then(TimedMotion.braking(now.q, now.v, time), begin, self._last_t), False
             self.yields, self.given_up, self.trouble = False, False, ""
 
     def without_states(self, silent: float) -> FloatArray | None:
@@ -279,9 +278,7 @@ class LiveControl:
         q, v, a = q[:, order], *(None if x is None else x[:, order] for x in (v, a))
         if len(t) and not t[0] >= 0.0:
             raise DataError(f"the motion begins at {t[0]:g} s; it must begin at 0 or later.")
-        begin = self._next_effect
-        now = self._wanted.at(begin)
-        speed = None
+        now, speed = self._wanted.at(begin := self._next_effect), None
         if len(t) and t[0] > 0.0:
             t, q, speed = np.concatenate([[0.0], t]), np.vstack([now.q, q]), now.v
             v = None if v is None else np.vstack([now.v, v])
