@@ -1,8 +1,7 @@
 """Arms on one machine, each with an estimator and a controller of its own in a namespace of its own.
 
 Each arm follows motions, picks up a payload that nobody tells it, and follows more. Judged are the distance from its motion,
-before and from 2 s after the pick on, of positions and of the reference that have the same stamp, and the mass that its estimator tells
-at the end.
+before and from 2 s after the pick on, of positions and references of one stamp, and the mass that its estimator tells at last.
 
 Exit codes: 0 every target held; 1 one was missed; 2 bad usage.
 

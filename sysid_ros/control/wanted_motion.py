@@ -57,6 +57,6 @@ class WantedMotion:
 
 
 def shortly(v: FloatArray, longest: float) -> float:
-    """Time in which to brake from the speeds v, shape (n,), on a short way, no harder than it asks for, at most ``longest`` [s]."""
+    """Time to brake in from the speeds v, shape (n,), on a short way, no harder than it asks for, at most ``longest`` [s]."""
     speed = max(float(np.abs(v).max()), 1e-9)
     return max(min(longest, 2.0 * _BRAKING_WAY / speed, speed / _BRAKING), _GRID)
