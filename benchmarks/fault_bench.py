@@ -90,10 +90,15 @@ class Outcome(NamedTuple):
 class FaultBench:
     """The nodes as processes, and this process between the arm's states and the controller; within ``with``.
 
+    Attributes:
+        states: topic that the controller hears its joint states on. mass: of the payload [kg]. payload_from: of the controller.
+
     Args:
         executor: of the controller. rng: draws motions and moments. namespace: of all nodes. rate: of the joint states [Hz].
         delay: ``loop_delay`` [s].
     """
+
+    states, mass, payload_from = "relayed", 1.0, "committed"
 
     def __init__(
         self, executor: str, rng: np.random.Generator, namespace: str = "", rate: int = RATE, delay: float = 0.006
@@ -276,12 +281,12 @@ class FaultBench:
     def _prepare(self) -> None:
         """All three nodes run, the arm is held and empty, and no fault is left."""
         self._spoil, self._late = lambda message: message, []
-        self._start("simulated_robot", "-p commanded:=true -p pick_time:=-1.0 -p payload_mass:=1.0", self._rate)
+        payload = f"-p payload_mass:={float(self.mass)}"
+        self._start("simulated_robot", f"-p commanded:=true -p pick_time:=-1.0 {payload}", self._rate)
         urdf = f"-p urdf_path:={self._folder}/arm.urdf"
         self._start("online_payload_estimator", urdf)
-        delay = (
-            f"-p loop_delay:={self._delay} -p executor:={self._executor_name} -p payload_from:=committed -r joint_states:=relayed"
-        )
+        delay = f"-p loop_delay:={self._delay} -p executor:={self._executor_name} -p payload_from:={self.payload_from}"
+        delay += f" -r joint_states:={self.states}"
         self._start("adaptive_controller", f"-p autostart:=true {urdf} {delay}")
         self._wanted = None
         self._until(lambda: self._wanted is not None, "the controller's first reference")

@@ -191,6 +191,18 @@ def test_a_delay_that_is_known_costs_no_accuracy_along_a_motion(arm: Callable[..
     assert furthest[1] < 0.4 * furthest[0]
 
 
+def test_a_motion_that_begins_with_a_jump_of_the_acceleration_is_followed(arm: Callable[..., Arm]) -> None:
+    one = arm(payload=1.0)
+    one.live.law.feedback.lead = 1.25 / RATE  # PyBullet's step of 1 ms moves the middle of a torque that is held for two
+    one.run(0.3)
+    errors = []
+    one.follow(1.0, np.full(7, 0.4))
+    for _ in range(250):
+        one.run(1.0 / RATE)
+        errors.append(np.abs(one.live.error))
+    assert np.max(errors) < 1e-4  # encoder noise is a part of it
+
+
 def test_a_push_moves_the_arm_and_is_told(arm: Callable[..., Arm]) -> None:
     one = arm()
     one.run(1.0)

@@ -13,6 +13,7 @@ from sysid_ros.control.controller import Reference, TrackingController
 from sysid_ros.control.state_age import StatePeriod
 from sysid_ros.control.timed_motion import TimedMotion
 from sysid_ros.control.unmodelled_torque import ToldPayload, UnmodelledTorque
+from sysid_ros.control.wanted_motion import WantedMotion, shortly
 from sysid_ros.exceptions import DataError
 from sysid_ros.sample import FloatArray
 
@@ -29,12 +30,6 @@ _COAST = 0.03
 """So far may a joint go without states along the motion that it has, before it is brought to rest [rad or m]."""
 _NEAR = 0.1
 """Error, in parts of ``error_limit``, up to which what the law learns from it is no stranger's force."""
-_BRAKING_WAY = 0.07
-"""On which an arm without states comes to rest, unless ``braking_time`` is shorter [rad or m]."""
-_BRAKING = 7.0
-"""Slow joints are not braked harder than this [rad/s^2 or m/s^2]; what goes on for long without states goes astray."""
-_GRID = 0.01
-"""Shortest time of a motion that brakes [s]."""
 _OLDEST = 2.0
 """Age of a state in delays of the loop from which it counts as lost: with the delay itself that makes three, and from pi on what
 is damped as firmly as :class:`.Feedback` allows swings up."""
@@ -67,20 +62,20 @@ class LiveControl:
         self.following = self.yields = self.given_up = False
         self.reference: Reference | None = None
         self.error, self.clipped, self.trouble = np.zeros(robot.n), np.zeros(robot.n, dtype=int), ""
-        self._period, self._fast_since, self._begin = StatePeriod(), 0.0, 0.0
+        self._period, self._fast_since = StatePeriod(), 0.0
         self._limit = safety.effort_limit_scale * robot.effort_limit
         self.unmodelled, self.told = UnmodelledTorque(robot.effort_limit), ToldPayload()
         self._sent: FloatArray | None = None
         self._calm = law.payload
         self._braking: tuple[TimedMotion, float] | None = None
-        self._motion: TimedMotion | None = None
+        self._wanted: WantedMotion | None = None
         self._last_t: float | None = None
         self._state: tuple[FloatArray, FloatArray] | None = None
 
     @property
     def motion(self) -> object:
         """The motion under way or at its end: another object for every new one, and where the arm comes to rest."""
-        return self._motion
+        return self._wanted.motion if self._wanted is not None else None
 
     @property
     def oldest(self) -> float:
@@ -90,7 +85,7 @@ class LiveControl:
     def forget(self) -> None:
         """Hold the arm where the next state finds it."""
         self.following = self.yields = self.given_up = False
-        self.reference = self._motion = self._last_t = self._state = self._sent = self._braking = None
+        self.reference = self._wanted = self._last_t = self._state = self._sent = self._braking = None
         self.unmodelled.forget()
 
     def command(self, t: float, q: FloatArray, v: FloatArray) -> FloatArray:
@@ -103,15 +98,15 @@ class LiveControl:
         if self._last_t is None or self._braking is not None or not 0.0 < period <= self.safety.state_timeout:
             if self.following:
                 self.trouble = f"there was no joint state for {period:.2f} s; the motion was given up"
-            self._come_to_rest(t, q, v, self._shortly(v))
+            self._come_to_rest(t, q, v, shortly(v, self.safety.braking_time))
             period, self._braking = 0.0, None
         if period > 0.0:
             self._period.add(period)
         self._last_t, self._state = t, (q, v)
-        assert self._motion is not None
-        self.reference = self._motion.at(t - self._begin)
+        assert self._wanted is not None
+        self.reference = self._wanted.at(t)
         self.error = self.reference.q - q
-        if self.following and t - self._begin >= self._motion.end:
+        if self.following and self._wanted.ends_by(t):
             self.following = False
         if not self.yields and (fault := self._fault(v)):
             self.trouble, self.yields, self.following, self._fast_since = fault, True, False, t
@@ -123,7 +118,7 @@ class LiveControl:
         if self.yields:
             self._give_up_if_fast(t, v)
             return self._limited(self._yielding(t, q, v, period), period)
-        wanted = self._motion.at(t - self._begin + self.law.feedback.lead)
+        wanted = self._wanted.held(t + self.law.feedback.lead, self._period.mean)
         q, v = self.reference.advance(wanted, q, v)
         tau = self._limited(self.law.torque(q, v, wanted, period), period)
         columns, rest = self._arm.split(q, v, v, wanted.a, wanted.v)
@@ -181,8 +176,8 @@ class LiveControl:
         assert self.reference is not None
         away = np.clip(self.reference.q - q, -_GIVES_WAY, _GIVES_WAY)
         still = np.zeros_like(q)
-        self._motion, self._begin = TimedMotion.braking(q + away, still, self.safety.braking_time), t
-        self.reference = self._motion.at(0.0)
+        self._wanted = WantedMotion(TimedMotion.braking(q + away, still, self.safety.braking_time), t)
+        self.reference = self._wanted.at(t)
         self.error = away
         feedback = self.law.feedback
         w = min(_YIELDING * feedback.bandwidth, feedback.calm(max(self._period.mean, feedback.delay)))
@@ -193,9 +188,11 @@ class LiveControl:
     def hold(self, at_once: bool = False) -> None:
         """Bring the arm to rest now, along the motion that it has, within ``braking_time`` or as shortly as after a fault; where
         it yields, hold it where it is."""
-        if self.reference is not None and self._last_t is not None:
-            time = self._shortly(self.reference.v) if at_once else self.safety.braking_time
-            self._come_to_rest(self._last_t, self.reference.q, self.reference.v, time)
+        if self._wanted is not None and self._last_t is not None:
+            begin = self._next_effect
+            now = self._wanted.at(begin)
+            time = shortly(now.v, self.safety.braking_time) if at_once else self.safety.braking_time
+            self._wanted, self.following = self._wanted.then(TimedMotion.braking(now.q, now.v, time), begin, self._last_t), False
             self.yields, self.given_up, self.trouble = False, False, ""
 
     def without_states(self, silent: float) -> FloatArray | None:
@@ -207,14 +204,14 @@ class LiveControl:
         Args:
             silent: time since the last state [s].
         """
-        if self._motion is None or self._last_t is None or self._state is None or silent <= self._period.missing:
+        if self._wanted is None or self._last_t is None or self._state is None or silent <= self._period.missing:
             return None
         speed = float(np.abs(self.reference.v).max()) if self.reference is not None else 0.0
         if self._braking is None and silent > min(_COAST / max(speed, 1e-9), self.safety.state_timeout):
-            now = self._motion.at(self._last_t - self._begin + silent)
-            self._braking = TimedMotion.braking(now.q, now.v, self._shortly(now.v)), silent
+            now = self._wanted.at(self._last_t + silent)
+            self._braking = TimedMotion.braking(now.q, now.v, shortly(now.v, self.safety.braking_time)), silent
         if self._braking is None:
-            wanted = self._motion.at(self._last_t - self._begin + silent)
+            wanted = self._wanted.at(self._last_t + silent)
         else:
             motion, begin = self._braking
             if silent - begin > motion.end:
@@ -269,7 +266,7 @@ class LiveControl:
         Raises:
             DataError: what is wrong with it; nothing has changed then.
         """
-        if self.reference is None or self._last_t is None:
+        if self._wanted is None or self._last_t is None:
             raise DataError("there is no joint state yet, so where the motion would begin is not known. Send it again later.")
         if self.yields:
             raise DataError(f"the arm yields: {self.trouble}. Call ~/hold first.")
@@ -281,20 +278,22 @@ class LiveControl:
         q, v, a = q[:, order], *(None if x is None else x[:, order] for x in (v, a))
         if len(t) and not t[0] >= 0.0:
             raise DataError(f"the motion begins at {t[0]:g} s; it must begin at 0 or later.")
-        now = self.reference
+        now, speed = self._wanted.at(begin := self._next_effect), None
         if len(t) and t[0] > 0.0:
-            t, q = np.concatenate([[0.0], t]), np.vstack([now.q, q])
+            t, q, speed = np.concatenate([[0.0], t]), np.vstack([now.q, q]), now.v
             v = None if v is None else np.vstack([now.v, v])
             a = None if a is None else np.vstack([now.a, a])
-        motion = TimedMotion(t, q, v, a)
+        motion = TimedMotion(t, q, v, a, speed)
         require_allowed(motion, q[0] - now.q, self.robot, self.safety.start_tolerance)
-        self._motion, self._begin, self.following, self.trouble = motion, self._last_t, True, ""
+        self._wanted = self._wanted.then(motion, begin, self._last_t)
+        self.following, self.trouble = True, ""
 
-    def _shortly(self, v: FloatArray) -> float:
-        """Time in which to brake from this speed on a short way, no harder than that asks for, at most the usual one [s]."""
-        speed = max(float(np.abs(v).max()), 1e-9)
-        return max(min(self.safety.braking_time, 2.0 * _BRAKING_WAY / speed, speed / _BRAKING), _GRID)
+    @property
+    def _next_effect(self) -> float:
+        """Time from which on the answer to the next state acts [s]."""
+        assert self._last_t is not None
+        return self._last_t + self.law.feedback.lead + 0.5 * self._period.mean
 
     def _come_to_rest(self, t: float, q: FloatArray, v: FloatArray, time: float) -> None:
-        self._motion, self._begin, self.following = TimedMotion.braking(q, v, time), t, False
-        self.reference = self._motion.at(0.0)
+        self._wanted, self.following = WantedMotion(TimedMotion.braking(q, v, time), t), False
+        self.reference = self._wanted.at(t)

@@ -14,17 +14,24 @@ _BETWEEN = 8
 
 class TimedMotion:
     """Points with splines between them: quintic where accelerations are given, cubic where only velocities are, and a cubic
-    spline with continuous accelerations, at rest at both ends, where there are only positions. At rest before and after.
+    spline with continuous accelerations, at rest at its end, where there are only positions. At rest before and after.
 
     Args:
         t: times from the start, ascending, shape (N,) [s]. q, v, a: shape (N, n) each [rad or m, a second, a second squared]; v
-            and a may be None.
+            and a may be None. speed: velocity at the first of points that have only positions, shape (n,); None: at rest.
 
     Raises:
         DataError: there are fewer than two points, a number is not finite, or times do not ascend.
     """
 
-    def __init__(self, t: FloatArray, q: FloatArray, v: FloatArray | None = None, a: FloatArray | None = None) -> None:
+    def __init__(
+        self,
+        t: FloatArray,
+        q: FloatArray,
+        v: FloatArray | None = None,
+        a: FloatArray | None = None,
+        speed: FloatArray | None = None,
+    ) -> None:
         if len(t) < 2:
             raise DataError(f"the motion has {len(t)} points; it must have two or more.")
         if not all(np.all(np.isfinite(x)) for x in (t, q, v, a) if x is not None):
@@ -32,7 +39,8 @@ class TimedMotion:
         if np.any(np.diff(t) <= 0.0):
             raise DataError("the times of the motion do not ascend. Sort the points, or leave out doubles.")
         if v is None:
-            self._q = CubicSpline(t, q, axis=0, bc_type="clamped")
+            still = np.zeros(q.shape[1])
+            self._q = CubicSpline(t, q, axis=0, bc_type=((1, still if speed is None else speed), (1, still)))
         else:
             given = [q, v] if a is None else [q, v, a]
             self._q = BPoly.from_derivatives(t, np.stack(given, axis=1))
