@@ -10,6 +10,8 @@ import click
 import numpy as np
 
 from sysid_ros.cli import options as opt
+from sysid_ros.cli.excite_floating import Files, base_of, robot_path, run_floating
+from sysid_ros.cli.excite_floating import options as floating_options
 from sysid_ros.cli.excite_multisine import MultisineWishes, run_multisine
 from sysid_ros.cli.excite_multisine import options as multisine_options
 from sysid_ros.cli.excite_report import as_json, show
@@ -59,7 +61,7 @@ def _setting(name: str, text: str) -> opt.Decorator:
 
 
 @click.command(cls=ManyValues, epilog=_EPILOG)
-@opt.path("--urdf", required=True, help="The robot.")
+@opt.path("--urdf", help="The robot.")
 @opt.path("--out", "out_path", required=True, help="trajectory_msgs/JointTrajectory in YAML, to write.")
 @opt.path("--bag", help="Folder to create: a bag with the same message.")
 @opt.PLOT
@@ -94,11 +96,14 @@ def _setting(name: str, text: str) -> opt.Decorator:
 @click.option("--no-collisions", is_flag=True, help="Check no collisions.")
 @click.option("--controller", default="joint_trajectory_controller", show_default=True, help="Whose topic the bag has.")
 @multisine_options
+@floating_options
 @opt.STORAGE
 @opt.CONFIG
 @opt.FORCE
 def command(
-    urdf: Path,
+    urdf: Path | None,
+    robot_name: str,
+    trunk_path: Path | None,
     out_path: Path,
     bag: Path | None,
     plot_path: Path | None,
@@ -119,42 +124,52 @@ def command(
     force: bool,
     **options: Any,
 ) -> None:
-    """Find the motion from which an arm's parameters can be identified best.
+    """Find the motion from which the parameters of an arm, or of a robot on legs, can be identified best.
 
     A Fourier series that starts and ends at rest, with the largest determinant of the information about the base parameters of
     links, friction, rotors and offsets (D-optimal). Limits of position, velocity, acceleration and nominal torque are kept, and
     the links do not come near each other or a floor: checked every millisecond.
 
+    Of a robot on legs it is the trunk that moves, over feet that stay: within the joints' limits and the friction cones of the
+    feet, for trunk, links of the legs, friction, rotors and offsets. Collisions are not checked.
+
     \b
     Example:
       sysid excite --urdf arm.urdf --floor 0 --out traj.yaml --bag traj_bag --plot traj.png
+      sysid excite --robot go2 --base floating --duration 20 --out sway.yaml --trunk trunk.yaml --plot sway.png
       sysid excite --urdf arm.urdf --multisine --band 0.3,15 --move joint_2 --out multisine.yaml
     """
-    wishes = MultisineWishes.taken(options, period or 0.0)
+    path, wishes = robot_path(urdf, robot_name), MultisineWishes.taken(options, period or 0.0)
+    online = settings_from(read_config(config_path))
+    robot = RobotModel.from_urdf(urdf_text(path), joint_names or online.joint_names, online.gravity)
+    base = base_of(robot, online, options) if wishes is None else None
     settings = _settings({"period": period or 0.0, **options})
     _check(out_path, bag, (plot_path, rerun_path), json_path, force, wishes is not None)
     _check_times(rate, approach)
-    online = settings_from(read_config(config_path))
-    robot = RobotModel.from_urdf(urdf_text(urdf), joint_names or online.joint_names, online.gravity)
     for sentence in robot.notes:
         note(sentence)
     given = _limits_of(robot, limits_path) if limits_path is not None else {}
+    write = partial(_write_message, robot, f"/{controller.strip('/')}/joint_trajectory", storage)
+    if base is not None:
+        outputs = Files(out_path, bag, json_path, (plot_path, rerun_path), trunk_path, force)
+        run_floating(base, settings, given, _posture(robot, start), outputs, (rate, approach), write)
+        return
     collision = None
     if not no_collisions:
         pairs = [_pair(text) for text in ignore_pair]
-        collision = CollisionModel(robot, MeshFiles(urdf.parent, package_path), settings.clearance, settings.floor, pairs)
-    topic = f"/{controller.strip('/')}/joint_trajectory"
+        collision = CollisionModel(robot, MeshFiles(path.parent, package_path), settings.clearance, settings.floor, pairs)
     if wishes is not None:
-        files, write = (out_path, bag, json_path, force), partial(_write_message, robot, topic, storage)
+        files = (out_path, bag, json_path, force)
         run_multisine(robot, settings, wishes, given, collision, _posture(robot, start), files, (rate, approach), write)
         return
     with progress_bar("Searching", steps(settings)) as advance:
         result = excite(free_model(robot), settings, given, collision, _posture(robot, start), advance)
     _tell(result, settings.floor is not None, no_collisions)
-    _write(result, robot, out_path, bag, topic, storage, rate, approach)
+    t = result.trajectory.grid(1.0 / rate)
+    write(JointTrajectory(robot.joint_names, t + approach, *result.trajectory.sample(t)), out_path, bag)
     if json_path is not None:
         write_json(json_path, as_json(result, settings))
-    _draw((plot_path, rerun_path), result, urdf)
+    _draw((plot_path, rerun_path), result, path)
     show(result)
     note(f"Motion written to {out_path}{f' and {bag}' if bag else ''}. How to send it: sysid excite --help")
 
@@ -232,15 +247,6 @@ def _posture(robot: RobotModel, start: tuple[float, ...] | None) -> FloatArray |
             "order."
         )
     return np.array(start)
-
-
-def _write(
-    result: Excitation, robot: RobotModel, out: Path, bag: Path | None, topic: str, storage: str, rate: float, approach: float
-) -> None:
-    t = result.trajectory.grid(1.0 / rate)
-    _write_message(
-        robot, topic, storage, JointTrajectory(robot.joint_names, t + approach, *result.trajectory.sample(t)), out, bag
-    )
 
 
 def _write_message(robot: RobotModel, topic: str, storage: str, message: JointTrajectory, out: Path, bag: Path | None) -> None:
