@@ -158,6 +158,8 @@ def _of_legs(settings: ExcitationSettings) -> ExcitationSettings:
     source = click.get_current_context().get_parameter_source
     if source("acceleration_limit") is not ParameterSource.COMMANDLINE:
         settings = replace(settings, acceleration_limit=_ACCELERATION)
+    if source("starts") is not ParameterSource.COMMANDLINE:
+        settings = replace(settings, starts=1)
     if settings.period == 0.0:
         settings = replace(settings, period=settings.duration / max(1, round(settings.duration / _PERIOD)))
     return settings

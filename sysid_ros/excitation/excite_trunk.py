@@ -60,7 +60,7 @@ class TrunkExcitation:
     @property
     def feet_use(self) -> FloatArray:
         """Largest part of the friction cone of each foot, and of the stretching of its leg, shape (2, k)."""
-        return self.use.limits[len(KINDS) * self.feet.base.legs.n :].reshape(2, -1)
+        return self.use.limits[-2 * len(self.feet.legs) :].reshape(2, -1)
 
 
 def excite_trunk(

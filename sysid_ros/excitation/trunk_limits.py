@@ -21,8 +21,8 @@ _BENT = 1.0 / 3.0
 """Lever of a leg over that of standing, at least: a leg that is stretched shows no force."""
 _STEP = 0.01
 """Every limit of a trunk's motion is checked this often [s]."""
-_SHIFT, _TURN = 0.35, 0.6
-"""Box that the search begins in: moves over the height, turns [rad]. Joints and feet are the limits, not the box."""
+_SHIFT, _TURN = 0.25, 0.4
+"""Box of the pose: moves over the height, and turns [rad], in which the belly stays clear of the ground."""
 
 
 class TrunkLimits:
@@ -35,7 +35,7 @@ class TrunkLimits:
         dynamics: of the robot. joints: limits of the legs' joints. settings: of the friction of the feet.
 
     Attributes:
-        lower, upper, velocity, acceleration: of the box in which the search moves pose and derivatives, shape (6,).
+        lower, upper: of the pose, shape (6,). velocity, acceleration: about how large the search makes them, shape (6,).
         joints: as given. names: of the limits in the order of :meth:`of_states`.
     """
 
@@ -53,14 +53,16 @@ class TrunkLimits:
         frames = dynamics.base.contact_frames
         self.names = tuple(
             [f"{kind} of {name}" for kind in KINDS for name in joints.robot.joint_names]
+            + [f"{part} of the trunk" for part in ("x", "y", "z", "turn about x", "turn about y", "turn about z")]
             + [f"friction cone of {name}" for name in frames]
             + [f"lever of the leg of {name}" for name in frames]
         )
 
     def of_states(self, states: TrunkStates) -> tuple[FloatArray, FloatArray]:
-        """Part of each limit that N states use: signed of joints, shape (N, 4 (n - 6)), and of feet and legs, shape (N, 2 k)."""
+        """Part of each limit that N states use: signed of joints and pose, (N, 4 (n - 6) + 6), and of feet and legs, shape (N, 2 k)."""
         q, v, a = (x[:, FREE:] for x in states.motion)
         joints = np.swapaxes(self.joints.use(q, v, a, states.torque), 0, 1).reshape(len(q), -1)
+        joints = np.hstack([joints, states.poses.placed.over_ground[:, :FREE] / self.upper])
         cones = 1.0 - (states.up - states.side / self.friction) / self._share + _LIFT
         reach = states.poses.placed.miss / self.dynamics.feet.height
         levers = 1.0 + (_BENT * self._standing - states.poses.placed.lever) / self._standing + 10.0 * reach

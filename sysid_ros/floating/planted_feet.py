@@ -101,7 +101,7 @@ class PlantedFeet:
         own = self._of_legs(J)
         normal = Rotation.from_euler("XYZ", pose[:, 3:]).inv().apply(np.tile(_UP, (len(pose), 1)))
         trunk = np.hstack([np.zeros_like(pose), positions])
-        lever: FloatArray = np.linalg.svd(own, compute_uv=False)[:, :, -1]
+        lever = np.linalg.svd(own, compute_uv=False)[:, :, -1].astype(np.float64)
         return PlacedFeet(q, J[:, :, :, :FREE], own, normal, self._touching(trunk, normal), lever, miss)
 
     def states(self, placed: PlacedFeet, velocity: FloatArray, acceleration: FloatArray) -> States:

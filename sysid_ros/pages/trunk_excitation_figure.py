@@ -22,7 +22,8 @@ def trunk_excitation_figure(excitation: TrunkExcitation, title: str) -> Figure:
     t = np.linspace(0.0, trajectory.basis.period, _POINTS)
     states = trajectory.sample(t)
     joints, feet = limits.of_states(limits.dynamics.of(*states))
-    largest = 100.0 * np.abs(joints).reshape(len(t), len(KINDS), -1).max(axis=2)
+    of_joints = np.abs(joints[:, : len(KINDS) * excitation.feet.base.legs.n])
+    largest = 100.0 * of_joints.reshape(len(t), len(KINDS), -1).max(axis=2)
     names = excitation.feet.base.contact_frames
     time = Axis("time in a period [s]", (0.0, float(t[-1])), clock=True)
     end = (Mark("y", 100.0, dash="dashed"),)
