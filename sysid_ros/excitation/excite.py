@@ -133,7 +133,7 @@ def searched(
     best_criteria, best = motions[0]
     found = []
     for _, begin in motions[: settings.starts]:
-        left = sum(stage.iterations for stage in STAGES)
+        left = sum(stage.iterations for stage in search.stages)
 
         def step() -> None:
             nonlocal left

@@ -14,6 +14,7 @@ from sysid_ros.excitation.excite import searched
 from sysid_ros.excitation.feasibility import Use
 from sysid_ros.excitation.fourier_trajectory import FourierBasis, FourierTrajectory
 from sysid_ros.excitation.motion_limits import KINDS, JointLimit, MotionLimits
+from sysid_ros.excitation.optimiser import Stage
 from sysid_ros.excitation.search import ExcitationSearch
 from sysid_ros.excitation.trunk_dynamics import TrunkDynamics
 from sysid_ros.excitation.trunk_limits import TrunkConstraints, TrunkFeasibility, TrunkLimits
@@ -22,6 +23,8 @@ from sysid_ros.floating.planted_feet import PlantedFeet
 from sysid_ros.sample import FREE, FloatArray
 from sysid_ros.torque.torque_model import TorqueModel
 
+_STAGES = (Stage(60.0, 30, False), Stage(300.0, 15, True))
+"""Shorter than for arms, whose constraints cost less: each iteration is half a second."""
 _DIFFERENCE = 1e-3
 """Over which joint velocities and accelerations are taken from positions [s]."""
 
@@ -89,7 +92,7 @@ def excite_trunk(
     basis = FourierBasis(settings.duration, settings.base_period, settings.harmonics, anchored=True)
     feasibility = TrunkFeasibility(limits)
     information = ExcitationCriteria(TrunkRows(model, limits, precision, settings.duration))
-    search = ExcitationSearch(information, feasibility, basis, TrunkConstraints)
+    search = ExcitationSearch(information, feasibility, basis, TrunkConstraints, _STAGES)
     found = searched(search, settings, np.zeros((settings.comparison, 1, FREE)), progress)
     return TrunkExcitation(
         trajectory=found.best,

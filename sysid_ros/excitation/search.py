@@ -32,7 +32,15 @@ class ExcitationSearch(Generic[F]):
             limits.
     """
 
-    def __init__(self, criteria: ExcitationCriteria, feasibility: F, basis: FourierBasis, constraints: ConstraintsOf[F]) -> None:
+    def __init__(
+        self,
+        criteria: ExcitationCriteria,
+        feasibility: F,
+        basis: FourierBasis,
+        constraints: ConstraintsOf[F],
+        stages: tuple[Stage, ...] = STAGES,
+    ) -> None:
+        self.stages = stages
         self._criteria, self._feasibility, self._basis = criteria, feasibility, basis
         self._optimiser = MotionOptimiser(criteria, feasibility, basis, constraints)
 
@@ -93,7 +101,7 @@ class ExcitationSearch(Generic[F]):
         """The best feasible motion on the way from ``begin``, which is feasible, to a local optimum."""
         best, best_d = begin, self.criteria(begin).d
         now = begin
-        for stage in STAGES:
+        for stage in self.stages:
             now = self._optimiser.run(now, stage, progress)
             factor, repaired = self._shrunk(now)
             if repaired is None:

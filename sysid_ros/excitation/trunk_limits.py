@@ -59,7 +59,7 @@ class TrunkLimits:
         )
 
     def of_states(self, states: TrunkStates) -> tuple[FloatArray, FloatArray]:
-        """Part of each limit that N states use: signed of joints and pose, (N, 4 (n - 6) + 6), and of feet and legs, shape (N, 2 k)."""
+        """Part of each limit that N states use: signed of joints and pose, (N, 4 (n - 6) + 6), and of feet, (N, 2 k)."""
         q, v, a = (x[:, FREE:] for x in states.motion)
         joints = np.swapaxes(self.joints.use(q, v, a, states.torque), 0, 1).reshape(len(q), -1)
         joints = np.hstack([joints, states.poses.placed.over_ground[:, :FREE] / self.upper])
