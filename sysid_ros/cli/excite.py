@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -150,28 +151,49 @@ def command(
         note(sentence)
     given = _limits_of(robot, limits_path) if limits_path is not None else {}
     write = partial(_write_message, robot, f"/{controller.strip('/')}/joint_trajectory", storage)
+    outputs = Files(out_path, bag, json_path, (plot_path, rerun_path), trunk_path, force)
     if base is not None:
-        outputs = Files(out_path, bag, json_path, (plot_path, rerun_path), trunk_path, force)
         run_floating(base, settings, given, _posture(robot, start), outputs, (rate, approach), write)
         return
-    collision = None
-    if not no_collisions:
-        pairs = [_pair(text) for text in ignore_pair]
-        collision = CollisionModel(robot, MeshFiles(path.parent, package_path), settings.clearance, settings.floor, pairs)
+    collision = _collision(robot, path, settings, package_path, ignore_pair, no_collisions)
     if wishes is not None:
         files = (out_path, bag, json_path, force)
         run_multisine(robot, settings, wishes, given, collision, _posture(robot, start), files, (rate, approach), write)
         return
+    _run_arm(robot, path, settings, given, collision, (_posture(robot, start), no_collisions), outputs, (rate, approach), write)
+
+
+def _collision(
+    robot: RobotModel, path: Path, settings: ExcitationSettings, folders: tuple[Path, ...], ignored: tuple[str, ...], none: bool
+) -> CollisionModel | None:
+    if none:
+        return None
+    pairs = [_pair(text) for text in ignored]
+    return CollisionModel(robot, MeshFiles(path.parent, folders), settings.clearance, settings.floor, pairs)
+
+
+def _run_arm(
+    robot: RobotModel,
+    path: Path,
+    settings: ExcitationSettings,
+    given: dict[str, JointLimit],
+    collision: CollisionModel | None,
+    wanted: tuple[FloatArray | None, bool],
+    files: Files,
+    timing: tuple[float, float],
+    write: Callable[[JointTrajectory, Path, Path | None], None],
+) -> None:
+    """Find, write and show the motion of an arm; ``wanted``: its start, and that collisions are not checked."""
     with progress_bar("Searching", steps(settings)) as advance:
-        result = excite(free_model(robot), settings, given, collision, _posture(robot, start), advance)
-    _tell(result, settings.floor is not None, no_collisions)
-    t = result.trajectory.grid(1.0 / rate)
-    write(JointTrajectory(robot.joint_names, t + approach, *result.trajectory.sample(t)), out_path, bag)
-    if json_path is not None:
-        write_json(json_path, as_json(result, settings))
-    _draw((plot_path, rerun_path), result, path)
+        result = excite(free_model(robot), settings, given, collision, wanted[0], advance)
+    _tell(result, settings.floor is not None, wanted[1])
+    t = result.trajectory.grid(1.0 / timing[0])
+    write(JointTrajectory(robot.joint_names, t + timing[1], *result.trajectory.sample(t)), files.out, files.bag)
+    if files.json is not None:
+        write_json(files.json, as_json(result, settings))
+    _draw(files.plots, result, path)
     show(result)
-    note(f"Motion written to {out_path}{f' and {bag}' if bag else ''}. How to send it: sysid excite --help")
+    note(f"Motion written to {files.out}{f' and {files.bag}' if files.bag else ''}. How to send it: sysid excite --help")
 
 
 def _tell(result: Excitation, floor: bool, no_collisions: bool) -> None:
