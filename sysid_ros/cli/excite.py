@@ -141,12 +141,12 @@ def command(
       sysid excite --urdf arm.urdf --multisine --band 0.3,15 --move joint_2 --out multisine.yaml
     """
     path, wishes = robot_path(urdf, robot_name), MultisineWishes.taken(options, period or 0.0)
+    asked = options.pop("base"), options.pop("contact_frames")
+    settings = _settings({"period": period or 0.0, **options})
+    _check(out_path, bag, (plot_path, rerun_path), json_path, force, wishes is not None, (rate, approach))
     online = settings_from(read_config(config_path))
     robot = RobotModel.from_urdf(urdf_text(path), joint_names or online.joint_names, online.gravity)
-    base = base_of(robot, online, options) if wishes is None else None
-    settings = _settings({"period": period or 0.0, **options})
-    _check(out_path, bag, (plot_path, rerun_path), json_path, force, wishes is not None)
-    _check_times(rate, approach)
+    base = base_of(robot, online, *asked) if wishes is None else None
     for sentence in robot.notes:
         note(sentence)
     given = _limits_of(robot, limits_path) if limits_path is not None else {}
@@ -232,9 +232,16 @@ def _settings(options: dict[str, Any]) -> ExcitationSettings:
 
 
 def _check(
-    out: Path, bag: Path | None, plots: tuple[Path | None, Path | None], json_path: Path | None, force: bool, multisine: bool
+    out: Path,
+    bag: Path | None,
+    plots: tuple[Path | None, Path | None],
+    json_path: Path | None,
+    force: bool,
+    multisine: bool,
+    timing: tuple[float, float],
 ) -> None:
     """What can be wrong is said before the search, not after it."""
+    _check_times(*timing)
     if multisine:
         if any(plots):
             raise SettingsError("--multisine draws no figure; leave out --plot and --rerun.")

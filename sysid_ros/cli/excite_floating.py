@@ -85,13 +85,12 @@ def robot_path(urdf: Path | None, name: str) -> Path:
     return path
 
 
-def base_of(robot: RobotModel, online: OnlineSettings, options: dict[str, Any]) -> FloatingBase | None:
-    """The robot on its floating base, where it stands on legs; takes ``base`` and ``contact_frames`` out of the options.
+def base_of(robot: RobotModel, online: OnlineSettings, base: str, frames: tuple[str, ...]) -> FloatingBase | None:
+    """The robot on its floating base, where ``base``, or its URDF, says that it stands on legs; ``frames``: its feet.
 
     Raises:
         RobotModelError: the feet do not fit the robot.
     """
-    base, frames = options.pop("base"), options.pop("contact_frames")
     base = online.base if base == "auto" else base
     return floating_base_of(robot, replace(online, base=base, contact_frames=frames or online.contact_frames))
 
