@@ -30,6 +30,7 @@ from rich.console import Console
 from rich.table import Table
 from verdict import Target, conclude
 
+from sysid_ros.excitation.arm_rows import ArmRows
 from sysid_ros.excitation.criteria import ExcitationCriteria
 from sysid_ros.excitation.excitation_settings import ExcitationSettings
 from sysid_ros.excitation.excite import Excitation, excite
@@ -67,7 +68,7 @@ def search(path: Path, joints: tuple[str, ...], settings: ExcitationSettings) ->
         "room": float(result.use.room.min()) if result.pairs else None,
         "pairs": len(result.pairs),
     }
-    criteria = ExcitationCriteria(model, result.limits)
+    criteria = ExcitationCriteria(ArmRows(model, result.limits))
     usual = result.random_motions[len(result.random_motions) // 2]
     row["spread_ratio"] = float(np.median(spread(criteria, usual) / spread(criteria, result.trajectory)))
     return result, row

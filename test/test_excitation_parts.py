@@ -10,7 +10,8 @@ from robots import ROBOTS, robot
 from test_collision_model import chain
 
 from sysid_ros.exceptions import DataError, SettingsError
-from sysid_ros.excitation.criteria import ExcitationCriteria, random_states
+from sysid_ros.excitation.arm_rows import ArmRows, random_states
+from sysid_ros.excitation.criteria import ExcitationCriteria
 from sysid_ros.excitation.excitation_settings import ExcitationSettings
 from sysid_ros.excitation.feasibility import Feasibility
 from sysid_ros.excitation.fourier_trajectory import FourierBasis, FourierTrajectory
@@ -130,7 +131,7 @@ def test_a_file_of_joint_limits_that_is_none(tmp_path: Path, text: str, match: s
 def test_criteria_are_those_of_the_information(name: str) -> None:
     model = free_model(robot(name))
     limits = MotionLimits(model.robot, SETTINGS)
-    criteria = ExcitationCriteria(model, limits)
+    criteria = ExcitationCriteria(ArmRows(model, limits))
     q, v, a = random_states(limits, 300, seed=5)
     found = criteria.evaluate(q, v, a)
     zero = np.zeros(model.robot.n)
@@ -159,7 +160,7 @@ def test_the_condition_number_is_that_of_identification() -> None:
     model = free_model(robot("small_arm"))
     limits = MotionLimits(model.robot, SETTINGS)
     q, v, a = random_states(limits, 500)
-    criteria = ExcitationCriteria(model, limits)
+    criteria = ExcitationCriteria(ArmRows(model, limits))
     zero = np.zeros(model.robot.n)
     Y = np.array([model.split(Sample(0.0, *state, zero))[0] for state in zip(q, v, a, strict=True)])
     base = BaseParameters(np.einsum("kia,kib->ab", Y, Y)[np.ix_(criteria.columns, criteria.columns)])
@@ -169,7 +170,7 @@ def test_the_condition_number_is_that_of_identification() -> None:
 
 def test_a_motion_that_tells_nothing_has_no_finite_d() -> None:
     model = free_model(robot("small_arm"))
-    criteria = ExcitationCriteria(model, MotionLimits(model.robot, SETTINGS))
+    criteria = ExcitationCriteria(ArmRows(model, MotionLimits(model.robot, SETTINGS)))
     still = np.zeros((50, model.robot.n))
     found = criteria.evaluate(still, still, still)
     assert found.d == -np.inf
@@ -180,7 +181,7 @@ def test_a_motion_that_tells_nothing_has_no_finite_d() -> None:
 def test_the_derivative_of_d(name: str) -> None:
     model = free_model(robot(name))
     limits = MotionLimits(model.robot, SETTINGS)
-    criteria = ExcitationCriteria(model, limits)
+    criteria = ExcitationCriteria(ArmRows(model, limits))
     state = np.stack(random_states(limits, 60, seed=2))
     direction, h = np.random.default_rng(3).normal(size=state.shape), 1e-5
     _, *gradients = criteria.negative_d(*state)

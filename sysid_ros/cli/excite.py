@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,8 @@ import click
 import numpy as np
 
 from sysid_ros.cli import options as opt
+from sysid_ros.cli.excite_floating import Files, base_of, robot_path, run_floating
+from sysid_ros.cli.excite_floating import options as floating_options
 from sysid_ros.cli.excite_multisine import MultisineWishes, run_multisine
 from sysid_ros.cli.excite_multisine import options as multisine_options
 from sysid_ros.cli.excite_report import as_json, show
@@ -59,7 +62,7 @@ def _setting(name: str, text: str) -> opt.Decorator:
 
 
 @click.command(cls=ManyValues, epilog=_EPILOG)
-@opt.path("--urdf", required=True, help="The robot.")
+@opt.path("--urdf", help="The robot.")
 @opt.path("--out", "out_path", required=True, help="trajectory_msgs/JointTrajectory in YAML, to write.")
 @opt.path("--bag", help="Folder to create: a bag with the same message.")
 @opt.PLOT
@@ -94,11 +97,14 @@ def _setting(name: str, text: str) -> opt.Decorator:
 @click.option("--no-collisions", is_flag=True, help="Check no collisions.")
 @click.option("--controller", default="joint_trajectory_controller", show_default=True, help="Whose topic the bag has.")
 @multisine_options
+@floating_options
 @opt.STORAGE
 @opt.CONFIG
 @opt.FORCE
 def command(
-    urdf: Path,
+    urdf: Path | None,
+    robot_name: str,
+    trunk_path: Path | None,
     out_path: Path,
     bag: Path | None,
     plot_path: Path | None,
@@ -119,44 +125,75 @@ def command(
     force: bool,
     **options: Any,
 ) -> None:
-    """Find the motion from which an arm's parameters can be identified best.
+    """Find the motion from which the parameters of an arm, or of a robot on legs, can be identified best.
 
     A Fourier series that starts and ends at rest, with the largest determinant of the information about the base parameters of
     links, friction, rotors and offsets (D-optimal). Limits of position, velocity, acceleration and nominal torque are kept, and
     the links do not come near each other or a floor: checked every millisecond.
 
+    Of a robot on legs it is the trunk that moves, over feet that stay: within the joints' limits and the friction cones of the
+    feet, for trunk, links of the legs, friction, rotors and offsets. Collisions are not checked.
+
     \b
     Example:
       sysid excite --urdf arm.urdf --floor 0 --out traj.yaml --bag traj_bag --plot traj.png
+      sysid excite --robot go2 --base floating --duration 20 --out sway.yaml --trunk trunk.yaml --plot sway.png
       sysid excite --urdf arm.urdf --multisine --band 0.3,15 --move joint_2 --out multisine.yaml
     """
-    wishes = MultisineWishes.taken(options, period or 0.0)
+    path, wishes = robot_path(urdf, robot_name), MultisineWishes.taken(options, period or 0.0)
+    asked = options.pop("base"), options.pop("contact_frames")
     settings = _settings({"period": period or 0.0, **options})
-    _check(out_path, bag, (plot_path, rerun_path), json_path, force, wishes is not None)
-    _check_times(rate, approach)
+    _check(out_path, bag, (plot_path, rerun_path), json_path, force, wishes is not None, (rate, approach))
     online = settings_from(read_config(config_path))
-    robot = RobotModel.from_urdf(urdf_text(urdf), joint_names or online.joint_names, online.gravity)
+    robot = RobotModel.from_urdf(urdf_text(path), joint_names or online.joint_names, online.gravity)
+    base = base_of(robot, online, *asked) if wishes is None else None
     for sentence in robot.notes:
         note(sentence)
     given = _limits_of(robot, limits_path) if limits_path is not None else {}
-    collision = None
-    if not no_collisions:
-        pairs = [_pair(text) for text in ignore_pair]
-        collision = CollisionModel(robot, MeshFiles(urdf.parent, package_path), settings.clearance, settings.floor, pairs)
-    topic = f"/{controller.strip('/')}/joint_trajectory"
+    write = partial(_write_message, robot, f"/{controller.strip('/')}/joint_trajectory", storage)
+    outputs = Files(out_path, bag, json_path, (plot_path, rerun_path), trunk_path, force)
+    if base is not None:
+        run_floating(base, settings, given, _posture(robot, start), outputs, (rate, approach), write)
+        return
+    collision = _collision(robot, path, settings, package_path, ignore_pair, no_collisions)
     if wishes is not None:
-        files, write = (out_path, bag, json_path, force), partial(_write_message, robot, topic, storage)
+        files = (out_path, bag, json_path, force)
         run_multisine(robot, settings, wishes, given, collision, _posture(robot, start), files, (rate, approach), write)
         return
+    _run_arm(robot, path, settings, given, collision, (_posture(robot, start), no_collisions), outputs, (rate, approach), write)
+
+
+def _collision(
+    robot: RobotModel, path: Path, settings: ExcitationSettings, folders: tuple[Path, ...], ignored: tuple[str, ...], none: bool
+) -> CollisionModel | None:
+    if none:
+        return None
+    pairs = [_pair(text) for text in ignored]
+    return CollisionModel(robot, MeshFiles(path.parent, folders), settings.clearance, settings.floor, pairs)
+
+
+def _run_arm(
+    robot: RobotModel,
+    path: Path,
+    settings: ExcitationSettings,
+    given: dict[str, JointLimit],
+    collision: CollisionModel | None,
+    wanted: tuple[FloatArray | None, bool],
+    files: Files,
+    timing: tuple[float, float],
+    write: Callable[[JointTrajectory, Path, Path | None], None],
+) -> None:
+    """Find, write and show the motion of an arm; ``wanted``: its start, and that collisions are not checked."""
     with progress_bar("Searching", steps(settings)) as advance:
-        result = excite(free_model(robot), settings, given, collision, _posture(robot, start), advance)
-    _tell(result, settings.floor is not None, no_collisions)
-    _write(result, robot, out_path, bag, topic, storage, rate, approach)
-    if json_path is not None:
-        write_json(json_path, as_json(result, settings))
-    _draw((plot_path, rerun_path), result, urdf)
+        result = excite(free_model(robot), settings, given, collision, wanted[0], advance)
+    _tell(result, settings.floor is not None, wanted[1])
+    t = result.trajectory.grid(1.0 / timing[0])
+    write(JointTrajectory(robot.joint_names, t + timing[1], *result.trajectory.sample(t)), files.out, files.bag)
+    if files.json is not None:
+        write_json(files.json, as_json(result, settings))
+    _draw(files.plots, result, path)
     show(result)
-    note(f"Motion written to {out_path}{f' and {bag}' if bag else ''}. How to send it: sysid excite --help")
+    note(f"Motion written to {files.out}{f' and {files.bag}' if files.bag else ''}. How to send it: sysid excite --help")
 
 
 def _tell(result: Excitation, floor: bool, no_collisions: bool) -> None:
@@ -195,9 +232,16 @@ def _settings(options: dict[str, Any]) -> ExcitationSettings:
 
 
 def _check(
-    out: Path, bag: Path | None, plots: tuple[Path | None, Path | None], json_path: Path | None, force: bool, multisine: bool
+    out: Path,
+    bag: Path | None,
+    plots: tuple[Path | None, Path | None],
+    json_path: Path | None,
+    force: bool,
+    multisine: bool,
+    timing: tuple[float, float],
 ) -> None:
     """What can be wrong is said before the search, not after it."""
+    _check_times(*timing)
     if multisine:
         if any(plots):
             raise SettingsError("--multisine draws no figure; leave out --plot and --rerun.")
@@ -232,15 +276,6 @@ def _posture(robot: RobotModel, start: tuple[float, ...] | None) -> FloatArray |
             "order."
         )
     return np.array(start)
-
-
-def _write(
-    result: Excitation, robot: RobotModel, out: Path, bag: Path | None, topic: str, storage: str, rate: float, approach: float
-) -> None:
-    t = result.trajectory.grid(1.0 / rate)
-    _write_message(
-        robot, topic, storage, JointTrajectory(robot.joint_names, t + approach, *result.trajectory.sample(t)), out, bag
-    )
 
 
 def _write_message(robot: RobotModel, topic: str, storage: str, message: JointTrajectory, out: Path, bag: Path | None) -> None:

@@ -34,6 +34,9 @@ _OPTIONS = (
     opt.vector("--imu-tilt", metavar="R P Y", default=(0.0, 0.0, 0.0), help="Of the IMU beside what the URDF tells. [rad]"),
     opt.vector("--imu-lever", default=(0.0, 0.0, 0.0), help="Place of the IMU beside what the URDF tells. [m]"),
     opt.number("--contact-delay", default=0.0, help="Of the feet's messages. [s]"),
+    click.option(
+        "--motion", default="", metavar="FILE", help="A joint trajectory to follow in place of a gait: what 'sysid excite' wrote."
+    ),
     click.option("--push", "push_time", type=float, metavar="T", help="A push to the side after T s."),
 )
 
@@ -106,7 +109,7 @@ def record_legged(
     more = [
         *payload_rows(truth),
         *hidden_rows(truth),
-        ("motion", f"{truth['gait']}, joints hold their positions"),
+        ("motion", f"{settings['motion'] or truth['gait']}, joints hold their positions"),
         ("hidden", f"dry friction {settings['leg_friction']:g} N m, rotors {settings['rotor_inertia']:g} kg m^2 on the mean"),
         ("noise", f"effort {truth['noise']['torque']:g} N m, position {truth['noise']['encoder']:g} rad"),
     ]

@@ -22,6 +22,7 @@ class ExcitationSettings:
         velocity_default: where the URDF states no limit [rad/s or m/s].
         acceleration_limit: of revolute joints [rad/s^2]; slide_acceleration_limit: of prismatic joints [m/s^2].
         clearance: least distance of two links, and of a link from the floor [m].
+        foot_friction: of feet on the ground, Coulomb's coefficient, that a robot on legs may use.
         floor: height of the floor in the base frame [m]; None: there is none.
 
     Raises:
@@ -41,6 +42,7 @@ class ExcitationSettings:
     acceleration_limit: float = 5.0
     slide_acceleration_limit: float = 1.0
     clearance: float = 0.02
+    foot_friction: float = 0.5
     floor: float | None = None
 
     def __post_init__(self) -> None:
@@ -48,7 +50,7 @@ class ExcitationSettings:
             value = getattr(self, field.name)
             if value is not None and not math.isfinite(value):
                 raise SettingsError(f"{field.name} is {value}; it must be a finite number.")
-        for name in ("duration", "velocity_default", "acceleration_limit", "slide_acceleration_limit"):
+        for name in ("duration", "velocity_default", "acceleration_limit", "slide_acceleration_limit", "foot_friction"):
             _require(getattr(self, name) > 0.0, name, getattr(self, name), "above 0")
         for name in ("position_scale", "velocity_scale", "effort_scale"):
             _require(0.0 < getattr(self, name) <= 1.0, name, getattr(self, name), "above 0 and up to 1")

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid_ros.excitation.arm_rows import ArmRows
 from sysid_ros.excitation.criteria import Criteria, ExcitationCriteria
 from sysid_ros.excitation.excitation_settings import ExcitationSettings
 from sysid_ros.excitation.feasibility import Feasibility, Use
 from sysid_ros.excitation.fourier_trajectory import FourierBasis, FourierTrajectory
 from sysid_ros.excitation.motion_limits import JointLimit, MotionLimits
+from sysid_ros.excitation.optimiser import F, MotionConstraints
 from sysid_ros.excitation.search import STAGES, ExcitationSearch
 from sysid_ros.excitation.tolerances import TOLERANCES
 from sysid_ros.robot.collision_model import CollisionModel
@@ -82,12 +84,56 @@ def excite(
     feasibility = Feasibility(limits, collision)
     if start is not None:
         feasibility.require_posture(start)
-    information = ExcitationCriteria(model, limits)
-    search = ExcitationSearch(information, feasibility, basis)
-    motions = _random_motions(search, feasibility, settings, start, progress)
-    best, best_criteria, found = motions[0][1], motions[0][0], []
+    information = ExcitationCriteria(ArmRows(model, limits))
+    search = ExcitationSearch(information, feasibility, basis, MotionConstraints)
+    tries = (settings.comparison, _POSTURES_EACH)
+    if start is None:
+        postures = feasibility.postures(np.random.default_rng(settings.seed), tries[0] * tries[1]).reshape(*tries, -1)
+    else:
+        postures = np.tile(start, (*tries, 1))
+    found = searched(search, settings, postures, progress)
+    return Excitation(
+        trajectory=found.best,
+        criteria=found.criteria,
+        random=tuple(c for c, _ in found.random),
+        random_motions=tuple(motion for _, motion in found.random),
+        use=feasibility.use(found.best),
+        limits=limits,
+        pairs=feasibility.collision.pairs if feasibility.collision else (),
+        clearance=feasibility.collision.clearance if feasibility.collision else np.zeros(0),
+        parameters=information.names,
+        weight=information.weight,
+        start_d=found.start_d,
+        notes=(*limits.notes, *(collision.notes if collision else ())),
+        warnings=tuple(doubts(found.criteria)),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Searched:
+    """The best motion of a search, its criteria, those of the random motions, the best first, and D of each start."""
+
+    best: FourierTrajectory
+    criteria: Criteria
+    random: tuple[tuple[Criteria, FourierTrajectory], ...]
+    start_d: tuple[float, ...]
+
+
+def searched(
+    search: ExcitationSearch[F], settings: ExcitationSettings, postures: FloatArray, progress: Callable[[int], None]
+) -> Searched:
+    """Random motions about some of the postures, shape (comparison, tries, n), and the best ones improved."""
+    generator = np.random.default_rng(settings.seed)
+    motions: list[tuple[Criteria, FourierTrajectory]] = []
+    for some in postures:
+        motion = search.random(generator, some)
+        motions.append((search.criteria(motion), motion))
+        progress(1)
+    motions.sort(key=lambda m: -m[0].d)
+    best_criteria, best = motions[0]
+    found = []
     for _, begin in motions[: settings.starts]:
-        left = sum(stage.iterations for stage in STAGES)
+        left = sum(stage.iterations for stage in search.stages)
 
         def step() -> None:
             nonlocal left
@@ -100,46 +146,11 @@ def excite(
         found.append(criteria.d)
         if criteria.d > best_criteria.d:
             best, best_criteria = motion, criteria
-    return Excitation(
-        trajectory=best,
-        criteria=best_criteria,
-        random=tuple(c for c, _ in motions),
-        random_motions=tuple(motion for _, motion in motions),
-        use=feasibility.use(best),
-        limits=limits,
-        pairs=feasibility.collision.pairs if feasibility.collision else (),
-        clearance=feasibility.collision.clearance if feasibility.collision else np.zeros(0),
-        parameters=information.names,
-        weight=information.weight,
-        start_d=tuple(found),
-        notes=(*limits.notes, *(collision.notes if collision else ())),
-        warnings=tuple(_doubts(best_criteria)),
-    )
+    return Searched(best, best_criteria, tuple(motions), tuple(found))
 
 
-def _random_motions(
-    search: ExcitationSearch,
-    feasibility: Feasibility,
-    settings: ExcitationSettings,
-    start: FloatArray | None,
-    progress: Callable[[int], None],
-) -> list[tuple[Criteria, FourierTrajectory]]:
-    """Random feasible motions with their criteria, the best first."""
-    generator = np.random.default_rng(settings.seed)
-    tries = (settings.comparison, _POSTURES_EACH)
-    if start is None:
-        postures = feasibility.postures(generator, tries[0] * tries[1]).reshape(*tries, -1)
-    else:
-        postures = np.tile(start, (*tries, 1))
-    motions: list[tuple[Criteria, FourierTrajectory]] = []
-    for some in postures:
-        motion = search.random(generator, some)
-        motions.append((search.criteria(motion), motion))
-        progress(1)
-    return sorted(motions, key=lambda m: -m[0].d)
-
-
-def _doubts(criteria: Criteria) -> list[str]:
+def doubts(criteria: Criteria) -> list[str]:
+    """Why a motion may not be good enough, a sentence each."""
     if criteria.condition_number <= TOLERANCES.conditioned:
         return []
     return [

@@ -5,16 +5,66 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
 from sysid_ros.excitation.criteria import ExcitationCriteria
-from sysid_ros.excitation.feasibility import Feasibility, Use
+from sysid_ros.excitation.feasibility import Feasibility, Sampled, Use
 from sysid_ros.excitation.fourier_trajectory import FourierBasis, FourierTrajectory
 from sysid_ros.excitation.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 
 _NEGLIGIBLE = 1e-4
+
+
+class Box(Protocol):
+    """Where positions may be, and about how large velocities and accelerations are, shape (n,) each."""
+
+    lower: FloatArray
+    upper: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+
+class Limiting(Protocol):
+    """Limits that a motion keeps or not."""
+
+    @property
+    def limits(self) -> Box:
+        """The box in which it is looked for."""
+
+    def use(self, trajectory: Sampled, step: float = ...) -> Use:
+        """What a motion uses of its limits."""
+
+    def keeps(self, trajectory: Sampled) -> bool:
+        """Whether it keeps all of them."""
+
+
+class Constraints(Protocol):
+    """Limits as inequalities ``g(C) <= 1``."""
+
+    functions: tuple[FloatArray, FloatArray, FloatArray]
+
+    def motion(self, coefficients: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The motion at the instants of ``functions``, shape (N, n) each."""
+
+    def evaluate(self, coefficients: FloatArray, sharpness: float) -> tuple[FloatArray, FloatArray]:
+        """g, shape (m,), and its derivative by the coefficients, shape (m, K, n)."""
+
+    def exact(self, use: Use) -> FloatArray:
+        """g without smoothing, from what a motion uses, shape (m,)."""
+
+
+F = TypeVar("F", bound=Limiting)
+F_in = TypeVar("F_in", contravariant=True)
+
+
+class ConstraintsOf(Protocol[F_in]):
+    """Makes inequalities of limits."""
+
+    def __call__(self, feasibility: F_in, basis: FourierBasis, samples: int) -> Constraints:
+        """Of motions in a basis, looked at at so many instants in a period."""
 
 
 class MotionConstraints:
@@ -46,7 +96,7 @@ class MotionConstraints:
         limits = self._limits
         n = limits.robot.n
         use = limits.use(q, v, a, limits.torque(q, v, a))
-        value, weight = _smooth_max(np.concatenate([use, -use], axis=1), sharpness)
+        value, weight = smooth_max(np.concatenate([use, -use], axis=1), sharpness)
         weight = weight[:, : len(q)] - weight[:, len(q) :]
         gradient = np.zeros((4, n, coefficients.shape[0], n))
         scales = (0.5 * (limits.upper - limits.lower), limits.velocity, limits.acceleration)
@@ -78,7 +128,7 @@ class MotionConstraints:
         """Smooth maximum of ``1 - room / depth`` for each pair, shape (P,), and its derivative, shape (P, K, n)."""
         assert self._collision is not None
         room = np.array([self._collision.room(x) for x in q])
-        value, weight = _smooth_max((1.0 - room / TOLERANCES.depth)[None], sharpness)
+        value, weight = smooth_max((1.0 - room / TOLERANCES.depth)[None], sharpness)
         value, weight = value[0], weight[0]
         gradient = np.zeros((room.shape[1], self.functions[0].shape[1], q.shape[1]))
         matters = (weight > _NEGLIGIBLE) & (value > 0.0)
@@ -90,7 +140,7 @@ class MotionConstraints:
         return value, gradient
 
 
-def _smooth_max(values: FloatArray, sharpness: float) -> tuple[FloatArray, FloatArray]:
+def smooth_max(values: FloatArray, sharpness: float) -> tuple[FloatArray, FloatArray]:
     """Over the second axis of values of shape (c, N, n): the smooth maximum, shape (c, n), and its derivative, (c, N, n)."""
     top = values.max(axis=1, keepdims=True)
     parts = np.exp(sharpness * (values - top))
@@ -123,20 +173,20 @@ class Stage:
     exact: bool
 
 
-class MotionOptimiser:
+class MotionOptimiser(Generic[F]):
     """Maximises ``D(C)`` under the smooth limits ``g(C) <= 1``, C the coefficients of a Fourier series.
 
     Sequential quadratic programming (scipy's SLSQP; Kraft 1988), in units of what the limits of each joint allow. It may stop
     anywhere; of all iterates the one is returned that would be best once it is shrunk to the limits.
 
     Args:
-        criteria: what is maximised. feasibility: the limits.
+        criteria: what is maximised. feasibility: the limits. constraints: what makes inequalities of them.
         basis: of the motions. Where it is anchored, the posture of the first row stays.
     """
 
-    def __init__(self, criteria: ExcitationCriteria, feasibility: Feasibility, basis: FourierBasis) -> None:
+    def __init__(self, criteria: ExcitationCriteria, feasibility: F, basis: FourierBasis, constraints: ConstraintsOf[F]) -> None:
         self._criteria, self._feasibility, self._basis = criteria, feasibility, basis
-        self._constraints = MotionConstraints(feasibility, basis, max(_LEAST_SAMPLES, _SAMPLES_PER_HARMONIC * basis.harmonics))
+        self._constraints = constraints(feasibility, basis, max(_LEAST_SAMPLES, _SAMPLES_PER_HARMONIC * basis.harmonics))
         self._fixed = 1 if basis.anchored else 0
         limits = feasibility.limits
         room = 0.5 * (limits.upper - limits.lower)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Generic
 
 import numpy as np
 
 from sysid_ros.excitation.criteria import Criteria, ExcitationCriteria
-from sysid_ros.excitation.feasibility import Feasibility
 from sysid_ros.excitation.fourier_trajectory import FourierBasis, FourierTrajectory
-from sysid_ros.excitation.optimiser import MotionOptimiser, Stage
+from sysid_ros.excitation.optimiser import ConstraintsOf, F, MotionOptimiser, Stage
 from sysid_ros.excitation.tolerances import TOLERANCES
 from sysid_ros.sample import FloatArray
 
@@ -21,19 +21,28 @@ STAGES = (Stage(60.0, 120, False), Stage(300.0, 60, True), Stage(300.0, 30, True
 """Far at first, with maxima that are smooth; then up to the limits."""
 
 
-class ExcitationSearch:
+class ExcitationSearch(Generic[F]):
     """Searches ``max over C of D(C)`` under the limits, C the coefficients of a Fourier series.
 
     What :class:`MotionOptimiser` finds is checked at 1 ms and, where it is not within all limits, shrunk, or moved back towards
     the feasible motion that the search began from.
 
     Args:
-        criteria: what is maximised. feasibility: the limits. basis: of the motions.
+        criteria: what is maximised. feasibility: the limits. basis: of the motions. constraints: what makes inequalities of the
+            limits.
     """
 
-    def __init__(self, criteria: ExcitationCriteria, feasibility: Feasibility, basis: FourierBasis) -> None:
+    def __init__(
+        self,
+        criteria: ExcitationCriteria,
+        feasibility: F,
+        basis: FourierBasis,
+        constraints: ConstraintsOf[F],
+        stages: tuple[Stage, ...] = STAGES,
+    ) -> None:
+        self.stages = stages
         self._criteria, self._feasibility, self._basis = criteria, feasibility, basis
-        self._optimiser = MotionOptimiser(criteria, feasibility, basis)
+        self._optimiser = MotionOptimiser(criteria, feasibility, basis, constraints)
 
     def criteria(self, trajectory: FourierTrajectory) -> Criteria:
         """Criteria of a motion, from samples every 10 ms."""
@@ -60,7 +69,7 @@ class ExcitationSearch:
     def _unhindered(self, random: np.random.Generator, posture: FloatArray) -> FourierTrajectory:
         """Random coefficients, as large as position, velocity and acceleration allow."""
         limits = self._feasibility.limits
-        coefficients = random.normal(size=(self._basis.size, limits.robot.n))
+        coefficients = random.normal(size=(self._basis.size, len(limits.lower)))
         coefficients[0] = posture
         raw = FourierTrajectory(self._basis, np.array(coefficients))
         q, v, a = raw.sample(raw.grid(_CRITERIA_STEP, one_period=True))
@@ -92,7 +101,7 @@ class ExcitationSearch:
         """The best feasible motion on the way from ``begin``, which is feasible, to a local optimum."""
         best, best_d = begin, self.criteria(begin).d
         now = begin
-        for stage in STAGES:
+        for stage in self.stages:
             now = self._optimiser.run(now, stage, progress)
             factor, repaired = self._shrunk(now)
             if repaired is None:

@@ -20,6 +20,10 @@ class Tolerances:
     visible: float = 1e-3  # combinations that show less are there only because a URDF rounds its angles to 1e-4 rad
     conditioned: float = 100.0  # condition number above which a motion is said not to be good enough (Gautier, Khalil 1992)
     smooth: float = 0.05  # part of the velocity limit in which dry friction's sign turns: a sine's between two samples
+    leg_noise: float = 0.02  # Noise of a leg's torque over what it holds standing: 0.1 N m of 6, what the ripple of a gear leaves
+    leg_rate: float = (
+        20.0  # Rows a second that are independent [Hz]: twice the band in which trunks are moved and drives are quiet
+    )
 
     # Where the search goes on from
     little: float = 1.0 / 3.0  # part of a random motion left within torques and collisions for its posture to be kept

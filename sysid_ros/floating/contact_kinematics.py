@@ -46,6 +46,23 @@ class ContactKinematics:
             origins[i] = placement.act(self.offsets[i]) if self._shifted else placement.translation
         return origins, np.ascontiguousarray(motions)
 
+    def axes(self) -> FloatArray:
+        """Axes of the links in those of the base, shape (k, 3, 3), where :meth:`origins` was asked last."""
+        return np.array([self._data.oMf[i].rotation for i in self._ids])
+
+    def whole_accelerations(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Accelerations of the points and angular ones of their links, shape (k, 6) [m/s^2], [rad/s^2], for states (n,)."""
+        pin.forwardKinematics(self._model, self._data, q, v, a)
+        out = np.empty((len(self._ids), 6))
+        for i, frame in enumerate(self._ids):
+            both = pin.getFrameClassicalAcceleration(self._model, self._data, frame, pin.LOCAL_WORLD_ALIGNED)
+            out[i] = both.vector
+            if self._shifted:
+                lever = pin.updateFramePlacement(self._model, self._data, frame).rotation @ self.offsets[i]
+                w = pin.getFrameVelocity(self._model, self._data, frame, pin.LOCAL_WORLD_ALIGNED).angular
+                out[i, :3] += np.cross(both.angular, lever) + np.cross(w, np.cross(w, lever))
+        return out
+
     def jacobians(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Origins, shape (k, 3) [m], and Jacobians of velocity and angular velocity, shape (k, 6, n), at q (n,)."""
         pin.computeJointJacobians(self._model, self._data, q)

@@ -52,16 +52,19 @@ def free_model(robot: RobotModel, chosen: Sequence[Effect] = ()) -> TorqueModel:
     return TorqueModel(robot, [*free, *(e for e in chosen if e not in free)])
 
 
-def free_model_on_legs(base: FloatingBase, shown: ShownGravity | None = None) -> TorqueModel:
+def free_model_on_legs(base: FloatingBase, shown: ShownGravity | None = None, sensors: bool = True) -> TorqueModel:
     """What is usual on a robot on legs, all free: trunk and links of the legs, friction, rotors and offsets of their joints, and
     what is not known of IMU and feet.
 
     Args:
         shown: what the accelerometer shows beside its motion, which tells its bias from a mass.
+        sensors: False leaves out IMU and feet.
     """
     robot, legs = base.robot, base.legs.joint_names
     heavy = [name for name, pi in zip(robot.joint_names, robot.pi.reshape(-1, 10), strict=True) if np.any(pi)]
     free = [usual(robot, heavy if usual.replaces_links else legs) for usual in usual_effects()]
+    if not sensors:
+        return TorqueModel(robot, free)
     feet, bias = FootRadius(robot, feet=base.contact_frames), AccelerometerBias(robot)
     feet.unsure = np.where(base.radius_told, feet.unsure, base.radius_std)
     if shown is not None:

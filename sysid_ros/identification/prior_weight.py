@@ -8,14 +8,17 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from sysid_ros.exceptions import DataError
+from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.identification.expected_error import ExpectedError
-from sysid_ros.identification.held_out import Folds, Solvers
+from sysid_ros.identification.held_out import Folds, Prior, Solvers
 from sysid_ros.identification.least_squares import Fit
 from sysid_ros.identification.link_posterior import link_posterior
+from sysid_ros.identification.physical_consistency import PhysicalProblem
 from sysid_ros.identification.result import PriorChoice
 from sysid_ros.identification.rows import BagRows
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FREE, FloatArray
+from sysid_ros.torque.torque_model import TorqueModel
 
 WEIGHTS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 1e5, math.inf)
 """Weights of the prior that are tried; at ``inf`` a link is the URDF's."""
@@ -115,6 +118,17 @@ def prior_on_legs(solvers: Solvers, given: float | None) -> PriorChoice:
         f"and those of the legs by {100 * TOL.leg_weight**-0.5:.0f} %"
     )
     return PriorChoice(min(weights), (min(weights),), (math.nan,), reason, names, weights)
+
+
+def precision_on_legs(model: TorqueModel, base: FloatingBase) -> FloatArray:
+    """What is known of a robot on legs before any recording, as :func:`.identify_on_legs` goes by it, shape (p, p)."""
+    prior, none = Prior.of(model, base), np.zeros(model.p)
+    root = np.zeros(model.p)
+    joints = [int(j) for effect in model.free if effect.replaces_links for j in effect.joints]
+    root[prior.is_link] = np.repeat([TOL.trunk_weight if j == FREE - 1 else TOL.leg_weight for j in joints], 10)
+    root = np.sqrt(root)
+    curvature = PhysicalProblem(model, np.zeros((model.p, model.p)), none).prior_curvature
+    return np.asarray(root[:, None] * curvature * root + np.diag(np.where(prior.is_link, 0.0, prior.precision())))
 
 
 def _with(weights: FloatArray, k: int, weight: float) -> FloatArray:

@@ -13,7 +13,7 @@ from sysid_ros.simulation.scenario import CONTROL_RATE
 
 OWN = (
     "robot", "leg_friction", "leg_damping", "rotor_inertia", "mass_error", "foot_spheres", "encoder_step", "imu_rate",
-    "imu_delay", "imu_low_pass", "imu_tilt", "imu_lever", "contact_delay", "push_time", "trunk_com",
+    "imu_delay", "imu_low_pass", "imu_tilt", "imu_lever", "contact_delay", "push_time", "trunk_com", "motion",
 )  # fmt: skip
 """Settings that only this simulator has."""
 
@@ -38,6 +38,7 @@ class LeggedScenario(QuadrupedScenario):
         imu_tilt: how it is turned beside what the description tells, roll, pitch, yaw, shape (3,) [rad].
         imu_lever: where it sits beside what the description tells, shape (3,) [m].
         contact_delay: of the messages of the feet [s].
+        motion: path of a joint trajectory that is followed instead of a gait, as ``sysid excite`` writes it; empty: none.
         push_time: the trunk is pushed to the side for 0.3 s with a quarter of the weight [s]; None: never.
 
     Raises:
@@ -59,6 +60,7 @@ class LeggedScenario(QuadrupedScenario):
     imu_lever: tuple[float, ...] = (0.0, 0.0, 0.0)
     contact_delay: float = 0.0
     push_time: float | None = None
+    motion: str = ""
     gaits: ClassVar[Sequence[str]] = LEGGED_GAITS
 
     def __post_init__(self) -> None:
@@ -78,6 +80,9 @@ class LeggedScenario(QuadrupedScenario):
         for name in ("imu_tilt", "imu_lever", "trunk_com"):
             value = getattr(self, name)
             self.require(len(value) == 3 and all(abs(x) <= 0.5 for x in value), name, "three numbers from -0.5 to 0.5")
+        self.require(
+            not self.motion or self.gait == "stand", "motion", "left out with a gait: the robot follows one or the other"
+        )
         pushed = self.push_time is None or 0.0 <= self.push_time < self.duration
         self.require(pushed, "push_time", "from 0 s to before the end")
         near = all(map(math.isfinite, self.payload_com)) and max(map(abs, self.payload_com)) <= 0.6

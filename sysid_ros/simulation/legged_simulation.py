@@ -5,17 +5,20 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ElementTree
 from collections import deque
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sysid_ros.floating.standing import inverse
 from sysid_ros.robot.rotation import quaternion, rotation_of
 from sysid_ros.sample import FREE, FloatArray, ImuRecord
 from sysid_ros.simulation.legged_gait import LeggedGait
-from sysid_ros.simulation.legged_robot import IMU_LINK, LeggedRobot, inverse
+from sysid_ros.simulation.legged_robot import IMU_LINK, LeggedRobot
 from sysid_ros.simulation.legged_scenario import OWN, LeggedScenario
 from sysid_ros.simulation.legged_world import STEP, LeggedWorld
 from sysid_ros.simulation.payload import Payload
+from sysid_ros.simulation.played_motion import PlayedMotion
 from sysid_ros.simulation.quadruped_scenario import SETTLE_TIME, fallen
 from sysid_ros.simulation.quadruped_state import QuadrupedState
 from sysid_ros.simulation.scenario import CONTROL_RATE
@@ -64,6 +67,7 @@ class LeggedSimulation(Simulation[QuadrupedState]):
         self.world: LeggedWorld = LeggedWorld(self.legged, scale, tuple(self.hidden.values()), scenario.ground.T[:, 2], _GRIP)
         self.world.shift_trunk(np.array(scenario.trunk_com))
         self._gait = LeggedGait(scenario.gait, self.legged.feet, motion, scenario.extent, scenario.speed)
+        self._played = PlayedMotion(Path(scenario.motion), base.legs.joint_names) if scenario.motion else None
         lift = np.abs(self.legged.feet[:, 2]).mean()
         self._stiffness = base.mass * 9.81 / 4.0 * 0.5 * lift / _BENDS
         rest, n = np.zeros(base.legs.n), base.legs.n
@@ -142,9 +146,7 @@ class LeggedSimulation(Simulation[QuadrupedState]):
         tilt = np.array(
             [math.atan2(trunk.rotation[2, 1], trunk.rotation[2, 2]), -math.asin(min(max(trunk.rotation[2, 0], -1), 1))]
         )
-        places = self._gait.places(max(t, 0.0), STEP if t > 0.0 else 0.0, ahead, tilt)
-        goal = places + np.outer(self.legged.radius, [0.0, 0.0, 1.0])
-        self._target, before = inverse(self.legged.base, self.legged.leg_joints, self._target, goal, steps=2), self._target
+        before, self._target = self._target, self._wanted(t, ahead, tilt)
         wanted = (self._target - before) / STEP
         tau = self._stiffness * (self._target - q) + self._damping * (wanted - v)
         tau += self._held_up(q)
@@ -157,6 +159,14 @@ class LeggedSimulation(Simulation[QuadrupedState]):
         self._feel(t, trunk)
         self._k += 1
         return state
+
+    def _wanted(self, t: float, ahead: FloatArray, tilt: FloatArray) -> FloatArray:
+        """Positions that the joints are to hold at t [s], shape (n,), for velocity ahead and tilt of the trunk, shape (2,)."""
+        if self._played is not None:
+            return self._played.at(t, self.legged.posture)
+        places = self._gait.places(max(t, 0.0), STEP if t > 0.0 else 0.0, ahead, tilt)
+        goal = places + np.outer(self.legged.radius, [0.0, 0.0, 1.0])
+        return inverse(self.legged.base, self.legged.leg_joints, self._target, goal, steps=2)
 
     def _held_up(self, q: FloatArray) -> FloatArray:
         """Torques (n,) by which the feet that are to stand hold the empty robot, without which the legs would bend under it."""
