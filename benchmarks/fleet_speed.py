@@ -40,7 +40,7 @@ from sysid_ros import __version__
 from sysid_ros.fleet import batch as driver
 from sysid_ros.fleet.bags import find, stamp_of
 from sysid_ros.fleet.batch import Batch
-from sysid_ros.fleet.cluster import connected
+from sysid_ros.fleet.cluster import CALM, connected
 from sysid_ros.fleet.jobs import Task, run
 from sysid_ros.fleet.rules import Entry, Rules
 from sysid_ros.fleet.store import Results, Store
@@ -156,6 +156,7 @@ def asleep(task: Task, entries: Sequence[Entry]) -> list[Results]:
 
 def many_workers(times: Sequence[float], folder: Path) -> tuple[list[Target], float]:
     """What 100 workers must hold that take these times, and the processor time of driver, scheduler and workers a task [s]."""
+    import dask
     import distributed
 
     rules, watch = Rules({"robots": [{"robot": "r", "kind": " ".join(f"{t:.4f}" for t in times)}]}, Path()), Watch()
@@ -165,6 +166,7 @@ def many_workers(times: Sequence[float], folder: Path) -> tuple[list[Target], fl
 
     store, names = Store(folder / "asleep", create=True), (f"/nowhere/bag_{k}" for k in range(NAMES))
     with (
+        dask.config.set(CALM),
         distributed.Client(
             processes=False, n_workers=WORKERS, threads_per_worker=1, memory_limit=0, dashboard_address=None
         ) as client,

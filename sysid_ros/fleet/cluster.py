@@ -13,7 +13,7 @@ _PATIENCE = 10.0
 """Time for a scheduler to answer [s]."""
 _OFTEN = 20
 """Workers that may die over a task before it is given up: on one machine, where they die of other things than the task."""
-_CALM = {
+CALM = {
     "distributed.worker.profile.enabled": False,
     "distributed.worker.memory.monitor-interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
@@ -55,7 +55,7 @@ def connected(scheduler: str = "", workers: int = 0) -> Iterator[Any]:
         with _client(distributed, scheduler) as client:
             yield client
         return
-    with dask.config.set(_CALM | {"distributed.scheduler.allowed-failures": _OFTEN}):
+    with dask.config.set(CALM | {"distributed.scheduler.allowed-failures": _OFTEN}):
         try:
             cluster = distributed.LocalCluster(
                 n_workers=workers or None, threads_per_worker=1, processes=True, silence_logs="CRITICAL", host="127.0.0.1"

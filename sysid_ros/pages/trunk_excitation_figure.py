@@ -45,7 +45,7 @@ def trunk_excitation_figure(excitation: TrunkExcitation, title: str) -> Figure:
     headline = (
         f"D {excitation.criteria.d:.1f} (of {len(d)} random feasible motions: median {float(np.median(d)):.1f}, best {d[0]:.1f})"
     )
-    return Figure((Stack(tuple(panels), least=480.0),), title, headline, columns=1, width=900.0)
+    return Figure((Stack(tuple(panels), least=480.0),), title, headline, columns=1, width=900.0, legends=True)
 
 
 def _curves(t: np.ndarray, values: np.ndarray, names: tuple[str, ...]) -> tuple[Curve, ...]:
