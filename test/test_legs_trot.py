@@ -19,6 +19,7 @@ pytest.importorskip("pybullet_data", reason="PyBullet, which brings the quadrupe
 pytest.importorskip("mujoco", reason="MuJoCo is not installed (extra sim)")
 
 from sysid_ros.simulation import legged_gait
+from sysid_ros.simulation.hidden_on_legs import Wish, hide_on_legs
 from sysid_ros.simulation.legged_record import LeggedRecord, simulate_legged
 from sysid_ros.simulation.legged_scenario import LeggedScenario
 from sysid_ros.simulation.quadruped_record import QuadrupedRecord, simulate_quadruped
@@ -61,6 +62,14 @@ def test_a_wrong_gain_is_told_first_from_a_trot(simulate: object) -> None:
     causes, joint = diagnosed(record, joint=4, gain=1.25).causes, RobotModel.from_urdf(record.urdf).joint_names[4]
     assert causes[0].id == "torque_scale"
     assert causes[0].joints == (joint,)
+
+
+def test_a_bias_of_the_accelerometer_makes_no_trunk_of_another_inertia() -> None:
+    """While the trunk stays level a bias and a tilt are alike, and a first correction by both is taken back for the one that is
+    told: by what was recorded, not by its slope."""
+    for seed in (700, 709):
+        found = diagnosed(hide_on_legs(in_pybullet(seed), [Wish("accelerometer_bias", size=0.5)]))
+        assert [cause.id for cause in found.causes] == ["accelerometer_bias"]
 
 
 def test_torques_that_chatter_make_no_cause(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -140,18 +140,35 @@ def places_of(effect: Effect, where: slice) -> list[tuple[int | None, slice]]:
     return [(int(j), slice(where.start + k * size, where.start + (k + 1) * size)) for k, j in enumerate(effect.joints)]
 
 
-def corrected_again(model: TorqueModel, by: Corrected, fit: Fit) -> tuple[Corrected, bool]:
-    """The same with the gains and the delay that a fit has, and whether that moves the torques by more than is usual."""
-    theta, gain, delay = np.zeros_like(by.theta), np.ones(model.robot.n), 0.0
+def corrected_again(model: TorqueModel, by: Corrected, fit: Fit, torque: float) -> tuple[Corrected, bool]:
+    """The same with the IMU, the feet, the gains and the delay that a fit has, and whether that moves any by more than is usual.
+
+    The first correction has all free at once, and divides what looks alike, such as a bias and a tilt, between them. Counted as
+    torques again, to first order, the parts that were corrected in vain would leave errors of the second, which look like links.
+
+    Args:
+        torque: what a joint of a leg holds while the robot stands [N m], by which the usual sizes are told.
+    """
+    theta, gain, delay, setup = np.zeros_like(by.theta), np.ones(model.robot.n), 0.0, TrunkSetup()
     for term in fit.terms:
+        own = fit.theta_of(term)
+        setup = setup + (term.effect.as_setup(term.theta_of_effect(own)) or TrunkSetup())
         if Depends.DRIVE not in term.effect.depends_on:
             continue
-        own = fit.theta_of(term)
         for effect, where in zip(model.free, model.slices, strict=True):
             if type(effect) is term.kind:
                 places = dict(places_of(effect, where))
                 theta[places[term.joints[0] if term.kind.scope is not Scope.ARM else None]] = own
         gain, delay = gain * term.effect.as_gain(own), delay + term.effect.as_delay(own)
-    new = replace(by, theta=theta, gain=np.maximum(gain[FREE:], 0.1), delay=delay)
+    new = replace(by, setup=setup, theta=theta, gain=np.maximum(gain[FREE:], 0.1), delay=delay)
     moved = np.any(np.abs(new.gain / by.gain - 1.0) > _MOVED_GAIN) or abs(delay - by.delay) > _MOVED_DELAY
-    return new, bool(moved)
+    return new, bool(moved or _moves(model, by.setup, setup, torque))
+
+
+def _moves(model: TorqueModel, old: TrunkSetup, new: TrunkSetup, torque: float) -> bool:
+    """Whether two setups differ by more than what no robot is free of."""
+    for effect in model.free:
+        before, after = effect.of_setup(old), effect.of_setup(new)
+        if before is not None and after is not None and np.any(np.abs(after - before) > effect.usual_on_legs(torque)):
+            return True
+    return False

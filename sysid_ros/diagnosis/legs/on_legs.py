@@ -19,6 +19,7 @@ from sysid_ros.diagnosis.reporting import report
 from sysid_ros.diagnosis.result import Diagnosis, Predictions, TorqueRmse
 from sysid_ros.exceptions import DataError
 from sysid_ros.floating.floating_base import FloatingBase
+from sysid_ros.floating.leg_priors import standing_torque
 from sysid_ros.identification.channel_checks import CheckedRecording, check_legs
 from sysid_ros.identification.from_legs import shown_by
 from sysid_ros.identification.spectrum import choose_cutoff
@@ -110,8 +111,8 @@ def _searched(
     gravity: float,
     progress: Progress,
 ) -> Judged:
-    """The most probable causes. Gains and delays of the torques are found to first order; then the recordings are corrected by
-    them, or no longer by one that is no cause, and all is asked again."""
+    """The most probable causes. IMU, feet, gains and delays of the torques are found to first order; then the recordings are
+    corrected by them, or no longer by one that is no cause, and all is asked again."""
     shown = shown_by(fitted, gravity)
     by = corrections(base, fitted, cutoff_hz, shown, progress)
     for turn in range(_AGAIN + 1):
@@ -120,7 +121,7 @@ def _searched(
         selection, posterior, on = search_legs(train, held, progress)
         if turn == _AGAIN:
             break
-        by, moved = corrected_again(leg_model(base, shown), by, selection.fit)
+        by, moved = corrected_again(leg_model(base, shown), by, selection.fit, standing_torque(base.mass))
         if not moved:
             break
     return Judged(train.prepared, selection, posterior, on)
