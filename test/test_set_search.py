@@ -11,7 +11,7 @@ from robots import robot
 from test_diagnosis import ARM, coulomb, record
 
 from sysid_ros.diagnosis.covariance import unknown_columns, unknown_prior
-from sysid_ros.diagnosis.fit import Fit, allowed, visible
+from sysid_ros.diagnosis.fit import Estimated, allowed, visible
 from sysid_ros.diagnosis.heldout import HeldOut, no_worse, plain_terms
 from sysid_ros.diagnosis.left_out import LeftOut
 from sysid_ros.diagnosis.library import _WORLDS, Library, SetPrior
@@ -41,7 +41,7 @@ def asked() -> tuple[LeftOut, list[Term]]:
 
 
 def columns(left_out: LeftOut, *which: int) -> np.ndarray:
-    return np.concatenate([np.arange(left_out.slices[i].start, left_out.slices[i].stop) for i in which])
+    return np.concatenate([np.arange(left_out.of_each.slices[i].start, left_out.of_each.slices[i].stop) for i in which])
 
 
 def test_a_set_with_more_or_less_is_predicted_as_if_it_had_been_made_anew() -> None:
@@ -62,9 +62,9 @@ def test_a_stretch_is_predicted_by_the_others_alone() -> None:
     noise = train.problem.fit([term]).noise
     before = LeftOut([(train.problem, lambda term: term)], [term], noise, np.zeros(robot(ARM).n))
     state = before.of(columns(before, 0), term.prior)
-    for s in range(before.stretches):
-        information = before._whole - before._G[s]
-        score = before._score - before._b[s]
+    for s in range(before.of_each.stretches):
+        information = before.of_each.whole - before.of_each.G[s]
+        score = before.of_each.score - before.of_each.b[s]
         at = state.at
         np.testing.assert_allclose(state.theta[s], np.linalg.solve(information[np.ix_(at, at)], score[at]), rtol=1e-5)
 
@@ -216,7 +216,7 @@ def test_a_rival_that_physics_forbids_is_weighed_without_what_it_forbids() -> No
     prior = SetPrior(library, [int(j) for j in train.problem.active])
     beside_coulomb = terms[1]
 
-    def needs_coulomb(fit: Fit, term: Term) -> bool:
+    def needs_coulomb(fit: Estimated, term: Term) -> bool:
         return term is not beside_coulomb or terms[0] in fit.terms
 
     search = SetSearch(train.problem, [(train.problem, lambda t: t)], terms, prior, noise, np.zeros(robot(ARM).n), needs_coulomb)

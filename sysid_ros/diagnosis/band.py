@@ -17,7 +17,7 @@ from scipy import fft, sparse
 
 from sysid_ros.effects import Motion
 from sysid_ros.sample import FloatArray
-from sysid_ros.signals.whittle import Noise
+from sysid_ros.signals.whittle import Bins, Noise
 
 CUTOFF = 8.0
 """Upper end of the band that is judged [Hz]."""
@@ -103,6 +103,7 @@ class Band:
                 segment.append(np.full(count, len(self.slices)))
                 self.slices.append((i, slice(int(a), int(b)), count))
         self.f: FloatArray = np.concatenate(f)
+        self._bins = Bins.of(self.f)
         self.segment = np.concatenate(segment)
         self.seconds = sum(len(m.t) * m.period for m in self.motions)
 
@@ -146,7 +147,7 @@ class Band:
 
     def noise_of(self, rows: FloatArray) -> RowNoise:
         """The noise that makes what is left of the rows, shape (K, n), the most likely."""
-        return self._noise(self, rows) if self._noise else Noise.of(self.f, rows**2)
+        return self._noise(self, rows) if self._noise else Noise.in_bins(self._bins, rows**2)
 
     def curves(self, values: Sequence[FloatArray]) -> FloatArray:
         """Coefficients, shape (c, K, n), of curves on the grids, shape (c, N, n) each."""

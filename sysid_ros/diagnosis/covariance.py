@@ -13,9 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sysid_ros.diagnosis.fit import BlockScatter, Fit, Problem, inverse_of, scaled_to_one
+from sysid_ros.diagnosis.fit import BlockScatter, Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.term import Term
+from sysid_ros.estimators.symmetric import inverse_of, scaled_to_one
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import SLIDE, smoothed_sign, smoothed_sign_slope
 from sysid_ros.sample import FloatArray

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from sysid_ros.diagnosis.fit import Block, Fit, Problem, scaled_to_one
+from sysid_ros.diagnosis.fit import Block, Fit, Problem
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.term import Term
+from sysid_ros.estimators.symmetric import scaled_to_one
 from sysid_ros.sample import FloatArray
 
 _95 = 1.959964

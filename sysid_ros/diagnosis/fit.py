@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from scipy import fft
 
 from sysid_ros.diagnosis.band import Band, RowNoise
 from sysid_ros.diagnosis.term import Term
+from sysid_ros.estimators.symmetric import inverse_of, scaled_to_one
 from sysid_ros.sample import FloatArray
 
 Block = tuple[NDArray[np.intp], FloatArray]
@@ -85,20 +87,18 @@ class Fit:
         return std
 
 
-def scaled_to_one(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Symmetric matrices, shape (..., m, m), scaled to a diagonal of about 1, and by what rows and columns were, shape (..., m).
-    Directions that no row shows stay where they are."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrices, axis1=-2, axis2=-1), 1e-30))
-    scaled = matrices * scale[..., :, None] * scale[..., None, :]
-    scaled[..., np.arange(scaled.shape[-1]), np.arange(scaled.shape[-1])] += 1e-9
-    return scaled, scale
+class Estimated(Protocol):
+    """Terms with parameters, whatever else is known of them."""
 
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """All of them."""
 
-def inverse_of(matrices: FloatArray) -> FloatArray:
-    """Of symmetric matrices, shape (..., m, m), by :func:`scaled_to_one`."""
-    scaled, scale = scaled_to_one(matrices)
-    inverse: FloatArray = np.linalg.inv(scaled) * scale[..., :, None] * scale[..., None, :]
-    return inverse
+    def theta_of(self, term: Term) -> FloatArray:
+        """Parameters of a term's columns."""
+
+    def std_of(self, term: Term) -> FloatArray:
+        """Their standard deviations."""
 
 
 class Problem:
@@ -180,10 +180,11 @@ class Problem:
         for turn in range(iterations + 1):
             variance = noise.along(self.band)
             information, score = np.diag(prior), np.zeros(m)
+            root = 1.0 / np.sqrt(variance)
             for j, (index, X) in blocks.items():
-                weighted = X / variance[:, j, None]
-                information[np.ix_(index, index)] += weighted.T @ X
-                score[index] += weighted.T @ self.y[:, j]
+                whitened = X * root[:, j, None]
+                information[np.ix_(index, index)] += whitened.T @ whitened
+                score[index] += whitened.T @ (self.y[:, j] * root[:, j])
             inverse = inverse_of(information)
             theta = inverse @ score
             for j, (index, X) in blocks.items():
@@ -264,7 +265,7 @@ def scatter_ratios(scores: FloatArray, each: FloatArray, information: FloatArray
     return np.asarray(1.0 + np.minimum(total, 1.0) * more)
 
 
-def allowed(problem: Problem, fit: Fit, term: Term) -> bool:
+def allowed(problem: Problem, fit: Estimated, term: Term) -> bool:
     """True for a term that physics allows, and for an event that lies well inside of the recordings."""
     return term.possible(fit.theta_of(term), fit.std_of(term)) and _inside(problem, term)
 

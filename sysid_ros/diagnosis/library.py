@@ -92,13 +92,20 @@ class Library:
         effect = self._make(effect_id, (joint,), settings)
         return Term(effect, effect.concerned, joint, columns, form=effect.form, load=effect.reference_torque(self.motions))
 
+    def _alone(self, effect_id: str, joint: int, settings: dict[str, Any]) -> Term:
+        """As :meth:`local`, for settings that no other joint is likely to have."""
+        effect = self._make(effect_id, (joint,), settings)
+        if not effect.alone or (effect.id, repr(effect.settings)) in self._curves:
+            return self.local(effect_id, joint, **settings)
+        columns, load = np.ascontiguousarray(self.column(effect_id, joint, settings)), effect.reference_torque(self.motions)
+        return Term(effect, effect.concerned, joint, columns, form=effect.form, load=load)
+
     def column(self, effect_id: str, joint: int, settings: dict[str, Any]) -> FloatArray:
         """Columns of a term that loads one joint, shape (K, p), computed for that joint alone where nothing else is needed."""
         effect = self._make(effect_id, (joint,), settings)
         motions = self._seen_by(effect)
-        if not effect.alone:
-            return self.band.joint_curves(joint, [np.asarray(effect.curves_along(m))[:, :, joint] for m in motions])
-        return self.band.joint_curves(joint, [np.asarray(effect.curves_along(m.of_joint(joint)))[:, :, 0] for m in motions])
+        seen, at = ([m.of_joint(joint) for m in motions], 0) if effect.alone else (motions, joint)
+        return self.band.joint_curves(joint, [np.asarray(effect.curves_along(m))[:, :, at] for m in seen])
 
     def whole(
         self, effect_id: str, joints: Sequence[int] = (), basis: FloatArray | None = None, form: str = "", **settings: Any
@@ -137,15 +144,14 @@ class Library:
         nothing = [np.zeros_like(m.tau) for m in self.motions]
         for effect in (t.effect for t in terms if t.effect.corrects):
             for out, motion in zip(nothing, self.motions, strict=True):
-                more = effect.correction_along(motion)
-                out += 0.0 if more is None else more
+                out += 0.0 if (more := effect.correction_along(motion)) is None else more
         return self.band.rows(nothing)
 
     def remake(self, term: Term, **changes: Any) -> Term:
         """The same term on the library's motions, with some settings changed."""
         settings = {**term.effect.settings, **changes}
         if term.row is not None:
-            return self.local(term.id, term.row, **settings)
+            return self._alone(term.id, term.row, settings)
         joints = term.joints if len(term.joints) < self.robot.n else ()
         return self.whole(term.id, joints, term.basis, term.form, **settings)
 

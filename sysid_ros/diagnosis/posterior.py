@@ -12,7 +12,8 @@ from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.knobs import refine
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.set_search import SetSearch, State
+from sysid_ros.diagnosis.set_search import SetSearch
+from sysid_ros.diagnosis.sets.state import State, Weighed
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS, Depends, named
 from sysid_ros.sample import FloatArray
@@ -61,8 +62,8 @@ def posterior_of(search: SetSearch, state: State, *others: State) -> Posterior:
     interval is widened. What stays in the model is asked without that: there it costs nothing.
     """
     rng = np.random.default_rng(0)
-    weights = rng.dirichlet(np.ones(search.left_out.stretches), _DRAWS) * search.left_out.stretches
-    own = state.predicted.likelihood
+    weights = rng.dirichlet(np.ones(search.left_out.of_each.stretches), _DRAWS) * search.left_out.of_each.stretches
+    own = state.likelihood
     here = search.usual(state.members)
     rivals: dict[int, list[_Rival]] = {i: [] for i in state.members}
     scatter = _scatter(search, state)
@@ -71,7 +72,8 @@ def posterior_of(search: SetSearch, state: State, *others: State) -> Posterior:
         more: FloatArray = weights @ (likelihood - own)
         return more, search.usual(members) - here + state.narrowed - narrowed
 
-    beside = [(x.members, x.predicted.likelihood, x.narrowed) for x in (*others, *search.all_inexact(state))]
+    whole: list[State | Weighed] = [*others, *search.all_inexact(state)]
+    beside = [(x.members, x.likelihood, x.narrowed) for x in whole]
     for members, likelihood in [*search.neighbours(state), *search.replaced(state, state.members), *search.without_effect(state)]:
         beside.append((members, likelihood, state.narrowed))
     for members, likelihood, narrowed in beside:
@@ -81,7 +83,7 @@ def posterior_of(search: SetSearch, state: State, *others: State) -> Posterior:
             if new:
                 continue  # likely, were it not that physics forbids it
             less = search.state(lawful, state.scale)
-            more, usual = compared(lawful, less.predicted.likelihood, less.narrowed)
+            more, usual = compared(lawful, less.likelihood, less.narrowed)
         for i in set(state.members) - set(members):
             rivals[i].append(_Rival(search.pool[new[0]].id if len(new) == 1 else "", more, usual))
     probability: dict[Term, float] = {}

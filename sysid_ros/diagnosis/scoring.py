@@ -85,15 +85,18 @@ class Scorer:
         B = (X * self._root[:, j, None]).T @ C
         GB = self._fit.inverse[np.ix_(index, index)] @ B
         g = C.T @ self._residual[:, j]
-        out, start = [], 0
-        for term in terms:
-            s = slice(start, start + term.p)
-            start += term.p
-            own = C[:, s].T @ C[:, s]
-            theta, drop, std = _solve(own - B[:, s].T @ GB[:, s], g[s], np.diag(own))
-            left = max(self._rss[j] - drop, 1e-9 * self._rss[j])
-            out.append(Score(term, 0.5 * self._count * float(np.log(self._rss[j] / left)), theta, std))
-        return out
+        starts = np.cumsum([0, *(t.p for t in terms)])
+        found: dict[int, Score] = {}
+        for p in dict.fromkeys(t.p for t in terms):
+            which = [i for i, t in enumerate(terms) if t.p == p]
+            at = starts[which][:, None] + np.arange(p)
+            c, b, gb = (x[:, at].transpose(1, 0, 2) for x in (C, B, GB))
+            own = c.swapaxes(1, 2) @ c
+            each = _solve(own - b.swapaxes(1, 2) @ gb, g[at], np.diagonal(own, axis1=1, axis2=2))
+            for i, theta, drop, std in zip(which, *each, strict=True):
+                left = max(self._rss[j] - float(drop), 1e-9 * self._rss[j])
+                found[i] = Score(terms[i], 0.5 * self._count * float(np.log(self._rss[j] / left)), theta, std)
+        return [found[i] for i in range(len(terms))]
 
     def _given_back(self, change: FloatArray) -> float:
         """Likelihood that the nuisance parameters gain where a term takes over what they had to explain."""
@@ -114,7 +117,7 @@ class Scorer:
             own += C.T @ C
             score += C.T @ self._residual[:, j]
         GB = self._fit.inverse @ B
-        theta, _, std = _solve(own - B.T @ GB, score, np.diag(own))
+        (theta,), _, (std,) = _solve((own - B.T @ GB)[None], score[None], np.diag(own)[None])
         change = GB @ theta
         rss = np.empty(len(active))
         for i, (j, C) in enumerate(whitened.items()):
@@ -125,17 +128,22 @@ class Scorer:
         return Score(term, gain, theta, std)
 
 
-def _solve(information: FloatArray, score: FloatArray, own: FloatArray) -> tuple[FloatArray, float, FloatArray]:
-    """Parameters, drop of the sum of squares and standard deviations; directions that the fit has already or that nobody sees are
-    left at zero, and what lies along them may be anything."""
+def _solve(information: FloatArray, score: FloatArray, own: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of each of several terms the parameters, shape (t, p), the drop of the sum of squares, shape (t,), and standard deviations.
+    Directions that the fit has already or that nobody sees are left at zero, and what lies along them may be anything.
+
+    Args:
+        information: shape (t, p, p). score, own: shape (t, p); the latter is the information with nothing else in the fit.
+    """
     scale = 1.0 / np.sqrt(np.maximum(own, 1e-30))
-    values, vectors = np.linalg.eigh(information * scale[:, None] * scale)
+    values, vectors = np.linalg.eigh(information * scale[:, :, None] * scale[:, None, :])
     keep = values > 1e-9
-    inverse = (vectors[:, keep] / values[keep]) @ vectors[:, keep].T * scale[:, None] * scale
-    theta = inverse @ score
-    std = np.sqrt(np.maximum(np.diag(inverse), 0.0))
-    std[np.any(np.abs(vectors[:, ~keep]) > _UNSEEN, axis=1)] = np.inf
-    return theta, float(score @ theta), std
+    inverted = np.where(keep, 1.0 / np.where(keep, values, 1.0), 0.0)
+    inverse = (vectors * inverted[:, None, :]) @ vectors.swapaxes(1, 2) * scale[:, :, None] * scale[:, None, :]
+    theta = (inverse @ score[:, :, None])[:, :, 0]
+    std = np.sqrt(np.maximum(np.diagonal(inverse, axis1=1, axis2=2), 0.0))
+    std[np.any((np.abs(vectors) > _UNSEEN) & ~keep[:, None, :], axis=2)] = np.inf
+    return theta, np.sum(score * theta, axis=1), std
 
 
 class ComplianceScreen:
@@ -189,8 +197,9 @@ class ComplianceScreen:
         motions, robot = self._library.motions, self._library.robot
         searched = [kind for kind in EFFECTS.values() if kind.deflection]
         settings = [(kind, c.settings) for kind in searched for c in kind.candidates(motions, joint)]
-        effects = [kind.from_settings(robot, [robot.joint_names[joint]], dict(s)) for kind, s in settings]
-        curves = [np.stack([effect.own_curve(motion) for effect in effects]) for motion in motions]
+        name, each = [robot.joint_names[joint]], [(kind, [s for k, s in settings if k is kind]) for kind in searched]
+        effects = [(kind, [kind.from_settings(robot, name, dict(s)) for s in own]) for kind, own in each if own]
+        curves = [np.concatenate([kind.own_curves(motion, own) for kind, own in effects]) for motion in motions]
         columns = self._library.band.joint_curves(joint, curves)
         self._rows[joint] = loads, settings, columns
         return settings, columns

@@ -11,12 +11,13 @@ from sysid_ros.diagnosis.covariance import dry_friction
 from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.heldout import HeldOut, no_worse
 from sysid_ros.diagnosis.knobs import made_anew, refine
-from sysid_ros.diagnosis.left_out import Rows
 from sysid_ros.diagnosis.library import Library, SetPrior
 from sysid_ros.diagnosis.posterior import Posterior, posterior_of
 from sysid_ros.diagnosis.prepare import SCALES, before_gains, torques
 from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, forms
-from sysid_ros.diagnosis.set_search import SetSearch, State
+from sysid_ros.diagnosis.set_search import SetSearch
+from sysid_ros.diagnosis.sets.state import State
+from sysid_ros.diagnosis.sets.stretches import Rows
 from sysid_ros.diagnosis.term import Term, best_of_each, joined
 from sysid_ros.effects import EFFECTS, Effect
 from sysid_ros.sample import FloatArray
@@ -176,11 +177,11 @@ class Selection:
     def _climbed(self, rows: Sequence[Rows], asked: Sequence[Term], thorough: bool = True) -> tuple[State, Fit, SetSearch]:
         noise = self.fit.noise
         for _ in range(1 + thorough):
-            search, state = self._search(rows, asked, noise)
-            noise = search.left_out.noise(state.predicted.left)
+            search, state = self._search(rows, (), noise)
+            noise = search.left_out.of_each.noise(state.predicted.left)
         search, state = self._search(rows, asked, noise)
         state = search.climb(state, thorough)
-        return state, search.fit(state.members, state.scale, search.left_out.noise(state.predicted.left)), search
+        return state, search.fit(state.members, state.scale, search.left_out.of_each.noise(state.predicted.left)), search
 
     def _asked(self, held: HeldOut | None = None) -> list[Term]:
         """Everything that was proposed, and the best form of every effect of one joint; no other events beside held-out rows."""
@@ -202,8 +203,7 @@ class Selection:
         """Find the times of events anew, with all that was found after them."""
         before = self.fit
         self._again(lambda t: t.instant is not None)
-        if self.fit.loglik < before.loglik:
-            self.fit = before
+        self.fit = max(self.fit, before, key=lambda fit: fit.loglik)
         # two that were apart may have met: they are one
         while pair := next(
             (p for p in combinations(self.fit.terms, 2) if p[0].instant is not None and p[0].excludes(p[1])), None
@@ -219,8 +219,7 @@ class Selection:
     def refresh(self) -> None:
         """Make anew the columns that depend on torques or on what the links weigh, with those of the present fit."""
         self.library.update(*torques(self.library, self.fit, self._links, self._nominal))
-        self._whole = [self.library.remake(t) if t.on_torques else t for t in self._whole]
-        self.pool = [self.library.remake(t) if t.on_torques else t for t in self.pool]
+        self._whole, self.pool = ([self.library.remake(t) if t.on_torques else t for t in x] for x in (self._whole, self.pool))
         self.fit = made_anew(self.problem, self.library, self.fit, self._links, self._nominal)
 
     def propose(self) -> Proposal | None:
@@ -263,7 +262,8 @@ class Selection:
 
     def _best_options(self, scorer: Scorer, name: str, joint: int) -> list[Score]:
         """Of the forms of an effect on a joint the best that stands beside what is there, and the best in place of it."""
-        options = [t for t in self.library.local_options(name, joint) if not any(t.key == other.key for other in self.fit.terms)]
+        present = self._keys()
+        options = [t for t in self.library.local_options(name, joint) if t.key not in present]
         best: dict[bool, Score] = {}
         for s in scorer.local(options) if options else []:
             replaces = self._replaces(s.term)

@@ -3,48 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from functools import cache, partial
 from itertools import combinations, islice, product
 
 import numpy as np
 
 from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.covariance import unknown_prior
-from sysid_ros.diagnosis.fit import Fit, Problem
-from sysid_ros.diagnosis.left_out import Indices, LeftOut, Predicted, Rows
+from sysid_ros.diagnosis.fit import Estimated, Fit, Problem
+from sysid_ros.diagnosis.left_out import LeftOut
 from sysid_ros.diagnosis.library import SetPrior
 from sysid_ros.diagnosis.prepare import SCALES, scales_beside
-from sysid_ros.diagnosis.term import Term, conflicts
-from sysid_ros.effects import Effect, forms_of
+from sysid_ros.diagnosis.sets.link_scales import LinkScales, occam_factor
+from sysid_ros.diagnosis.sets.state import Move, Parameters, State, Weighed
+from sysid_ros.diagnosis.sets.stretches import Indices, Rows
+from sysid_ros.diagnosis.term import Term, best_of_each_joint, conflicts, overlap
+from sysid_ros.effects import forms_of
 from sysid_ros.sample import FloatArray
 
 _MOVES, _TRIED = 200, 6
 """Most moves, and those of one kind that are tried in full where physics allows them, the best first."""
 _LEAST = 0.05
 """Log-probability by which a move must be better."""
-Seen = Callable[[Fit, Term], bool]
-Move = tuple[float, tuple[int, ...], int]
-"""Score, members and inexactness of a set."""
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """A set of terms (indices of the pool), the inexactness of the links, what they predict, and the log-probability.
-
-    Attributes:
-        narrowed: what it costs that so inexact links could have had other torques, and the rows left them little of that.
-    """
-
-    members: tuple[int, ...]
-    scale: int
-    predicted: Predicted
-    narrowed: float
-    score: float
-
-    @property
-    def move(self) -> Move:
-        """To it from another one."""
-        return self.score, self.members, self.scale
+Allowed = Callable[[Estimated, Term], bool]
 
 
 class SetSearch:
@@ -53,7 +34,7 @@ class SetSearch:
     Args:
         problem: the fitted rows. rows: the rows that are predicted, the fitted ones among them. pool: all terms.
         noise, dry: as :class:`LeftOut` has them.
-        allowed: False for a term of a fit that physics does not allow or that nobody can see.
+        allowed: False for a term that physics does not allow with the parameters that it has in a set.
     """
 
     def __init__(
@@ -64,37 +45,46 @@ class SetSearch:
         prior: SetPrior,
         noise: RowNoise,
         dry: FloatArray,
-        allowed: Seen,
+        allowed: Allowed,
     ) -> None:
         self.problem, self.pool, self.prior, self._allowed = problem, list(pool), prior, allowed
         self.noise = noise
         self.left_out = LeftOut(rows, pool, noise, dry)
-        self._at = [np.arange(s.start, s.stop) for s in self.left_out.slices]
+        self._at = [np.arange(s.start, s.stop) for s in self.left_out.of_each.slices]
         self._prior = [t.prior for t in pool]
         self._number = np.array([prior.number(t) for t in pool], dtype=np.intp)
         self._cost = np.array([prior.cost(t) for t in pool])
         self._against = conflicts(pool)
         self._banned: set[tuple[tuple[int, ...], int]] = set()
+        self._weighed: dict[tuple[tuple[int, ...], int], Weighed] = {}
+        self._state: State | None = None
 
     def state(self, members: Sequence[int], scale: int) -> State:
         """A set with all that follows from it."""
         members = tuple(sorted(members))
-        at, prior = [self._at[i] for i in members], [self._prior[i] for i in members]
-        if inexact := scale > 0 or self.problem.considered > 0:
-            at.append(self.left_out.inexact)
-            prior.append(self.problem.prior_of(SCALES[scale]))
-        at.append(self.left_out.unknown)
-        prior.append(np.tile(unknown_prior(max(SCALES[scale])), self.left_out.joints)[: len(self.left_out.unknown)])
-        where = np.concatenate(at)
-        predicted = self.left_out.of(where, np.concatenate(prior))
-        narrowed = self._narrowed(predicted) if inexact else 0.0
-        return State(members, scale, predicted, narrowed, self._score(predicted.likelihood, members) - narrowed)
+        if self._state is not None and (self._state.members, self._state.scale) == (members, scale):
+            return self._state
+        where, prior = self._columns(members, scale)
+        predicted, narrowed = self.left_out.of(where, prior), 0.0
+        if self._is_inexact(scale):
+            own = np.flatnonzero(np.isin(where, self.left_out.of_each.inexact))
+            narrowed = occam_factor(predicted.covariance[:, own[:, None], own], prior[own])
+        self._state = State(members, scale, predicted, narrowed, self._score(predicted.likelihood, members) - narrowed)
+        return self._state
 
-    def _narrowed(self, predicted: Predicted) -> float:
-        """Occam's factor of the inexact links, less what their parameters cost the predictions already."""
-        own = np.flatnonzero(np.isin(predicted.at, self.left_out.inexact))
-        part = np.mean(predicted.covariance[:, own[:, None], own], axis=0) * predicted.prior[own]
-        return -0.5 * float(np.linalg.slogdet(part)[1]) - (len(own) - float(np.trace(part)))
+    def _is_inexact(self, scale: int) -> bool:
+        """True where links so inexact are columns of their own."""
+        return scale > 0 or self.problem.considered > 0
+
+    def _columns(self, members: Sequence[int], scale: int) -> tuple[Indices, FloatArray]:
+        """Columns of a set with what is never known of a joint, shape (a,), and their inverse variances before any data."""
+        rows, own = self.left_out.of_each, unknown_prior(max(SCALES[scale]))
+        at, prior = [self._at[i] for i in members], [self._prior[i] for i in members]
+        if self._is_inexact(scale):
+            at.append(rows.inexact)
+            prior.append(self.problem.prior_of(SCALES[scale]))
+        unknown = np.tile(own, rows.joints)[: len(rows.unknown)]
+        return np.concatenate([*at, rows.unknown]), np.concatenate([*prior, unknown])
 
     def _score(self, likelihood: FloatArray, members: Sequence[int]) -> float:
         return float(np.sum(likelihood)) + self.usual(members)
@@ -113,7 +103,7 @@ class SetSearch:
         """The best set that single moves reach, then moves of several terms if it is to be thorough, then single ones again."""
         state = self._settled(state.members, state.scale) or self.state((), state.scale)
         for _ in range(_MOVES):
-            better = self._step(state, self.single(state)) or self._step(state, [self._rescaled(state).move])
+            better = self._step(state, self.single(state)) or self._step(state, [self._rescaled(state.members, state.scale).move])
             if better is None and thorough:
                 better = self._step(state, [*self._several(state), *(x.move for x in self.all_inexact(state))])
             if better is None:
@@ -149,27 +139,47 @@ class SetSearch:
         return members
 
     def _wrong(self, members: Sequence[int], scale: int) -> list[int]:
-        fit = self.fit(members, scale)
-        return [i for i in members if not self._allowed(fit, self.pool[i])]
+        where, prior = self._columns(members, scale)
+        own = ~np.isin(where, self.left_out.of_each.unknown)
+        covariance, theta = self.left_out.with_all(where[own], prior[own])
+        known = Parameters(tuple(self.pool[i] for i in members), theta, covariance)
+        return [i for i in members if not self._allowed(known, self.pool[i])]
 
     def single(self, state: State) -> list[Move]:
         """Score and members of each set that has one term more or less."""
         worth = self._worth_a_look(state)
         return [(self._score(x, m) - state.narrowed, m, state.scale) for m, x in self.neighbours(state, worth)]
 
-    def all_inexact(self, state: State) -> list[State]:
+    def all_inexact(self, state: State) -> list[Weighed]:
         """Sets with the best scale of all links in place of one that is wrong, or of a body that is carried, or of all these."""
         links = {i for i in state.members if self.pool[i].effect.replaces_links or self.pool[i].effect.carried}
         rest = {tuple(i for i in state.members if i not in gone) for gone in [*({i} for i in links), links]} - {state.members}
-        return [self._rescaled(self.state(members, state.scale)) for members in rest]
+        return [self._rescaled(members, state.scale) for members in rest]
 
-    def _rescaled(self, state: State) -> State:
-        """The same set with the best inexactness of the links that steps lead to."""
-        best, before = state, None
+    def _rescaled(self, members: tuple[int, ...], scale: int) -> Weighed:
+        """A set with the best inexactness of the links that steps lead to from one."""
+        at_scales = partial(self._at_scales, members, cache(lambda: self._link_scales(members)))
+        (best,), before = at_scales([scale]), None
         while best is not before:
             before = best
-            best = max([best, *(self.state(state.members, scale) for scale in scales_beside(best.scale))], key=lambda x: x.score)
+            best = max([best, *at_scales(scales_beside(best.scale))], key=lambda x: x.score)
         return best
+
+    def _at_scales(self, members: tuple[int, ...], links: Callable[[], LinkScales], scales: Sequence[int]) -> list[Weighed]:
+        new = [k for k in scales if (members, k) not in self._weighed]
+        if inexact := [k for k in new if self._is_inexact(k)]:
+            for k, likelihood, narrowed in zip(inexact, *links().of(inexact), strict=True):
+                score = self._score(likelihood, members) - narrowed
+                self._weighed[members, k] = Weighed(members, k, likelihood, narrowed, score)
+        for k in (k for k in new if not self._is_inexact(k)):
+            exact = self.state(members, k)
+            self._weighed[members, k] = Weighed(members, k, exact.likelihood, exact.narrowed, exact.score)
+        return [self._weighed[members, k] for k in scales]
+
+    def _link_scales(self, members: tuple[int, ...]) -> LinkScales:
+        # exact links, the first scale, have no columns: their row of the priors is that of the next, and is not asked for
+        each = [self._columns(members, k if self._is_inexact(k) else 1) for k in range(len(SCALES))]
+        return LinkScales(self.left_out, each[0][0], np.stack([prior for _, prior in each]))
 
     def _worth_a_look(self, state: State) -> set[int]:
         """Terms that the most probable set may have more or less: the bound of what the rows gain does not say no."""
@@ -195,8 +205,8 @@ class SetSearch:
         instead: dict[frozenset[int], list[int]] = {}
         for i in range(len(self.pool)) if among is None else sorted(among):
             if i in members:
-                less = self.left_out.without(state.predicted, self._where(state, {i}))
-                out.append((tuple(k for k in state.members if k != i), less.likelihood))
+                less = self.left_out.likelihood_without(state.predicted, self._where(state, {i}))
+                out.append((tuple(k for k in state.members if k != i), less))
             else:
                 instead.setdefault(frozenset(self._against[i] & members), []).append(i)
         for gone, new in instead.items():
@@ -209,8 +219,8 @@ class SetSearch:
         for kind in dict.fromkeys(self.pool[i].kind for i in state.members):
             gone = {i for i in state.members if self.pool[i].kind is kind}
             if len(gone) > 1:
-                less = self.left_out.without(state.predicted, self._where(state, gone))
-                out.append((tuple(i for i in state.members if i not in gone), less.likelihood))
+                less = self.left_out.likelihood_without(state.predicted, self._where(state, gone))
+                out.append((tuple(i for i in state.members if i not in gone), less))
         return out
 
     def _with_one_of(self, state: State, gone: Collection[int], new: Sequence[int]) -> list[tuple[tuple[int, ...], FloatArray]]:
@@ -231,16 +241,17 @@ class SetSearch:
         members = set(state.members)
 
         def moved(gone: set[int], new: set[int]) -> None:
-            less = self.left_out.without(state.predicted, self._where(state, gone)) if gone else state.predicted
-            likelihood = less.likelihood
-            if new:
+            if not new:
+                likelihood = self.left_out.likelihood_without(state.predicted, self._where(state, gone))
+            else:
+                less = self.left_out.without(state.predicted, self._where(state, gone)) if gone else state.predicted
                 at = np.concatenate([self._at[i] for i in sorted(new)])
                 likelihood = self.left_out.plus(less, [at], [np.concatenate([self._prior[i] for i in sorted(new)])])[0]
             found = tuple(sorted((members - gone) | new))
             moves.append((self._score(likelihood, found) - state.narrowed, found, state.scale))
 
         for kind in dict.fromkeys(t.kind for t in self.pool if t.joint is not None):
-            own = {i for i in self._best_of_each_joint(state, kind) if not self._against[i] & members}
+            own = {i for i in best_of_each_joint(self.pool, kind, members) if not self._against[i] & members}
             if len(own - members) > 1:
                 moved(set(), own - members)
             present = {i for i in members if self.pool[i].kind is kind and self.pool[i].joint is not None}
@@ -248,7 +259,7 @@ class SetSearch:
                 moved(present, set())
             for other in forms_of(kind.family):
                 rows = {self.pool[i].joint for i in present}
-                others = {i for i in self._best_of_each_joint(state, other) if self.pool[i].joint in rows}
+                others = {i for i in best_of_each_joint(self.pool, other, members) if self.pool[i].joint in rows}
                 if other is not kind and len(others) > 1:
                     replaced = {i for i in present if self.pool[i].joint in {self.pool[k].joint for k in others}}
                     moved(replaced, {i for i in others if not self._against[i] & (members - replaced)})
@@ -267,30 +278,17 @@ class SetSearch:
                 if self.pool[a].kind is not self.pool[b].kind and b not in self._against[a]:
                     moved({k}, {a, b})
         for a, b in combinations(few, 2):
-            if len(few) <= 2 * _TRIED and self._overlap(a, b):
+            if len(few) <= 2 * _TRIED and overlap(self.pool[a], self.pool[b]):
                 moved({a, b}, set())
         return moves
-
-    def _best_of_each_joint(self, state: State, kind: type[Effect]) -> list[int]:
-        """Of the terms of an effect on each joint the one that is in the set, else the last that was proposed."""
-        out: dict[int, int] = {}
-        for i, t in enumerate(self.pool):
-            if t.kind is kind and t.joint is not None and (t.joint not in out or out[t.joint] not in state.members):
-                out[t.joint] = i
-        return list(out.values())
-
-    def _overlap(self, i: int, k: int) -> bool:
-        a, b = self.pool[i], self.pool[k]
-        return a.row is None or b.row is None or a.row == b.row
 
     def replaced(self, state: State, gone: Sequence[int]) -> list[tuple[tuple[int, ...], FloatArray]]:
         """Sets in which a term takes the place of one of some that loads the same joints."""
         out = []
         for k in gone:
             rest = set(state.members) - {k}
-            new = [
-                i for i in range(len(self.pool)) if i not in rest | {k} and not self._against[i] & rest and self._overlap(i, k)
-            ]
+            free = [i for i in range(len(self.pool)) if i not in rest | {k} and not self._against[i] & rest]
+            new = [i for i in free if overlap(self.pool[i], self.pool[k])]
             if new:
                 out += self._with_one_of(state, {k}, new)
         return out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain, combinations, product
@@ -162,6 +162,20 @@ def best_of_each(groups: Sequence[tuple[float, list[Term]]]) -> list[tuple[float
         seen.add(key)
         out.append((gain, terms))
     return out
+
+
+def best_of_each_joint(pool: Sequence[Term], kind: type[Effect], members: Collection[int]) -> list[int]:
+    """Of the terms of an effect on each joint the one that is in the set, else the last that was proposed."""
+    out: dict[int, int] = {}
+    for i, t in enumerate(pool):
+        if t.kind is kind and t.joint is not None and (t.joint not in out or out[t.joint] not in members):
+            out[t.joint] = i
+    return list(out.values())
+
+
+def overlap(term: Term, other: Term) -> bool:
+    """True where two terms load the same joint."""
+    return term.row is None or other.row is None or term.row == other.row
 
 
 def conflicts(pool: Sequence[Term]) -> list[set[int]]:

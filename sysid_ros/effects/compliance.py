@@ -49,9 +49,10 @@ def _follow(
                 if gap > 0.0 and torque * x < 0.0:
                     torque = 0.0  # a flank pushes and does not pull
             near, far = 1.0 - part, part
+            light = 1.0 / (near * inertia[k] + far * inertia[k + 1])
             carried = near * load[k] + far * load[k + 1] - (near * by_q[k] + far * by_q[k + 1]) * x
             carried -= (near * by_v[k] + far * by_v[k + 1]) * v
-            a = (carried - torque) / (near * inertia[k] + far * inertia[k + 1])
+            a = (carried - torque) * light
             # half a step of velocity, a step of position, half a step of velocity (Verlet 1967)
             if s > 0:
                 v += 0.5 * h * a
@@ -78,22 +79,94 @@ def deflection(
         exact: False for longer steps, and for a spring under a load without the noise of the positions: through a spring that
             noise looks like a part of what it does to the torque.
     """
-    by_q, by_v, by_a = (np.ascontiguousarray(x[:, joint, joint]) for x in motion.sensitivity)
-    load = np.ascontiguousarray(motion.link_torque[:, joint])
-    if not exact and gap == 0.0:
-        load = motion.clear_load(joint)
-    inertia = np.maximum(by_a, 1e-9)
-    usual = float(np.mean(inertia))
-    own = np.sqrt(stiffness / float(inertia.min()))
-    steps = int(np.clip(np.ceil(own * motion.period / (_STEP if exact and gap == 0.0 else _COARSE)), 1, _MOST_STEPS))
-    # the link follows its load at the start; what it swings about that nobody knows
-    count = max(2, round(_START / motion.period))
-    rise, at_start = np.polyfit(motion.period * np.arange(count), load[:count], 1)
-    start, speed = at_start / stiffness + 0.5 * gap * (side or np.sign(at_start)), rise / stiffness
+    by_q, by_v, inertia = _own(motion, joint)
+    load, start, speed = _load(motion, joint, exact or gap > 0.0)
+    usual, least = float(np.mean(inertia)), float(inertia.min())
+    steps = _steps(stiffness, least, motion.period, exact and gap == 0.0)
+    start, speed = start / stiffness + 0.5 * gap * (side or np.sign(start)), speed / stiffness
     damping = 2.0 * ratio * np.sqrt(stiffness * usual)
     return np.asarray(
         _follow(load, by_q, by_v, inertia, motion.period, steps, stiffness, damping, gap, float(start), float(speed))
     )
+
+
+def _own(motion: Motion, joint: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What a joint's own torque changes by with its position and velocity, and its inertia, shape (N,) each."""
+    by_q, by_v, by_a = motion.own_sensitivity(joint)
+    return by_q, by_v, np.maximum(by_a, 1e-9)
+
+
+def _load(motion: Motion, joint: int, as_it_is: bool) -> tuple[FloatArray, float, float]:
+    """A joint's load, shape (N,), its value at the start and its rate: the link follows its load there, and what it swings about
+    that nobody knows."""
+    load = np.ascontiguousarray(motion.link_torque[:, joint]) if as_it_is else motion.clear_load(joint)
+    first = load[: max(2, round(_START / motion.period))]
+    t = motion.period * (np.arange(len(first)) - 0.5 * (len(first) - 1))
+    rise = float(t @ first) / float(t @ t)
+    return load, float(np.mean(first)) + rise * float(t[0]), rise
+
+
+def _steps(stiffness: float, least: float, period: float, fine: bool) -> int:
+    """Of the integration between two samples. Args: least: the joint's least inertia."""
+    own = np.sqrt(stiffness / least)
+    return int(np.clip(np.ceil(own * period / (_STEP if fine else _COARSE)), 1, _MOST_STEPS))
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _follow_each(
+    load: FloatArray,
+    by_q: FloatArray,
+    by_v: FloatArray,
+    inertia: FloatArray,
+    period: float,
+    steps: int,
+    stiffness: FloatArray,
+    damping: FloatArray,
+    x: FloatArray,
+    v: FloatArray,
+) -> FloatArray:
+    """As :func:`_follow` for several springs without play side by side, one step after the other; what each does to the joint's
+    own torque, shape (N, c). Args: stiffness, damping: shape (c,). x, v: at the start, shape (c,), moved along."""
+    out = np.zeros((load.size, stiffness.size))
+    h = period / steps
+    for i in range(load.size):
+        k = min(i, load.size - 2)
+        for s in range(steps + 1):
+            far = s / steps + (i - k)
+            near = 1.0 - far
+            light = 1.0 / (near * inertia[k] + far * inertia[k + 1])
+            force = (near * load[k] + far * load[k + 1]) * light
+            pull = (near * by_q[k] + far * by_q[k + 1]) * light
+            drag = (near * by_v[k] + far * by_v[k + 1]) * light
+            kick = 0.5 * h if s > 0 else 0.0
+            for c in range(stiffness.size):
+                a = force - (pull + stiffness[c] * light) * x[c] - (drag + damping[c] * light) * v[c]
+                v[c] += kick * a
+                if s == 0:
+                    out[i, c] = -(by_q[i] * x[c] + by_v[i] * v[c] + inertia[i] * a)
+                if s < steps:
+                    v[c] += 0.5 * h * a
+                    x[c] += h * v[c]
+    return out
+
+
+def own_torques(motion: Motion, joint: int, stiffness: FloatArray, ratio: FloatArray) -> FloatArray:
+    """What several springs do to the torque of their own joint, in a search and to first order, shape (c, N) [N m].
+
+    Args:
+        stiffness, ratio: as :func:`deflection` has them, shape (c,).
+    """
+    by_q, by_v, inertia = _own(motion, joint)
+    load, start, speed = _load(motion, joint, False)
+    usual, least = float(np.mean(inertia)), float(inertia.min())
+    steps = np.array([_steps(float(k), least, motion.period, False) for k in stiffness])
+    damping = 2.0 * ratio * np.sqrt(stiffness * usual)
+    out = np.empty((len(stiffness), len(load)))
+    for count in np.unique(steps):
+        own = np.flatnonzero(steps == count)
+        state = damping[own], start / stiffness[own], speed / stiffness[own]
+        out[own] = _follow_each(load, by_q, by_v, inertia, motion.period, int(count), stiffness[own], *state).T
+    return out
 
 
 def torque_of(motion: Motion, joint: int, x: FloatArray, exact: bool) -> FloatArray:
@@ -114,8 +187,7 @@ def torque_of(motion: Motion, joint: int, x: FloatArray, exact: bool) -> FloatAr
 
 def own_torque(motion: Motion, joint: int, x: FloatArray) -> FloatArray:
     """As :func:`torque_of` on the joint itself alone, to first order, shape (N,) [N m]."""
-    own = np.stack([s[:, joint, joint] for s in motion.sensitivity], axis=1)
-    return np.asarray(-np.sum(own * x, axis=1))
+    return np.asarray(-sum(own * x[:, i] for i, own in enumerate(motion.own_sensitivity(joint))))
 
 
 class Compliance(Effect):

@@ -1,10 +1,11 @@
 """A gear that yields under the torque it carries."""
 
 from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
 
-from sysid_ros.effects.compliance import Compliance, deflection, torque_of
+from sysid_ros.effects.compliance import Compliance, deflection, own_torques, torque_of
 from sysid_ros.effects.effect import Knob, positive
 from sysid_ros.effects.parameter import Parameter, by_delta_method
 from sysid_ros.effects.traits import Candidate, DeflectionSearch
@@ -59,6 +60,14 @@ class JointElasticity(Compliance):
 
     def lag(self, motion: Motion, joint: int) -> FloatArray:
         return deflection(motion, joint, 1.0 / self.around, self.damping, exact=self.exact)
+
+    @classmethod
+    def own_curves(cls, motion: Motion, effects: Sequence[Self]) -> FloatArray:
+        if any(e.exact or e.links for e in effects):
+            return super().own_curves(motion, effects)
+        around = np.array([e.around for e in effects])
+        damping = np.array([e.damping for e in effects])
+        return np.asarray(own_torques(motion, int(effects[0].joints[0]), 1.0 / around, damping) / around[:, None])
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         state = sample.q[None], sample.v[None], sample.a[None]

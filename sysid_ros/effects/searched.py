@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,6 +156,11 @@ class Searched(ABC):
         """Its column on its only joint, shape (N,): fast, to first order, for one of many that are tried; zero where the motion
         can't tell it from something simpler."""
         raise NotImplementedError(f"effect '{self.id}' has a deflection that is searched, and no curve to find it by.")
+
+    @classmethod
+    def own_curves(cls, motion: Motion, effects: Sequence[Self]) -> FloatArray:
+        """:meth:`own_curve` of several effects on the same joint, shape (c, N)."""
+        return np.stack([effect.own_curve(motion) for effect in effects])
 
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         """Its parameters as an engineer knows them: names, signs, units, with 95 % intervals.

@@ -12,6 +12,7 @@ from numba import njit
 
 from sysid_ros.exceptions import RobotModelError, in_a_line
 from sysid_ros.robot.flange import flange_of, last_joint
+from sysid_ros.robot.inverse_dynamics import inverse_dynamics_along
 from sysid_ros.robot.urdf import lock_joints, read_urdf, stated_armatures
 from sysid_ros.sample import FloatArray
 
@@ -206,16 +207,7 @@ class RobotModel:
 
     def rnea_along(self, q: FloatArray, v: FloatArray, a: FloatArray, gravity: FloatArray | None = None) -> FloatArray:
         """:meth:`rnea` of a whole motion, shapes (N, n); with another gravity vector of shape (3,) where one is given."""
-        kept = np.array(self.model.gravity.linear)
-        if gravity is not None:
-            self.model.gravity.linear = np.asarray(gravity, dtype=float)
-        try:
-            out = np.empty((len(q), self.n))
-            for i in range(len(q)):
-                out[i] = pin.rnea(self.model, self._aside, q[i], v[i], a[i])
-        finally:
-            self.model.gravity.linear = kept
-        return out
+        return inverse_dynamics_along(self.model, q, v, a, self.model.gravity.linear if gravity is None else gravity)
 
     def link_torque_along(self, q: FloatArray, v: FloatArray, a: FloatArray, pi: FloatArray) -> FloatArray:
         """``Y pi`` of a whole motion for link inertials, or changes of them, that need not be bodies, shape (N, n) [N m]."""

@@ -52,6 +52,7 @@ class Motion:
         self._joints: dict[int, Motion] = {}
         self._clear_load: dict[tuple[int, float], FloatArray] = {}
         self._carrying: dict[bytes, Motion] = {}
+        self._own_sensitivity: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
 
     @property
     def period(self) -> float:
@@ -82,6 +83,13 @@ class Motion:
     def sensitivity(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Derivatives of the link torque by q, v and a, shape (N, n, n) each."""
         return self.robot.rnea_derivatives_along(self.q, self.v, self.a)
+
+    def own_sensitivity(self, joint: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Of the link torque of one joint by its own q, v and a, shape (N,) each."""
+        if joint not in self._own_sensitivity:
+            by_q, by_v, by_a = (np.ascontiguousarray(x[:, joint, joint]) for x in self.sensitivity)
+            self._own_sensitivity[joint] = by_q, by_v, by_a
+        return self._own_sensitivity[joint]
 
     @cached_property
     def gravity_torque(self) -> FloatArray:
@@ -124,7 +132,7 @@ class Motion:
             if name in self.__dict__:
                 other.__dict__[name] = self.__dict__[name]
         other._payload, other.clear, other.recording = self._payload, self.clear, self.recording
-        other._carrying = self._carrying
+        other._carrying, other._own_sensitivity = self._carrying, self._own_sensitivity
         other.by_radius = self.by_radius
         return other
 

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 from numba import njit
+from scipy import sparse
 
 from sysid_ros.sample import FloatArray
 
@@ -68,6 +69,31 @@ class Frequencies(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class Bins:
+    """Bins of coefficients of about the same frequency, those that have any.
+
+    Attributes:
+        count: how many each has, shape (b,). f: mean frequency of each, shape (b,) [Hz]. mean: what K coefficients are multiplied
+            by for their mean in each bin, shape (b, K).
+    """
+
+    count: FloatArray
+    f: FloatArray
+    mean: sparse.csr_array
+
+    @classmethod
+    def of(cls, f: FloatArray) -> Bins:
+        """Of the frequency of each coefficient, shape (K,) [Hz]."""
+        edges = np.concatenate([[0.0], np.geomspace(0.05, float(f.max()) + 1e-9, _BINS)])
+        where = np.minimum(np.searchsorted(edges, f, side="right") - 1, _BINS - 1)
+        count = np.bincount(where, minlength=_BINS).astype(float)
+        used = count > 0
+        row = (np.cumsum(used) - 1)[where]
+        mean = sparse.csr_array((1.0 / count[where], (row, np.arange(len(f)))), shape=(int(used.sum()), len(f)))
+        return cls(count[used], mean @ f, mean)
+
+
+@dataclass(frozen=True, slots=True)
 class Noise:
     """``S(f) = white + coloured / (1 + (f / corner)^2) + rising (f / 8 Hz)^4``, variance of a coefficient, each of shape (n,).
 
@@ -113,13 +139,12 @@ class Noise:
         Args:
             f: shape (K,) [Hz]. power: squares of the coefficients, shape (K, n).
         """
-        edges = np.concatenate([[0.0], np.geomspace(0.05, float(f.max()) + 1e-9, _BINS)])
-        where = np.minimum(np.searchsorted(edges, f, side="right") - 1, _BINS - 1)
-        count = np.bincount(where, minlength=_BINS).astype(float)
-        used = count > 0
-        mean_f = np.bincount(where, f, minlength=_BINS)[used] / count[used]
-        mean = np.stack([np.bincount(where, power[:, j], minlength=_BINS) for j in range(power.shape[1])], axis=1)
+        return cls.in_bins(Bins.of(f), power)
+
+    @classmethod
+    def in_bins(cls, bins: Bins, power: FloatArray) -> Noise:
+        """As :meth:`of`, for frequencies whose bins are known."""
         out = np.zeros((power.shape[1], 4))
-        _likeliest(np.ascontiguousarray(mean[used] / count[used, None]), count[used], mean_f, _CORNERS, _STEPS, out)
+        _likeliest(np.ascontiguousarray(bins.mean @ power), bins.count, bins.f, _CORNERS, _STEPS, out)
         white, coloured, corner, rising = np.ascontiguousarray(out.T)
         return cls(white, coloured, corner, rising)

@@ -10,13 +10,14 @@ import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.heldout import HeldOut
-from sysid_ros.diagnosis.left_out import Rows
 from sysid_ros.diagnosis.legs.leg_noise import Gait, NoiseOfEach
 from sysid_ros.diagnosis.legs.leg_rows import LegLibrary
 from sysid_ros.diagnosis.library import Library, SetPrior
 from sysid_ros.diagnosis.posterior import Posterior, posterior_of
 from sysid_ros.diagnosis.prepare import SCALES
-from sysid_ros.diagnosis.set_search import SetSearch, State
+from sysid_ros.diagnosis.set_search import SetSearch
+from sysid_ros.diagnosis.sets.state import State
+from sysid_ros.diagnosis.sets.stretches import Rows
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
 
@@ -96,7 +97,7 @@ def _climbed(rows: _Rows, pool: Sequence[Term], prior: SetPrior, progress: Progr
         state = search.climb(search.state(members, scale))
         named = list(dict.fromkeys(pool[i].effect.label for i in state.members))
         progress(f"round {turn + 1}: {', '.join(named) or 'nothing'}")
-        noise = rows.noise(search.left_out.rows(state.predicted.left))
+        noise = rows.noise(search.left_out.of_each.rows(state.predicted.left))
         if turn and state.members == members and state.scale == scale:
             break
         members, scale = state.members, state.scale
@@ -120,7 +121,7 @@ def _no_surer_than_a_step(
         group = [i for i in state.members if (search.pool[i].kind, search.pool[i].form) == key]
         rest = [i for i in state.members if i not in group]
         less = search.state(rest, state.scale)
-        there = noise.repeating_as(rows.noise(search.left_out.rows(less.predicted.left)))
+        there = noise.repeating_as(rows.noise(search.left_out.of_each.rows(less.predicted.left)))
         again = rows.search(members, prior, there)
         both = [again.state([members.index(search.pool[i]) for i in own], state.scale).score for own in (state.members, rest)]
         sure = float(1.0 / (1.0 + np.exp(np.clip(both[1] - both[0], -700.0, 700.0))))
