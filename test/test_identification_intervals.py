@@ -9,7 +9,7 @@ from robots import robot, urdf
 
 from sysid_ros.identification import collect_rows, free_model, identify_recordings
 from sysid_ros.identification.base_groups import base_of_range, group_matrix
-from sysid_ros.identification.coloured_noise import whiteness
+from sysid_ros.identification.coloured_noise import root_of_covariance, whiteness
 from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.least_squares import METHODS, fit
 from sysid_ros.identification.spectrum import choose_cutoff
@@ -140,3 +140,19 @@ def test_groups_of_sliding_and_branched_arms_hold_the_truth(robot_name: str) -> 
     assert len(result.repeatability) > 20
     for r in result.repeatability:
         assert r.between < 6.0 * r.within
+
+
+def test_root_of_a_covariance_of_parameters_in_units_of_any_size() -> None:
+    """A direction that no row shows is as sure as before the data, whatever rounding makes of the information."""
+    random = np.random.default_rng(0)
+    units = 10.0 ** random.uniform(-6.0, 6.0, 12)
+    rows = random.normal(size=(400, 8)) @ random.normal(size=(8, 12)) * 1e4 / units
+    information = rows.T @ rows
+    prior = np.diag(1.0 / units**2)
+    root = root_of_covariance(prior, information)
+    scaled = root / units[:, None]
+    covariance = scaled @ scaled.T
+    exact = np.linalg.svd(rows * units, full_matrices=True)
+    variances = 1.0 / (1.0 + np.concatenate([exact[1], np.zeros(4)])[:12] ** 2)
+    np.testing.assert_allclose(np.linalg.eigvalsh(covariance)[-4:], 1.0, rtol=1e-3)  # rounding of an information of 1e12
+    np.testing.assert_allclose(covariance, (exact[2].T * variances) @ exact[2], atol=1e-3)

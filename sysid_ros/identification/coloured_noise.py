@@ -16,6 +16,20 @@ _LONGEST_GAP = 256
 """Rows left empty for a gap; what is longer decorrelates anyway."""
 
 
+def root_of_covariance(prior: FloatArray, information: FloatArray) -> FloatArray:
+    """R with ``R R' = (prior + information)^-1``, shape (p, p).
+
+    Worked out in units of the prior, where a direction that the data do not show has the variance 1 and no other has more: what
+    rounding leaves of parameters of many units can't make that negative, as it can in their own.
+
+    Args:
+        prior: inverse covariance before the data, positive definite. information: of the data.
+    """
+    own: FloatArray = np.linalg.inv(np.linalg.cholesky(prior))
+    values, vectors = np.linalg.eigh(own @ information @ own.T)
+    return np.asarray(own.T @ (vectors / np.sqrt(1.0 + np.maximum(values, 0.0))))
+
+
 def coloured_information(
     bag: BagRows, residual: FloatArray, weight: FloatArray, root: FloatArray
 ) -> tuple[FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid_ros.estimators import LongRunVariance
 from sysid_ros.identification.bag_sums import BagSums
-from sysid_ros.identification.coloured_noise import coloured_information
+from sysid_ros.identification.coloured_noise import coloured_information, root_of_covariance
 from sysid_ros.identification.rows import BagRows, BoolArray
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FREE, FloatArray
@@ -106,8 +106,8 @@ def _fit_with_noise(
 ) -> Fit:
     """The parameters with the covariance that coloured residuals leave, and with that of white ones."""
     information = sums.information(weight)
-    inverse = np.linalg.inv(prior + information)
-    root = np.asarray(np.linalg.cholesky(0.5 * (inverse + inverse.T)), dtype=np.float64)
+    root = root_of_covariance(prior, information)
+    inverse = root @ root.T
     score_covariance, level = np.zeros((len(bags), *information.shape)), np.zeros_like(density)
     for b, (bag, factor) in enumerate(zip(bags, rows, strict=True)):
         score_covariance[b], level[b] = coloured_information(bag, residuals(bag, theta), factor * weight[b], root)

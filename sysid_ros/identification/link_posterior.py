@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_ros.identification.coloured_noise import coloured_information
+from sysid_ros.identification.coloured_noise import coloured_information, root_of_covariance
 from sysid_ros.identification.held_out import Solvers
 from sysid_ros.identification.least_squares import Fit, residuals
 from sysid_ros.identification.rows import BagRows
@@ -51,9 +51,7 @@ def link_posterior(bags: Sequence[BagRows], found: Fit, solvers: Solvers) -> Lin
     score_covariance = found.bag_score_covariance.sum(axis=0)
     posterior = _likeliest(_Evidence(found, solvers, score_covariance))
     for _ in range(_REPEATS):
-        precision = _prior_precision(solvers, posterior.weight)
-        inverse = np.linalg.inv(found.information + precision)
-        root = np.asarray(np.linalg.cholesky(0.5 * (inverse + inverse.T)), dtype=np.float64)
+        root = root_of_covariance(_prior_precision(solvers, posterior.weight), found.information)
         score_covariance = np.zeros_like(score_covariance)
         for b, (bag, factor) in enumerate(zip(bags, found.rows, strict=True)):
             score_covariance += coloured_information(bag, residuals(bag, posterior.mean), factor * found.weight[b], root)[0]
