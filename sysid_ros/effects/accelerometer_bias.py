@@ -9,6 +9,7 @@ from sysid_ros.effects.traits import Candidate
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
+from sysid_ros.signals.shown_gravity import ShownGravity
 from sysid_ros.signals.trunk_channels import TrunkSetup
 
 USUAL = 0.1
@@ -31,6 +32,7 @@ class AccelerometerBias(Effect):
 
     Attributes:
         expected: mean and standard deviation before any data, shape (3,) each [m/s^2], changed by who knows more.
+        wrong: size of one that is a cause, about 0, shape (3,) [m/s^2]; along gravity what the size of that is shown to be off.
         load: ten parameters of that body about the frame's origin, shape (10,), 0 at first: it is as heavy by ``s + b`` as the
             links are.
     """
@@ -51,6 +53,7 @@ class AccelerometerBias(Effect):
         self._frame_index = robot.frame_id(frame) if frame else None
         self.load: FloatArray = np.zeros(10)
         self.expected: tuple[FloatArray, FloatArray] = np.zeros(3), np.full(3, USUAL)
+        self.wrong: FloatArray = np.full(3, _WRONG)
         self.parameter_names, self.units = ("bias_x", "bias_y", "bias_z"), ("m/s^2",) * 3
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
@@ -59,7 +62,10 @@ class AccelerometerBias(Effect):
             out -= self.robot.base_acceleration_columns_of(sample.q, self._frame_index, self.load)
 
     def prior_std(self, form: str = "") -> FloatArray:
-        return np.full(3, _WRONG) if form == _CAUSE else self.expected[1]
+        return self.wrong if form == _CAUSE else self.expected[1]
+
+    def see_gravity(self, shown: ShownGravity) -> None:
+        self.expected, self.wrong = shown.bias(USUAL), np.hypot(*shown.bias(_WRONG))
 
     def candidates_on_legs(self) -> list[Candidate]:
         return [Candidate(form=_CAUSE)]

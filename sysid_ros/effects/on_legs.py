@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid_ros.effects.traits import Candidate
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.shown_gravity import ShownGravity
 
 
 class OnLegs:
@@ -34,6 +35,9 @@ class OnLegs:
     def candidates_on_legs(self) -> list[Candidate]:
         """The forms that a search has of it."""
         return [Candidate()]
+
+    def see_gravity(self, shown: ShownGravity) -> None:
+        """Take note of what the accelerometer shows beside its motion, which no row of the robot's holds."""
 
     def hidden_on_legs(self, torque: float) -> tuple[float, float]:
         """The least and the greatest size that a simulation hides, of each of its parameters; nothing: it hides none.

@@ -18,7 +18,6 @@ from sysid_ros.effects import (
     ImuTilt,
     Knob,
 )
-from sysid_ros.effects.accelerometer_bias import USUAL
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.identification.tolerances import TOL
@@ -68,7 +67,7 @@ def free_model_on_legs(base: FloatingBase, shown: ShownGravity | None = None, se
     feet, bias = FootRadius(robot, feet=base.contact_frames), AccelerometerBias(robot)
     feet.unsure = np.where(base.radius_told, feet.unsure, base.radius_std)
     if shown is not None:
-        bias.expected = shown.bias(USUAL)
+        bias.see_gravity(shown)
     return TorqueModel(robot, [*free, ImuTilt(robot), ImuLever(robot), ImuDelay(robot), bias, feet])
 
 

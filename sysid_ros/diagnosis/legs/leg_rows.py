@@ -41,13 +41,20 @@ class LegLibrary(Library):
 
     Args:
         base: the robot. bags: rows of each stretch. model: whose columns they have. mixed: what the six rows of each recording
-            are multiplied by, see :func:`.mixing`.
+            are multiplied by, see :func:`.mixing`. shown: what the accelerometers show beside their motion.
 
     Attributes:
         prepared: the rows as a problem. gaits: of the recordings, by their names.
     """
 
-    def __init__(self, base: FloatingBase, bags: Sequence[BagRows], model: TorqueModel, mixed: Mapping[str, FloatArray]) -> None:
+    def __init__(
+        self,
+        base: FloatingBase,
+        bags: Sequence[BagRows],
+        model: TorqueModel,
+        mixed: Mapping[str, FloatArray],
+        shown: ShownGravity | None,
+    ) -> None:
         robot = base.robot
         found = [Motion(robot, b.t - bags[0].t[0], b.q, b.v, b.a, b.tau) for b in bags]
         for motion, bag in zip(found, bags, strict=True):
@@ -60,7 +67,7 @@ class LegLibrary(Library):
             [mixed[bag.name] for bag in bags],
         )  # fmt: skip
         super().__init__(robot, band)
-        self._base, self._bags = base, bags
+        self._base, self._bags, self._shown = base, bags, shown
         self._at = {
             (type(e), place): where for e, s in zip(model.free, model.slices, strict=True) for place, where in places_of(e, s)
         }
@@ -102,6 +109,8 @@ class LegLibrary(Library):
             if kind.on_legs:
                 joints = () if place is None else (place,)
                 effect = kind.from_settings(self.robot, self._names(joints), self._settings(kind))
+                if self._shown is not None:
+                    effect.see_gravity(self._shown)
                 out += [self._made(effect, joints, c.basis, c.form) for c in effect.candidates_on_legs()]
         return out
 
@@ -183,5 +192,5 @@ def leg_libraries(
     model = TorqueModel(base.robot, [*usual.free, *carried])
     bags = [bags_of(base, x, cutoff_hz, by, model) for x in recordings]
     mixed = mixing(base, usual, bags[0], bags[1])
-    first, second = (LegLibrary(base, own, model, by_name) for own, by_name in zip(bags, mixed, strict=True))
+    first, second = (LegLibrary(base, own, model, by_name, shown) for own, by_name in zip(bags, mixed, strict=True))
     return first, second
