@@ -12,7 +12,6 @@ from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.effects import Acts, Motion
-from sysid_ros.robot.inertial_parameters import by_com
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
@@ -82,13 +81,13 @@ def assemble(robot: RobotModel, found: Sequence[Motion], nominal: Sequence[Float
 
 def inexact_links(robot: RobotModel) -> FloatArray:
     """What the nuisance parameters change of the links' inertials, shape (10 n, 4 n): all ten of each link by a factor, then the
-    centre of mass of each by three lengths in units of :data:`ARM`, its inertia about that the same."""
+    centre of mass of each by three lengths in units of :data:`ARM`."""
     n = robot.n
     basis = np.zeros((10 * n, 4 * n))
     for j in range(n):
         own = slice(10 * j, 10 * j + 10)
         basis[own, j] = robot.pi[own]
-        basis[own, n + 3 * j : n + 3 * j + 3] = ARM * by_com(robot.pi[own])
+        basis[10 * j + 1 : 10 * j + 4, n + 3 * j : n + 3 * j + 3] = ARM * robot.pi[10 * j] * np.eye(3)
     return basis
 
 

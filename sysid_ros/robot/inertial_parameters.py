@@ -57,16 +57,6 @@ def com_jacobian(theta: FloatArray) -> FloatArray:
     return jacobian
 
 
-def by_com(theta: FloatArray) -> FloatArray:
-    """Derivative of theta by the centre of mass, of a body whose mass and inertia about it stay, shape (10, 3)."""
-    first = theta[1:4]
-    out = np.zeros((10, 3))
-    for k, unit in enumerate(np.eye(3)):
-        origin = 2.0 * first[k] * np.eye(3) - np.outer(first, unit) - np.outer(unit, first)
-        out[:, k] = np.concatenate(([0.0], theta[0] * unit, [origin[i, j] for i, j in _TENSOR]))
-    return out
-
-
 def pseudo_inertia(theta: FloatArray) -> FloatArray:
     """Pseudo-inertia, shape (4, 4): [[Sigma, mc], [mc', m]] with Sigma = tr(I)/2 1 - I (Wensing, Kim, Slotine 2018, section
     III)."""
