@@ -11,10 +11,6 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
-_FEWEST, _MOST = 3, 120
-"""Periods a turn, from pole pairs of a motor to teeth of the last wheel of a gear. Each whole number is tried: the likelihood has
-side lobes, and a ripple whose own harmonic is not tried is told at one of them, too small."""
-
 
 class Cogging(JointCurves):
     """``tau_j = s sin(n q) + c cos(n q)`` [N m], amplitude sqrt(s^2 + c^2) (Gandhi, Thomas, Guglielmino 2002).
@@ -29,7 +25,7 @@ class Cogging(JointCurves):
     setting_names = ("harmonic",)
     symbols = ("s", "c")
     symbol_units = ("N m", "N m")
-    knobs = (Knob("harmonic", float(_FEWEST), float(_MOST), "1/rev", False, reach=0.6, bumpy=True),)
+    knobs = (Knob("harmonic", 3.0, 120.0, "1/rev", False, reach=0.6, bumpy=True),)
     signature = "a line at the joint's speed times the harmonic: visible over the position, not over time"
     look_alikes = ("spring",)
     separated_by = "slow motion of changing speed, so that the harmonic stays below the band of the torque"
@@ -43,7 +39,7 @@ class Cogging(JointCurves):
 
     @classmethod
     def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
-        return [Candidate({"harmonic": float(h)}) for h in range(_FEWEST, _MOST + 1)]
+        return [Candidate({"harmonic": float(h)}) for h in range(3, 61)]
 
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         (joint,) = self.joint_names
