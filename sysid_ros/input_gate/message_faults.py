@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sysid_ros.exceptions import DataError
 from sysid_ros.input_gate.effort_channels import MOSTLY, standing_still
+from sysid_ros.input_gate.polled import through_neighbours, times_of_samples
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
 
@@ -30,7 +31,7 @@ _LATE_MOST, _LATE_SIGMA = 0.5, 7.0
 _NAMED = 0.01
 """Part of the messages from which a fault is a finding of its own; fewer are a note."""
 
-FAULTS = ("repeated", "dropped", "late", "frozen", "unordered")
+FAULTS = ("repeated", "polled", "dropped", "late", "frozen", "unordered")
 
 Order = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -44,9 +45,11 @@ class MessageFaults:
         count: N. period: usual step between stamps [s].
         repeated: messages with the stamp, or all of the values, of the one before. dropped: messages that are missing.
         late: messages whose values belong to another time than their stamp. delay: largest of these differences [s].
+        polled: messages of a driver that polls a slower source, see :mod:`.polled`. age: of the oldest of their values [s].
         frozen: messages whose efforts have not changed on any joint for a quarter of a second or more while the arm moves.
         unordered: messages that came after one with a later stamp.
         order: puts the messages in the order of their stamps, shape (N,). keep: what is used, in that order, shape (N,).
+        times: when the values of the messages were true, in that order, shape (N,) [s].
     """
 
     count: int
@@ -56,9 +59,12 @@ class MessageFaults:
     late: int
     delay: float
     frozen: int
+    polled: int
+    age: float
     unordered: int
     order: Order
     keep: Mask
+    times: FloatArray
 
     def shares(self) -> dict[str, float]:
         """Part of the messages that each fault concerns."""
@@ -72,6 +78,8 @@ class MessageFaults:
         """What was found, empty where the messages are in order."""
         said = {
             "repeated": f"{self.repeated} repeat the one before and are left out",
+            "polled": f"all come from a slower source and hold values that are up to {1e3 * self.age:.0f} ms older than their stamp; "
+            "these were put to their own times",
             "dropped": f"about {self.dropped} are missing",
             "late": f"{self.late} hold values that are up to {1e3 * self.delay:.0f} ms off their stamp and are left out",
             "frozen": f"{self.frozen} have the efforts of long before while the arm moves and are left out",
@@ -96,7 +104,7 @@ def in_order(recording: Recording) -> tuple[Recording, MessageFaults]:
     faults = find_message_faults(recording.t, recording.q, recording.tau)
     if faults.keep.all() and not faults.unordered:
         return recording, faults
-    return recording.at(faults.order[faults.keep]), faults
+    return replace(recording.at(faults.order[faults.keep]), t=faults.times[faults.keep]), faults
 
 
 def find_message_faults(t: FloatArray, q: FloatArray, tau: FloatArray) -> MessageFaults:
@@ -113,16 +121,33 @@ def find_message_faults(t: FloatArray, q: FloatArray, tau: FloatArray) -> Messag
     keep: Mask = np.ones(len(t), dtype=np.bool_)
     keep[1:] = (steps != 0.0) & ~(same & _moving(t, q))
     repeated = int(np.sum(~keep))
+    times, distinct = t.copy(), np.flatnonzero(np.concatenate([[True], steps > 0.0]))
+    if not np.any(steps < 0.0):
+        times[distinct] = times_of_samples(t[distinct], q[distinct], ~keep[distinct])
+    age = float(np.max(t - times))
+    polled = int(np.sum(keep)) if age > 0.0 else 0
     long = steps[(steps > _MISSING * usual) & (steps < _LONGEST_DROP)]
     dropped = int(np.sum(np.round(long / usual) - 1.0)) if usual > 0.0 else 0
-    late, delay = _late(t[keep], q[keep], usual)
+    late, delay = _late(times[keep], q[keep], usual)
     where = np.flatnonzero(keep)[late]
     keep[where] = False
     still = standing_still(t, q, tau)
     # a recording that is mostly so is refused, and not emptied
     frozen = still & keep & (np.mean(still) < MOSTLY)
     return MessageFaults(
-        len(t), usual, repeated, dropped, len(where), delay, int(np.sum(frozen)), unordered, order, keep & ~frozen
+        count=len(t),
+        period=usual,
+        repeated=repeated,
+        dropped=dropped,
+        late=len(where),
+        delay=delay,
+        frozen=int(np.sum(frozen)),
+        polled=polled,
+        age=age,
+        unordered=unordered,
+        order=order,
+        keep=keep & ~frozen,
+        times=times,
     )
 
 
@@ -170,18 +195,9 @@ def _delays(t: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, Mask]
     """How far each message's values lag its stamp [s], the way that the robot goes in that time [rad], and whether the joints
     agree on it, shape (N,) each; 0 where the robot hardly moves or neighbours are missing."""
     delay, way, agree = np.zeros(len(t)), np.zeros(len(t)), np.zeros(len(t), dtype=np.bool_)
-    nodes, values = [t[:-4], t[1:-3], t[3:-1], t[4:]], [q[:-4], q[1:-3], q[3:-1], q[4:]]
-    at, through = t[2:-2], np.zeros_like(q[2:-2])
-    for i in range(4):
-        weight = np.ones_like(at)
-        for k in range(4):
-            if k != i:
-                weight = weight * (at - nodes[k]) / (nodes[i] - nodes[k])
-        through += weight[:, None] * values[i]
-    off = through - q[2:-2]
-    velocity = (values[2] - values[1]) / (nodes[2] - nodes[1])[:, None]
+    off, width = through_neighbours(t, q)
+    velocity = (q[3:-1] - q[1:-3]) / (t[3:-1] - t[1:-3])[:, None]
     speed = np.linalg.norm(velocity, axis=1)
-    width = nodes[3] - nodes[0]
     usable = (speed > _CLEARLY_MOVES) & (width < 3.0 * float(np.median(width)))
     along = np.sum(off * velocity, axis=1) / np.maximum(speed, 1e-9)
     # a late message explains the difference in all joints at once; a jump of one joint does not

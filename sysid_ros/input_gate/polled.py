@@ -1,0 +1,80 @@
+"""Messages of a driver that polls a slower source: when their values were true, which is before their stamps.
+
+A driver that asks every T_p for the latest sample of a source with the period T_s > T_p gets each sample up to T_p late. That age
+falls by T_s - T_p from message to message; where it would fall below zero no new sample has come yet, and the message repeats the
+one before. So the last message before a repeat is as good as new, and the samples between two such messages are even in time. Left
+as they are, the stamps run along with a sawtooth, whose every edge is an impulse of acceleration that no torque belongs to.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid_ros.sample import FloatArray
+
+_USUAL = 0.05
+"""Part of the recordings with repeated messages whose driver polls, before any data; in others messages were lost."""
+_FEWEST = 3
+"""Repeats that make two beats, the least that shows one to be like the other."""
+
+
+def times_of_samples(t: FloatArray, q: FloatArray, repeats: NDArray[np.bool_]) -> FloatArray:
+    """Times at which the values of messages were true, shape (N,) [s]; the stamps themselves where that is likelier.
+
+    Likelier is what leaves the positions smoother: each differs less from the cubic through two neighbours on each side, and the
+    difference is taken as normal with a size of its own for each joint and each of the two hypotheses.
+
+    Args:
+        t: stamps in order, shape (N,) [s]. q: positions, shape (N, n). repeats: messages that repeat all values of the one before
+            at a later stamp, shape (N,); their own times are not changed.
+    """
+    new = np.flatnonzero(~repeats)
+    before_repeat = np.flatnonzero(repeats[new[1:] - 1])
+    if len(before_repeat) < _FEWEST:
+        return t
+    out = t.copy()
+    out[new] = _even(t[new], before_repeat, float(np.median(np.diff(t))))
+    if np.array_equal(out, t):
+        return t
+    both = [_differences(x[new], q[new]) for x in (t, out)]
+    usable = both[0][1] & both[1][1]
+    power = [np.sum(x[usable] ** 2, axis=0) for x, _ in both]
+    moves = (power[0] > 0.0) & (power[1] > 0.0)
+    gain = 0.5 * float(np.sum(usable)) * float(np.sum(np.log(power[0][moves] / power[1][moves])))
+    return out if gain + np.log(_USUAL / (1.0 - _USUAL)) > 0.0 else t
+
+
+def _even(t: FloatArray, newest: NDArray[np.intp], period: float) -> FloatArray:
+    """Even times between samples that are as new as their stamps, where no sample is then later than its stamp, nor older than a
+    step between messages; the stamps elsewhere. Args: t: shape (N,). newest: indices. period: of the messages [s]."""
+    index = np.arange(len(t), dtype=float)
+    out = np.interp(index, newest, t[newest])
+    for ends, (a, b) in ((index < newest[0], newest[:2]), (index > newest[-1], newest[-2:])):
+        out[ends] = t[a] + (index[ends] - a) * (t[b] - t[a]) / (b - a)
+    steps = np.diff(t)
+    usual = steps[steps < 1.5 * period]
+    jitter = float(np.max(np.abs(usual - period))) if len(usual) else 0.0
+    wrong = (out > t + jitter) | (out < t - period - jitter)
+    beat = np.searchsorted(newest, index, side="right")
+    return np.where(np.isin(beat, beat[wrong]), t, out)
+
+
+def _differences(t: FloatArray, q: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Positions less the cubic through two neighbours on each side, shape (N - 4, n), and where no gap is between these."""
+    off, width = through_neighbours(t, q)
+    return off, width < 3.0 * np.median(width)
+
+
+def through_neighbours(t: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The cubic through two neighbours on each side less the value between them, shape (N - 4, n), and the time that the four
+    span, shape (N - 4,). Args: t: shape (N,), rising. q: shape (N, n)."""
+    nodes, values = [t[:-4], t[1:-3], t[3:-1], t[4:]], [q[:-4], q[1:-3], q[3:-1], q[4:]]
+    at, through = t[2:-2], np.zeros_like(q[2:-2])
+    for i in range(4):
+        weight = np.ones_like(at)
+        for k in range(4):
+            if k != i:
+                weight = weight * (at - nodes[k]) / (nodes[i] - nodes[k])
+        through += weight[:, None] * values[i]
+    return through - q[2:-2], t[4:] - t[:-4]
