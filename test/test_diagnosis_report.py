@@ -71,8 +71,13 @@ def test_stamps_in_order_are_not_complained_of() -> None:
         q = Path_(robot(ARM), 3)(t)[0] + 0.2 * resolution * rng.normal(size=(len(t), 4))
         stamps = 1.0 + t + jitter / rate * rng.uniform(-1.0, 1.0, len(t))
         faults = find_message_faults(stamps, np.round(q / resolution) * resolution, rng.normal(size=q.shape))
-        assert faults.in_words() == ""
         assert faults.keep.all()
+        assert not any(faults.shares().values())
+        # what the positions tell of the stamps is said and taken off, where it is more than the noise of the encoders
+        size = jitter / rate / np.sqrt(3.0)
+        assert (faults.in_words() == "") == (faults.jitter == 0.0)
+        assert faults.jitter == (pytest.approx(size, rel=0.1) if jitter == 0.3 else pytest.approx(size, abs=0.3 * size))
+        assert np.std(np.diff(faults.times - t)) <= np.std(np.diff(stamps - t)) * (0.5 if faults.jitter else 1.0) + 1e-9
 
 
 def test_message_faults_are_counted_and_the_rest_is_kept_in_order() -> None:

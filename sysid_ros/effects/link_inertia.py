@@ -11,7 +11,7 @@ from sysid_ros.effects.traits import Candidate, Scope
 from sysid_ros.effects.wording import one
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.robot.urdf_bodies import matching, within_reach
+from sysid_ros.robot.urdf_bodies import fixed_bodies, matching, within_reach
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
@@ -20,6 +20,9 @@ _SCALE = "scale"
 _SCALE_STD = 1.0
 """Of that parameter before any data: a link that is twice as heavy as is said is usual, one that is a hundred times as heavy is
 another body."""
+_PART = "part"
+"""Form in which something that the description fixes to a link is off by one factor; -1, with the prior of a link's, where it is
+not mounted."""
 _PLACE, _PLACE_STD = "place", 0.05
 """Form in which a link is as heavy as the description says and lies elsewhere, by three lengths, and their usual size [m]."""
 
@@ -79,9 +82,11 @@ class LinkInertia(Effect):
         own = slice(10 * joint, 10 * joint + 10)
         if not any(np.any(m.regressor[:, :, own]) for m in motions):
             return []
-        nominal = motions[0].robot.pi[own]
+        robot = motions[0].robot
+        nominal = robot.pi[own]
         scale = [Candidate(basis=nominal[:, None], form=_SCALE)] if np.any(nominal) else []
-        return [*scale, Candidate(form=COMPACT), Candidate(form="full")]
+        parts = [Candidate(basis=b.theta[:, None], form=_PART) for b in fixed_bodies(robot, joint)]
+        return [*scale, *parts, Candidate(form=COMPACT), Candidate(form="full")]
 
     def candidates_on_legs(self) -> list[Candidate]:
         own = self.nominal
@@ -89,7 +94,7 @@ class LinkInertia(Effect):
         return [scale, place, Candidate(form=COMPACT), Candidate(form="full")]
 
     def prior_std(self, form: str = "") -> FloatArray:
-        if form == _SCALE:
+        if form in (_SCALE, _PART):
             return np.full(1, _SCALE_STD)
         if form == _PLACE:
             return np.full(3, _PLACE_STD)
@@ -104,6 +109,8 @@ class LinkInertia(Effect):
         joint = int(self.joints[0])
         if form == _SCALE:
             return bool(theta[0] > -1.0)
+        if form == _PART:
+            return bool(theta[0] + 2.0 * std[0] > -1.0)
         if form == _PLACE:
             return True  # its prior says how far
         if self.robot.body_names[joint] == self.robot.default_frame and theta[0] > 0.0:

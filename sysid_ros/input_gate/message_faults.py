@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sysid_ros.exceptions import DataError
 from sysid_ros.input_gate.effort_channels import MOSTLY, standing_still
 from sysid_ros.input_gate.polled import through_neighbours, times_of_samples
+from sysid_ros.input_gate.stamp_jitter import stamp_jitter
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
 
@@ -29,7 +30,8 @@ _OTHERWISE = 0.2
 _LATE_MOST, _LATE_SIGMA = 0.5, 7.0
 """A message is late (or early) from this part of the usual step on, and from so many robust standard deviations on."""
 _NAMED = 0.01
-"""Part of the messages from which a fault is a finding of its own; fewer are a note."""
+"""Part of the messages from which a fault is a finding of its own; fewer are a note. The same part of a step is the least level
+of the stamps' errors that is corrected."""
 
 FAULTS = ("repeated", "polled", "dropped", "late", "frozen", "unordered")
 
@@ -49,6 +51,7 @@ class MessageFaults:
         frozen: messages whose efforts have not changed on any joint for a quarter of a second or more while the arm moves.
         unordered: messages that came after one with a later stamp.
         order: puts the messages in the order of their stamps, shape (N,). keep: what is used, in that order, shape (N,).
+        jitter: level of the stamps' errors where the positions tell them, see :mod:`.stamp_jitter` (rms), else 0 [s].
         times: when the values of the messages were true, in that order, shape (N,) [s].
     """
 
@@ -61,6 +64,7 @@ class MessageFaults:
     frozen: int
     polled: int
     age: float
+    jitter: float
     unordered: int
     order: Order
     keep: Mask
@@ -80,6 +84,8 @@ class MessageFaults:
             "repeated": f"{self.repeated} repeat the one before and are left out",
             "polled": f"all come from a slower source and hold values that are up to {1e3 * self.age:.0f} ms older than their stamp; "
             "these were put to their own times",
+            "jitter": f"the stamps are off by {1e3 * self.jitter:.2g} ms (rms), as the positions of all joints at once show, and were "
+            "corrected",
             "dropped": f"about {self.dropped} are missing",
             "late": f"{self.late} hold values that are up to {1e3 * self.delay:.0f} ms off their stamp and are left out",
             "frozen": f"{self.frozen} have the efforts of long before while the arm moves and are left out",
@@ -102,7 +108,7 @@ def in_order(recording: Recording) -> tuple[Recording, MessageFaults]:
             "the clock that stamps them, or turn the order of the rows round."
         )
     faults = find_message_faults(recording.t, recording.q, recording.tau)
-    if faults.keep.all() and not faults.unordered:
+    if faults.keep.all() and not faults.unordered and not faults.jitter:
         return recording, faults
     return replace(recording.at(faults.order[faults.keep]), t=faults.times[faults.keep]), faults
 
@@ -131,6 +137,7 @@ def find_message_faults(t: FloatArray, q: FloatArray, tau: FloatArray) -> Messag
     late, delay = _late(times[keep], q[keep], usual)
     where = np.flatnonzero(keep)[late]
     keep[where] = False
+    jitter = _without_jitter(times, q, keep, usual)
     still = standing_still(t, q, tau)
     # a recording that is mostly so is refused, and not emptied
     frozen = still & keep & (np.mean(still) < MOSTLY)
@@ -144,11 +151,27 @@ def find_message_faults(t: FloatArray, q: FloatArray, tau: FloatArray) -> Messag
         frozen=int(np.sum(frozen)),
         polled=polled,
         age=age,
+        jitter=jitter,
         unordered=unordered,
         order=order,
         keep=keep & ~frozen,
         times=times,
     )
+
+
+def _without_jitter(times: FloatArray, q: FloatArray, keep: Mask, usual: float) -> float:
+    """Correct the times of the messages that are kept, in place; the level of what they were off by (rms), 0 for nothing [s].
+
+    Errors of less than a hundredth of a step move no torque and are left as they are.
+    """
+    rows = np.flatnonzero(keep & np.isfinite(q).all(axis=1))
+    if np.any(np.diff(times[rows]) <= 0.0):
+        return 0.0
+    jitter = stamp_jitter(times[rows], q[rows])
+    if jitter is None or jitter.std < _NAMED * usual:
+        return 0.0
+    times[rows] += jitter.errors
+    return jitter.std
 
 
 def _in_order(t: FloatArray) -> tuple[Order, int]:
