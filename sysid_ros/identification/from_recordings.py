@@ -26,6 +26,7 @@ from sysid_ros.identification.plausibility import check_plausible
 from sysid_ros.identification.result import CutOff, Identification, Problem, ResidualSeries
 from sysid_ros.identification.rows import FORMS, SmoothRecording
 from sysid_ros.identification.spectrum import choose_cutoff
+from sysid_ros.input_gate.message_faults import at_own_times
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.motion import Motion
 from sysid_ros.signals.recording import Recording
@@ -75,8 +76,9 @@ def identify_recordings(
         return identify_on_legs(
             base, recordings, validation, provenance, choices, cutoff_hz, max_gap, measured_velocity, problems, progress, gravity
         )
+    (recordings, validation, loaded), off = _at_own_times(recordings, validation, loaded)
     checked = [check_channels(robot, r, max_gap) for r in (*recordings, *validation, *loaded)]
-    found = [*problems, *(p for c in checked for p in c.problems)]
+    found = [*problems, *off, *(p for c in checked for p in c.problems)]
     found += _check_empty(robot, (*recordings, *validation), choices.accept_doubts)
     cutoff = CutOff(cutoff_hz, "as given") if cutoff_hz else choose_cutoff(recordings, robot.joint_names, max_gap)
     smooth = []
@@ -107,6 +109,13 @@ def _ceiling(robot: RobotModel, series: Sequence[ResidualSeries]) -> Ceiling | N
                 motions.append(Motion(robot, even, s.q[rows], s.v[rows], s.a[rows], s.tau_measured[rows], s.tau_nominal[rows]))
                 rest.append(s.residual[rows])
     return ceiling(robot.joint_names, motions, rest) if motions else None
+
+
+def _at_own_times(*groups: Sequence[Recording]) -> tuple[list[list[Recording]], list[Problem]]:
+    """The recordings of each group with their values at the times at which they were true, and what their stamps were off by."""
+    each = [[at_own_times(r) for r in group] for group in groups]
+    off = [Problem(r.name, "", "stamps", words) for group in each for r, words in group if words]
+    return [[r for r, _ in group] for group in each], off
 
 
 def _check_empty(robot: RobotModel, recordings: Sequence[Recording], accept_doubts: bool) -> list[Problem]:

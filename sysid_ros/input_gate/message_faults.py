@@ -82,17 +82,21 @@ class MessageFaults:
         """What was found, empty where the messages are in order."""
         said = {
             "repeated": f"{self.repeated} repeat the one before and are left out",
-            "polled": f"all come from a slower source and hold values that are up to {1e3 * self.age:.0f} ms older than their stamp; "
-            "these were put to their own times",
-            "jitter": f"the stamps are off by {1e3 * self.jitter:.2g} ms (rms), as the positions of all joints at once show, and were "
-            "corrected",
+            "polled": f"all come from a slower source, with values that are up to {1e3 * self.age:.0f} ms older than the stamps, "
+            "and were put to their own times",
             "dropped": f"about {self.dropped} are missing",
             "late": f"{self.late} hold values that are up to {1e3 * self.delay:.0f} ms off their stamp and are left out",
             "frozen": f"{self.frozen} have the efforts of long before while the arm moves and are left out",
             "unordered": f"{self.unordered} came out of order and were put in the order of their stamps",
         }
         found = [text for name, text in said.items() if getattr(self, name)]
-        return f"Of {self.count} messages {', '.join(found)}." if found else ""
+        sentences = [f"Of {self.count} messages {', '.join(found)}."] if found else []
+        if self.jitter:
+            size = (
+                f"The stamps are off by {1e3 * self.jitter:.2g} ms (rms), as the positions of all joints at once show, and were "
+            )
+            sentences.append(f"{size}corrected.")
+        return " ".join(sentences)
 
 
 def in_order(recording: Recording) -> tuple[Recording, MessageFaults]:
@@ -111,6 +115,19 @@ def in_order(recording: Recording) -> tuple[Recording, MessageFaults]:
     if faults.keep.all() and not faults.unordered and not faults.jitter:
         return recording, faults
     return replace(recording.at(faults.order[faults.keep]), t=faults.times[faults.keep]), faults
+
+
+def at_own_times(recording: Recording) -> tuple[Recording, str]:
+    """The recording with its values at the times at which they were true, where its messages tell these, and what was found.
+
+    A recording with other faults of its messages is left as it is: who asks this has checks of its own for them.
+    """
+    if np.any(np.diff(recording.t) < 0.0):
+        return recording, ""
+    ordered, faults = in_order(recording)
+    if faults.frozen or not (faults.polled or faults.jitter):
+        return recording, ""
+    return ordered, faults.in_words()
 
 
 def find_message_faults(t: FloatArray, q: FloatArray, tau: FloatArray) -> MessageFaults:

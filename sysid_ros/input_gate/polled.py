@@ -1,8 +1,8 @@
 """Messages of a driver that polls a slower source: when their values were true, which is before their stamps.
 
-A driver that asks every T_p for the latest sample of a source with the period T_s > T_p gets each sample up to T_p late. That age
-falls by T_s - T_p from message to message; where it would fall below zero no new sample has come yet, and the message repeats the
-one before. So the last message before a repeat is as good as new, and the samples between two such messages are even in time. Left
+A driver that asks every T_p for the latest sample of a source with the period T_s > T_p gets each sample up to T_p late. That
+age falls by T_s - T_p from message to message; where it would fall below zero no new sample has come yet, and the message
+repeats the one before. So the last message before a repeat is as good as new, and the samples between two such messages are even in time. Left
 as they are, the stamps run along with a sawtooth, whose every edge is an impulse of acceleration that no torque belongs to.
 """
 

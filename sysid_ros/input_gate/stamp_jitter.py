@@ -4,9 +4,9 @@ A stamp that is off by d puts a position off the smooth motion by v d on every j
 encoders has no such pattern. So the positions themselves tell the stamps' errors from the encoders' noise, where two joints or
 more move. With the stencil D of the cubic through two neighbours on each side, ``D q = D (V d + e)``, ``d ~ N(0, sigma^2)``,
 ``e_j ~ N(0, s_j^2)``: a factor analysis whose loadings, the velocities, are known. Its likelihood gives the levels (by
-expectation maximisation; Rubin, Thayer 1982), and d follows as the mean of its posterior, from one banded system. Where the motion
-itself bends within a step, all joints start or stop at once and look the same: what a change of the velocity between more distant
-neighbours may leave there is a level of noise beside the positions' own.
+expectation maximisation; Rubin, Thayer 1982), and d follows as the mean of its posterior, from one banded system. Where the
+motion itself bends within a step, all joints start or stop at once and look the same: what a change of the velocity between more
+distant neighbours may leave there is a level of noise beside the positions' own.
 """
 
 from __future__ import annotations
