@@ -22,7 +22,7 @@ def motion(t: FloatArray, seed: int) -> FloatArray:
 
 def polled(source: float, poll: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Stamps, positions and efforts of 20 s of messages, and when their values were true."""
-    stamps: FloatArray = np.arange(round(20.0 / poll)) * poll + 1.0
+    stamps: FloatArray = np.asarray(1.0 + poll * np.arange(round(20.0 / poll)), dtype=np.float64)
     true: FloatArray = np.floor((stamps - 0.3 * source) / source) * source + 0.3 * source
     noise = np.random.default_rng(seed)
     grid, at = np.unique(true, return_inverse=True)

@@ -2,8 +2,9 @@
 
 A driver that asks every T_p for the latest sample of a source with the period T_s > T_p gets each sample up to T_p late. That
 age falls by T_s - T_p from message to message; where it would fall below zero no new sample has come yet, and the message
-repeats the one before. So the last message before a repeat is as good as new, and the samples between two such messages are even in time. Left
-as they are, the stamps run along with a sawtooth, whose every edge is an impulse of acceleration that no torque belongs to.
+repeats the one before. So the last message before a repeat is as good as new, and the samples between two such messages are
+even in time. Left as they are, the stamps run along with a sawtooth, whose every edge is an impulse of acceleration that no
+torque belongs to.
 """
 
 from __future__ import annotations
