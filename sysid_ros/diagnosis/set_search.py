@@ -151,9 +151,13 @@ class SetSearch:
         return [(self._score(x, m) - state.narrowed, m, state.scale) for m, x in self.neighbours(state, worth)]
 
     def all_inexact(self, state: State) -> list[Weighed]:
-        """Sets with the best scale of all links in place of one that is wrong, or of a body that is carried, or of all these."""
-        links = {i for i in state.members if self.pool[i].effect.replaces_links or self.pool[i].effect.carried}
+        """Sets with the best scale of all links in place of one that is wrong, or of a body that is carried, or of all these; and
+        beside another link in place of one that is wrong, the best of these."""
+        old, link = set(state.members), [t.effect.replaces_links for t in self.pool]
+        links = {i for i in state.members if link[i] or self.pool[i].effect.carried}
         rest = {tuple(i for i in state.members if i not in gone) for gone in [*({i} for i in links), links]} - {state.members}
+        other = [m for m in self.replaced(state, sorted(links)) if any(link[i] for i in set(m[0]) - old)]
+        rest |= {members for members, _ in sorted(other, key=lambda m: -self._score(m[1], m[0]))[:_TRIED]}
         return [self._rescaled(members, state.scale) for members in rest]
 
     def _rescaled(self, members: tuple[int, ...], scale: int) -> Weighed:
