@@ -205,6 +205,8 @@ def message_finding(found: Sequence[MessageFaults], joints: Sequence[str]) -> li
         "They were put in the order of their stamps, and those that repeat another, are late or have frozen efforts were left "
         "out before anything else. Correct the driver; two publishers on one topic look alike."
     )
+    if any(f.polled for f in found):
+        remark += " A driver that polls a slower source should publish when a sample comes, with the sample's own stamp."
     signature = "stairs and jumps in the raw values of all joints at once"
     label, cure = "message faults", "stamps that the hardware sets, and one publisher"
     # stamps without any fault have no distribution that these counts could be judged by

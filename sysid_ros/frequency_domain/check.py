@@ -22,6 +22,7 @@ from sysid_ros.frequency_domain.tolerances import TOLERANCES
 from sysid_ros.frequency_domain.transfer_functions import FORMS, Form
 from sysid_ros.frequency_domain.verdict import verdict
 from sysid_ros.identification.channel_checks import check_channels
+from sysid_ros.input_gate.message_faults import at_own_times
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import SLIDE, smoothed_sign
 from sysid_ros.sample import FloatArray
@@ -64,9 +65,11 @@ def check_frequency(
     Raises:
         DataError: the recordings can't tell anything, and why.
     """
+    timed = [at_own_times(r) for r in recordings]
+    recordings = [r for r, _ in timed]
     top = top_frequency(recordings, top_hz)
     checked = [check_channels(robot, r, max_gap) for r in recordings]
-    warnings = [f"{p.bag}: {p.text}" for c in checked for p in c.problems]
+    warnings = [f"{r.name}: {words}" for r, words in timed if words] + [f"{p.bag}: {p.text}" for c in checked for p in c.problems]
     parts = [stretches_of(robot, c, known, top, max_gap) for c in checked]
     stretches = [s for part in parts for s in part]
     if not stretches:
