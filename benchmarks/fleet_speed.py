@@ -8,8 +8,8 @@ Bags of 40 robots are simulated (``--fleet``: of `sysid simulate fleet`, made be
 2. the same in two processes at once, half of the sample each, without Dask: what this machine's cores take from each other;
 3. the batch on the sample with one worker and with two;
 4. the batch on all bags with two workers, while memory is read every second;
-5. a cluster of 100 workers, 10,000 names: the package's driver and Dask's scheduler as they are; workers are threads of this
-   process that sleep for the processor time of a bag of the sample, for two cores can't do the work of 100.
+5. a cluster of 100 workers, 10,000 names, see ``fleet_hundred.py``: two cores can't do the work of 100, so workers sleep for the
+   processor time of a bag of the sample.
 """
 
 from __future__ import annotations
@@ -20,72 +20,29 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import threading
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
-import numpy as np
 import psutil
+from fleet_hundred import many_workers
+from fleet_watch import Watch
 from rich.console import Console
 from rich.table import Table
 from verdict import Target, conclude
 
-from sysid_ros import __version__
 from sysid_ros.fleet import batch as driver
 from sysid_ros.fleet.bags import find, stamp_of
 from sysid_ros.fleet.batch import Batch
-from sysid_ros.fleet.cluster import CALM, connected
+from sysid_ros.fleet.cluster import connected
 from sysid_ros.fleet.jobs import Task, run
 from sysid_ros.fleet.rules import Entry, Rules
-from sysid_ros.fleet.store import Results, Store
+from sysid_ros.fleet.store import Store
 
-NAMES, WORKERS, ROBOTS = 10_000, 100, 40
-MB = 1024.0**2
-
-
-@dataclass
-class Watch:
-    """Memory of this process (driver and scheduler) and of each worker, once a second, until it is stopped.
-
-    Attributes:
-        through: bags so far. rows: of bags through, memory of this process and of its largest worker [MB].
-    """
-
-    through: int = 0
-    rows: list[tuple[int, float, float]] = field(default_factory=list)
-
-    @contextmanager
-    def watching(self) -> Iterator[None]:
-        """While the block lasts."""
-        stop = threading.Event()
-
-        def look() -> None:
-            me = psutil.Process()
-            while not stop.wait(1.0):
-                workers = [w.memory_info().rss / MB for w in me.children(recursive=True) if w.is_running()]
-                self.rows.append((self.through, me.memory_info().rss / MB, max(workers, default=0.0)))
-
-        thread = threading.Thread(target=look, daemon=True)
-        thread.start()
-        yield
-        stop.set()
-        thread.join()
-
-    def growth(self) -> tuple[float, float]:
-        """Median of the last quarter less that of the second, of this process and of the largest worker [MB]."""
-        rows, done = np.array(self.rows or [(0, 0.0, 0.0)], dtype=float), max(self.through, 1)
-        second = rows[(rows[:, 0] > 0.25 * done) & (rows[:, 0] <= 0.5 * done)]
-        last = rows[rows[:, 0] > 0.75 * done]
-        if not len(second) or not len(last):
-            return float("nan"), float("nan")
-        by = np.median(last, axis=0) - np.median(second, axis=0)
-        return float(by[1]), float(by[2])
+ROBOTS = 40
 
 
 def used_by_all() -> float:
@@ -136,57 +93,6 @@ def through(
         with mock.patch.object(driver, "find", return_value=iter(bags)), watch.watching():
             counts = Batch(store, rules, jobs, client, advance).run(["bags"])
         return time.perf_counter() - began, counts.seconds, used_by_all() - before
-
-
-def asleep(task: Task, entries: Sequence[Entry]) -> list[Results]:
-    """A job that takes a measured time and no processor."""
-    times = entries[0].kind.split()
-    seconds = float(times[int(task.bag.rpartition("_")[2]) % len(times)])
-    time.sleep(seconds)
-    key = {
-        "bag": task.bag,
-        "stamp": "",
-        "hash": task.bag,
-        "model": entries[0].digest,
-        "version": __version__,
-        "job": task.jobs[0],
-    }
-    return [Results({**key, "robot": "r", "kind": "k", "status": "ok", "reason": "", "seconds": seconds})]
-
-
-def many_workers(times: Sequence[float], folder: Path) -> tuple[list[Target], float]:
-    """What 100 workers must hold that take these times, and the processor time of driver, scheduler and workers a task [s]."""
-    import dask
-    import distributed
-
-    rules, watch = Rules({"robots": [{"robot": "r", "kind": " ".join(f"{t:.4f}" for t in times)}]}, Path()), Watch()
-
-    def advance(bags: int) -> None:
-        watch.through += bags
-
-    store, names = Store(folder / "asleep", create=True), (f"/nowhere/bag_{k}" for k in range(NAMES))
-    with (
-        dask.config.set(CALM),
-        distributed.Client(
-            processes=False, n_workers=WORKERS, threads_per_worker=1, memory_limit=0, dashboard_address=None
-        ) as client,
-        store.writing(),
-        mock.patch.object(driver, "find", return_value=names),
-        mock.patch.object(driver, "run", asleep),
-        watch.watching(),
-    ):
-        began, before = time.perf_counter(), time.process_time()
-        Batch(store, rules, ["track"], client, advance).run(["bags"])
-        took, used = time.perf_counter() - began, time.process_time() - before
-    work = float(sum(round(times[k % len(times)], 4) for k in range(NAMES)))
-    Console(width=130).print(
-        f"100 workers: {used / NAMES * 1e3:.2f} ms of processor time a task for driver, scheduler and workers"
-    )
-    targets = [
-        Target("100 workers, part of the time busy", work / (WORKERS * took), 0.9),
-        Target("memory of the driver of 100 workers, second to last quarter of 10,000 names [MB]", watch.growth()[0], high=50.0),
-    ]
-    return targets, used / NAMES
 
 
 def simulated(folder: Path, bags: int) -> Path:
