@@ -42,6 +42,14 @@ def recording(name: str, seed: int, seconds: float, pushed: bool) -> Recording:
     return read_messages(name, records, robot(ARM), OnlineSettings())[0]
 
 
+def polled(whole: Recording, source: float = 1.0 / 47.0, poll: float = 1.0 / 50.0) -> Recording:
+    """What a driver publishes that asks every ``poll`` for the latest sample of a source of that period [s]."""
+    stamps = np.arange(whole.t[0] + source, whole.t[-1], poll)
+    samples = whole.t[0] + np.floor((stamps - whole.t[0]) / source) * source
+    q, tau = (np.stack([np.interp(samples, whole.t, x) for x in channel.T], axis=1) for channel in (whole.q, whole.tau))
+    return Recording(whole.name, stamps, q, None, tau)
+
+
 @cache
 def pushed() -> Diagnosis:
     return diagnose(robot(ARM), [recording("fit", 0, 14.0, True)], [recording("judge", 1, 10.0, True)])
@@ -62,6 +70,19 @@ def test_a_contact_is_dated_with_its_force_and_keeps_out_of_the_other_fits() -> 
     torque = pushed().torque
     assert torque is not None
     assert np.all(torque.after < 2.0 * torque.noise_floor)
+
+
+@pytest.mark.slow
+def test_a_driver_that_polls_a_slower_source_hides_no_friction() -> None:
+    found = diagnose(robot(ARM), [polled(recording("fit", 0, 20.0, False))], [polled(recording("judge", 1, 14.0, False))])
+    assert found.verdict == "explained"
+    causes = {f.id: f for f in found.findings}
+    assert set(causes) == {"coulomb_friction", "message_faults"}
+    np.testing.assert_allclose([p.value for p in causes["coulomb_friction"].parameters], 0.6, rtol=0.06)
+    assert {p.name for p in causes["message_faults"].parameters} == {"repeated", "polled"}
+    assert "slower source" in causes["message_faults"].remark
+    assert found.torque is not None
+    assert np.all(found.torque.after < 2.0 * found.torque.noise_floor)
 
 
 def test_stamps_in_order_are_not_complained_of() -> None:

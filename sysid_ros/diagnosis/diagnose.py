@@ -21,6 +21,7 @@ from sysid_ros.diagnosis.result import Diagnosis
 from sysid_ros.diagnosis.robot_hypotheses import judge
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.strong_contacts import strong_contacts
+from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError
 from sysid_ros.input_gate.message_faults import MessageFaults, in_order
 from sysid_ros.input_gate.recording_check import broken, refusal_of
@@ -42,6 +43,7 @@ _REPLACED = 1
 Progress = Callable[[str], None]
 
 
+@on_one_thread
 def diagnose(
     robot: RobotModel,
     recordings: Sequence[Recording],

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError
 from sysid_ros.frequency_domain.beyond_linear import distortion, missing_friction
 from sysid_ros.frequency_domain.causes import find_cause
@@ -44,6 +45,7 @@ ASSUMPTIONS = (
 _CHANNEL_FORMS = ("nothing", "gain", "delay", "low_pass")
 
 
+@on_one_thread
 def check_frequency(
     robot: RobotModel,
     recordings: Sequence[Recording],

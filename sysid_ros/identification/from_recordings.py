@@ -12,6 +12,7 @@ import numpy as np
 
 from sysid_ros.blackbox.ceiling import ceiling
 from sysid_ros.blackbox.ceiling_result import Ceiling
+from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.identification.carried_check import check_carried
@@ -35,6 +36,7 @@ _SHORTEST = 2.0
 """Stretches that black boxes are asked of [s]."""
 
 
+@on_one_thread
 def identify_recordings(
     robot: RobotModel,
     recordings: Sequence[Recording],

@@ -17,6 +17,7 @@ from sysid_ros.diagnosis.legs.leg_search import search_legs
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.reporting import report
 from sysid_ros.diagnosis.result import Diagnosis, Predictions, TorqueRmse
+from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.leg_priors import standing_torque
@@ -44,6 +45,7 @@ _NEVER_KNOWN = 0.03
 Progress = Callable[[str], None]
 
 
+@on_one_thread
 def diagnose_on_legs(
     base: FloatingBase,
     recordings: Sequence[Recording],
