@@ -13,6 +13,7 @@ from sysid_ros.fleet.schema import JOINT_PARAMETERS
 from sysid_ros.fleet.store import Results
 from sysid_ros.fleet.track import CarriedBody, Tracked
 from sysid_ros.fleet.track import track as track_recording
+from sysid_ros.input_gate.message_faults import at_own_times
 from sysid_ros.input_gate.raw_messages import read_messages
 from sysid_ros.robot.inertial_parameters import com_jacobian, to_com
 from sysid_ros.sample import FloatArray
@@ -37,10 +38,10 @@ def track(opened: Opened) -> Results:
     series, unread = temperatures(source)
     wanted = [one for one in series if opened.entry.temperature in ("", one.topic)]
     recording, unused = with_temperatures(recording, robot, wanted)
-    recording = replace(recording.in_order(), name=opened.path.name)
+    recording, off = at_own_times(replace(recording.in_order(), name=opened.path.name))
     known = KnownRobot(robot, opened.model, opened.entry.frame or robot.default_frame, np.array(opened.entry.payload))
     found = track_recording(known, recording, settings.max_gap)
-    said = [*source.notes, *notes, *unread, *unused, *found.notes]
+    said = [*source.notes, *notes, *([off] if off else []), *unread, *unused, *found.notes]
     warm = _temperature(recording)
     results = Results({"reason": " ".join(said), "temperature": _number(np.nanmean(warm)) if np.isfinite(warm).any() else None})
     results.joints = [_joint(opened.key, found, j, float(warm[j])) for j in range(robot.n)]
