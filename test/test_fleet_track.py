@@ -12,10 +12,7 @@ pytest.importorskip("pyarrow", reason="the extra fleet is not installed")
 from sysid_ros.exceptions import DataError
 from sysid_ros.fleet.known_robot import KnownRobot
 from sysid_ros.fleet.schema import JOINT_PARAMETERS
-from sysid_ros.fleet.track import Tracked, cutoff_of, effort_noise, track
-from sysid_ros.fleet.track_fit import fit
-from sysid_ros.fleet.track_rows import TrackRows
-from sysid_ros.identification.rows import SmoothRecording
+from sysid_ros.fleet.track import Tracked, effort_noise, track
 from sysid_ros.robot.inertial_parameters import from_com
 from sysid_ros.robot.urdf_bodies import as_links
 from sysid_ros.signals.recording import Recording
@@ -48,15 +45,6 @@ def test_what_is_hidden_is_found_within_its_intervals(hidden: Hidden) -> None:
     for f in found:
         (body,) = f.carried
         assert abs(body.theta[0] - hidden.mass) < 4.0 * np.sqrt(body.covariance[0, 0])
-
-
-@pytest.mark.parametrize("noise", [0.002, 0.05])
-def test_a_fit_has_settled(noise: float) -> None:
-    """Also where the noise, once known, is so small that a step counts more than the one before."""
-    bag = recording(Hidden(torque_gain=1.15, joint_offset=0.03, torque_delay=0.02, mass=2.5, noise=noise), seed=3)
-    found = fit(TrackRows.of(known(), SmoothRecording.of(known().robot, bag, bag.name, cutoff_of(bag))))
-    again = fit(found.rows, found.theta)
-    assert np.abs((again.theta - found.theta) / found.std).max() < 0.1
 
 
 def test_what_the_model_knows_is_counted_in() -> None:

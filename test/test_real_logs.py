@@ -96,7 +96,9 @@ def test_the_ur10e_held_out_torque_error(tmp_path: Path, form: str) -> None:
     (error,) = document["torque_error"]["validation"]
     assert np.all(np.array(error["relative"]) < [0.09, 0.05, 0.05, 0.07, 0.10, 0.06])
     assert np.all(np.array(error["residual_rms"]) < np.array(error["nominal_residual_rms"]))
-    assert document["problems"] == []
+    (stamps,) = document["problems"]  # their steps of 9 and 11 ms are of a clock that ticks every 2 ms
+    assert stamps["kind"] == "stamps"
+    assert "off by 0.18 ms" in stamps["text"]
 
 
 @pytest.mark.slow

@@ -78,6 +78,7 @@ def fit(rows: TrackRows, start: FloatArray | None = None) -> TrackFit:
     bodies = theta[EACH * rows.n :].copy()
     moving = rows.rows.moving.astype(float)
     delay, weight = np.zeros(rows.n), moving / _power(rows.rows.y, moving)
+    previous = np.inf
     for iteration in range(_ITERATIONS):
         Y, left = rows.linear(theta, delay)
         inverse: FloatArray = np.asarray(np.linalg.inv(prior + _information(Y, weight)), dtype=np.float64)
@@ -86,8 +87,9 @@ def fit(rows: TrackRows, start: FloatArray | None = None) -> TrackFit:
         noise, level = score_covariance(rows.rows, Y, left, weight, _root(inverse))
         weight = moving / np.where(level > 0.0, level, _power(left, moving))
         moved = float(step @ np.linalg.solve(inverse, step))
-        if iteration >= 2 and moved < TOL.converged:  # not where it grows: a step counts more once the noise is known
+        if iteration >= 2 and (moved < TOL.converged or moved > previous):
             break
+        previous = moved
         delay = theta[DELAY * rows.n : (DELAY + 1) * rows.n].copy()
         if _elsewhere(theta[EACH * rows.n :] - bodies, inverse[EACH * rows.n :, EACH * rows.n :]):
             bodies = theta[EACH * rows.n :].copy()
