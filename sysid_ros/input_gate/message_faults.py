@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from sysid_ros.exceptions import DataError
 from sysid_ros.input_gate.effort_channels import MOSTLY, standing_still
-from sysid_ros.input_gate.polled import through_neighbours, times_of_samples
+from sysid_ros.input_gate.neighbours import applied, slopes, stencil, without_gaps
+from sysid_ros.input_gate.polled import times_of_samples
 from sysid_ros.input_gate.stamp_jitter import stamp_jitter
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
@@ -235,10 +236,9 @@ def _delays(t: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, Mask]
     """How far each message's values lag its stamp [s], the way that the robot goes in that time [rad], and whether the joints
     agree on it, shape (N,) each; 0 where the robot hardly moves or neighbours are missing."""
     delay, way, agree = np.zeros(len(t)), np.zeros(len(t)), np.zeros(len(t), dtype=np.bool_)
-    off, width = through_neighbours(t, q)
-    velocity = (q[3:-1] - q[1:-3]) / (t[3:-1] - t[1:-3])[:, None]
+    off, velocity = applied(stencil(t), q), slopes(t, q)
     speed = np.linalg.norm(velocity, axis=1)
-    usable = (speed > _CLEARLY_MOVES) & (width < 3.0 * float(np.median(width)))
+    usable = (speed > _CLEARLY_MOVES) & without_gaps(t)
     along = np.sum(off * velocity, axis=1) / np.maximum(speed, 1e-9)
     # a late message explains the difference in all joints at once; a jump of one joint does not
     agree[2:-2] = np.sum(off**2, axis=1) - along**2 < _OTHERWISE * np.sum(off**2, axis=1)

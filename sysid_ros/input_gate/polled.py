@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from sysid_ros.input_gate.neighbours import applied, stencil, without_gaps
 from sysid_ros.sample import FloatArray
 
 _USUAL = 0.05
@@ -38,9 +39,8 @@ def times_of_samples(t: FloatArray, q: FloatArray, repeats: NDArray[np.bool_]) -
     out[new] = _even(t[new], before_repeat, float(np.median(np.diff(t))))
     if np.array_equal(out, t):
         return t
-    both = [_differences(x[new], q[new]) for x in (t, out)]
-    usable = both[0][1] & both[1][1]
-    power = [np.sum(x[usable] ** 2, axis=0) for x, _ in both]
+    usable = without_gaps(t[new]) & without_gaps(out[new])
+    power = [np.sum(applied(stencil(x[new]), q[new])[usable] ** 2, axis=0) for x in (t, out)]
     moves = (power[0] > 0.0) & (power[1] > 0.0)
     gain = 0.5 * float(np.sum(usable)) * float(np.sum(np.log(power[0][moves] / power[1][moves])))
     return out if gain + np.log(_USUAL / (1.0 - _USUAL)) > 0.0 else t
@@ -59,23 +59,3 @@ def _even(t: FloatArray, newest: NDArray[np.intp], period: float) -> FloatArray:
     wrong = (out > t + jitter) | (out < t - period - jitter)
     beat = np.searchsorted(newest, index, side="right")
     return np.where(np.isin(beat, beat[wrong]), t, out)
-
-
-def _differences(t: FloatArray, q: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Positions less the cubic through two neighbours on each side, shape (N - 4, n), and where no gap is between these."""
-    off, width = through_neighbours(t, q)
-    return off, width < 3.0 * np.median(width)
-
-
-def through_neighbours(t: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The cubic through two neighbours on each side less the value between them, shape (N - 4, n), and the time that the four
-    span, shape (N - 4,). Args: t: shape (N,), rising. q: shape (N, n)."""
-    nodes, values = [t[:-4], t[1:-3], t[3:-1], t[4:]], [q[:-4], q[1:-3], q[3:-1], q[4:]]
-    at, through = t[2:-2], np.zeros_like(q[2:-2])
-    for i in range(4):
-        weight = np.ones_like(at)
-        for k in range(4):
-            if k != i:
-                weight = weight * (at - nodes[k]) / (nodes[i] - nodes[k])
-        through += weight[:, None] * values[i]
-    return through - q[2:-2], t[4:] - t[:-4]

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
+from sysid_ros.input_gate.neighbours import applied, slopes, stencil, without_gaps
 from sysid_ros.sample import FloatArray
 
 _FEWEST = 100
@@ -59,10 +60,9 @@ def stamp_jitter(t: FloatArray, q: FloatArray) -> StampJitter | None:
     """
     if q.shape[1] < 2 or len(t) < _FEWEST:
         return None
-    stencil, usable = _stencil(t)
-    weight = np.sum(stencil**2, axis=1)
-    off = _applied(stencil, q) / np.sqrt(weight)[:, None]
-    velocity = (q[3:-1] - q[1:-3]) / (t[3:-1] - t[1:-3])[:, None]
+    weights, usable, velocity = stencil(t), without_gaps(t), slopes(t, q)
+    weight = np.sum(weights**2, axis=1)
+    off = applied(weights, q) / np.sqrt(weight)[:, None]
     rows = np.flatnonzero(usable)
     some = rows[:: max(1, len(rows) // _MOST)]
     moves = np.any(off[some] != 0.0, axis=0)
@@ -84,27 +84,6 @@ def stamp_jitter(t: FloatArray, q: FloatArray) -> StampJitter | None:
     every = np.zeros(q.shape[1])
     every[moves] = noise
     return StampJitter(std, every, gain, errors)
-
-
-def _stencil(t: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Weights of the cubic through neighbours less the value between them, shape (N - 4, 5), and 1 where no gap is between these,
-    else 0, shape (N - 4,)."""
-    nodes, at = [t[:-4], t[1:-3], t[3:-1], t[4:]], t[2:-2]
-    out = []
-    for i in range(4):
-        weight = np.ones_like(at)
-        for k in range(4):
-            if k != i:
-                weight = weight * (at - nodes[k]) / (nodes[i] - nodes[k])
-        out.append(weight)
-    width = t[4:] - t[:-4]
-    whole = np.stack([out[0], out[1], -np.ones_like(at), out[2], out[3]], axis=1)
-    return whole, (width < 3.0 * np.median(width)).astype(float)
-
-
-def _applied(stencil: FloatArray, q: FloatArray) -> FloatArray:
-    count = len(stencil)
-    return np.asarray(sum(stencil[:, i, None] * q[i : i + count] for i in range(stencil.shape[1])))
 
 
 def _levels(off: FloatArray, velocity: FloatArray, bends: FloatArray, jitters: bool) -> tuple[float, FloatArray, float, float]:
@@ -153,12 +132,12 @@ def _errors(t: FloatArray, errors: FloatArray, q: FloatArray, precision: FloatAr
     Args:
         precision: of what the stencil leaves of the positions, shape (N - 4, n).
     """
-    stencil, _ = _stencil(t + errors)
-    velocity, off = np.gradient(q, t + errors, axis=0), _applied(stencil, q)
-    count, width = stencil.shape
+    weights = stencil(t + errors)
+    velocity, off = np.gradient(q, t + errors, axis=0), applied(weights, q)
+    count, width = weights.shape
     band, right = np.zeros((width, len(q))), np.zeros(len(q))
     for j in range(q.shape[1]):
-        own = [stencil[:, i] * velocity[i : i + count, j] for i in range(width)]
+        own = [weights[:, i] * velocity[i : i + count, j] for i in range(width)]
         seen = (off[:, j] + sum(own[i] * errors[i : i + count] for i in range(width))) * precision[:, j]
         for i in range(width):
             right[i : i + count] += own[i] * seen
