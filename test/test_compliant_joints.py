@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,7 +12,7 @@ from robots import robot
 from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import Diagnosis, diagnose
-from sysid_ros.diagnosis.knobs import fit_deflection
+from sysid_ros.diagnosis.knobs import fit_deflection, made_anew
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.effects import EFFECTS, Backlash, JointElasticity, Motion
@@ -87,6 +88,23 @@ def test_a_link_that_carries_more_swings_as_that_of_a_heavier_robot(id_: str) ->
         assert beside.settings["links"] == settings["links"]
         without = EFFECTS[id_].from_settings(model, joints, {"around": around}).columns_along(loaded)
         assert np.abs(without - alone).max() > 0.02 * np.abs(alone).max()
+
+
+def test_links_lighter_than_nothing_leave_a_spring_as_it_was() -> None:
+    """They are met on the way to a set, and what swings on the spring is no body: its motion would grow without end."""
+    motion = moved()
+    model, last = motion.robot, motion.robot.n - 1
+    recording = Recording("moved", motion.t, motion.q, motion.v, motion.link_torque)
+    train = prepare(model, [recording], [])
+    library = Library(model, train.band)
+    spring, link = library.whole("joint_elasticity", (JOINT,), around=0.01), library.whole("link_inertia", (last,))
+    fit = train.problem.fit([spring, link])
+    theta = fit.theta.copy()
+    theta[fit.slices[1]] = -20.0 * model.pi[10 * last : 10 * last + 10]
+    links = [m.link_torque for m in library.motions]
+    again = made_anew(train.problem, library, replace(fit, theta=theta), links, train.nominal)
+    assert all(np.isfinite(t.columns).all() for t in again.terms)
+    assert np.isfinite(again.theta).all()
 
 
 def test_a_link_with_play_lies_on_a_flank_or_flies() -> None:

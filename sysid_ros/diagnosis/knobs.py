@@ -256,6 +256,8 @@ def made_anew(problem: Problem, library: Library, fit: Fit, links: Sequence[Floa
             if t.effect.deflection and _heavier(library.robot, carried, before or ()):
                 again[t]["exact"] = False  # another spring makes these links swing as they were seen to
     made = {t: library.remake(t, **settings) for t, settings in again.items()}
+    # on the way to a set links may be lighter than nothing: they swing on no spring, which stays as it was made
+    made = {t: new for t, new in made.items() if np.isfinite(new.columns).all()}
     if made or problem.corrected:
         fit = _with(problem, library, fit, [made.get(t, t) for t in fit.terms])
         fit = refine(problem, library, fit, list(made.values()))
