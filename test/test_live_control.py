@@ -12,6 +12,8 @@ pytest.importorskip("pybullet", reason="PyBullet is not installed: pip install '
 from sysid_ros.control import ArmTorque, ControlSettings, Reference, make_law
 from sysid_ros.control.control_settings import SafetySettings
 from sysid_ros.control.live_control import LiveControl
+from sysid_ros.control.own_torque import OwnTorque
+from sysid_ros.control.refined_payload import RefinedPayload
 from sysid_ros.control.state_age import StateAge
 from sysid_ros.control.unmodelled_torque import UnmodelledTorque
 from sysid_ros.sample import FloatArray
@@ -56,6 +58,7 @@ class Arm:
             else:
                 self.silent = 0.0
                 self.effort = self.live.command(told.t, told.q, told.v)
+                self.live.learn()
             assert self.effort is not None
             self.sent.append(self.effort)
             q.append(told.q)
@@ -293,3 +296,30 @@ def test_an_arm_that_gets_faster_while_it_should_yield_is_left_to_its_drives(arm
     assert "Nothing is sent" in one.live.trouble
     one.live.hold()
     assert (one.live.yields, one.live.given_up) == (False, False)
+
+
+def test_what_is_told_is_refined_by_what_is_sent_and_let_go_of_when_it_falls(arm: Callable[..., Arm]) -> None:
+    one = arm(payload=1.5)
+    one.live.refinement = RefinedPayload(OwnTorque(one.sim.robot, one.sim.frame, None, one.live.law.feedback.delay))
+    body = one.sim.payload
+    assert body is not None
+    std = np.array([0.05] + [4e-3] * 3 + [3e-3] * 6)
+    told = body.theta + std * np.array([1.0, 0.5, -0.5, 0.5, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
+
+    def move(times: int) -> None:
+        for k in range(times):
+            one.follow(0.8, np.where(np.arange(7) % 2, 0.3, -0.3) * (-1.0) ** k)
+            one.run(0.8)
+
+    one.run(0.3)
+    move(4)
+    one.sim.pick()
+    one.run(0.5)
+    one.live.tell(told, np.diag(std**2))
+    move(4)
+    assert not one.live.yields
+    assert np.all(np.abs(one.live.law.payload - body.theta)[4:] < 0.1 * std[4:] + 1e-12)
+    one.sim.drop()
+    one.run(0.3)
+    assert one.refuses()
+    assert np.abs(one.live.law.payload[0]) < 0.5 * body.mass

@@ -34,6 +34,7 @@ from sysid_ros.control.live_control import LiveControl
 from sysid_ros.nodes.adaptive_controller import AdaptiveController
 from sysid_ros.nodes.messages import stamp_of
 from sysid_ros.nodes.timing import ReceiveClock
+from sysid_ros.robot.inertial_parameters import TO_MESSAGE_ORDER, from_com
 from sysid_ros.simulation import ArmScenario, ArmSimulation
 from sysid_ros.simulation.description import arm_description
 
@@ -244,6 +245,36 @@ def test_a_live_value_that_may_not_be_believed_is_not_heard(bench: Callable[...,
             one.executor.spin_once(timeout_sec=0.01)
         one.run(0.5)
         assert one.live.law.payload[0] == pytest.approx(believed)
+
+
+def test_a_covariance_is_found_by_the_parameters_that_it_is_of(bench: Callable[..., Bench]) -> None:
+    one = bench("paired", law="composite")
+    heard = one.tester.create_publisher(InertiaStamped, "online_payload_estimator/payload_valid", 1)
+    beside = one.tester.create_publisher(Float64MultiArray, "online_payload_estimator/parameters", 10)
+    one.until(lambda: min(heard.get_subscription_count(), beside.get_subscription_count()) > 0)
+    theta = from_com(1.2, np.array([0.01, 0.02, 0.05]), np.diag([2e-3, 3e-3, 4e-3]))
+    covariance = np.diag(np.arange(1.0, 11.0))
+    covariance[5, 7] = covariance[7, 5] = 0.5
+    order = np.ix_(TO_MESSAGE_ORDER, TO_MESSAGE_ORDER)
+    rows = np.vstack([theta[TO_MESSAGE_ORDER], covariance[order]])
+    beside.publish(Float64MultiArray(data=rows.ravel().tolist()))
+    for _ in range(20):
+        one.executor.spin_once(timeout_sec=0.01)
+    message = InertiaStamped()
+    message.header.frame_id = one.arm.frame
+    message.inertia.com.x, message.inertia.com.y, message.inertia.com.z = 0.01, 0.02, 0.05
+    message.inertia.ixx, message.inertia.iyy, message.inertia.izz = 2e-3, 3e-3, 4e-3
+    assert one.live.refinement is not None
+    for mass, found in ((1.2, covariance), (1.3, None)):
+        message.inertia.m = mass
+        heard.publish(message)
+        for _ in range(20):
+            one.executor.spin_once(timeout_sec=0.01)
+        assert one.live.told.mass in (0.0, pytest.approx(mass))
+        if found is None:
+            assert one.live.refinement.covariance is None
+        else:
+            assert one.live.refinement.covariance == pytest.approx(found)
 
 
 @pytest.mark.slow

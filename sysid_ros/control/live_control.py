@@ -10,6 +10,8 @@ from sysid_ros.control.allowed_motion import require_allowed
 from sysid_ros.control.arm_torque import ArmTorque
 from sysid_ros.control.control_settings import SafetySettings
 from sysid_ros.control.controller import Reference, TrackingController
+from sysid_ros.control.loop_faults import TOO_FAST, loop_fault
+from sysid_ros.control.refined_payload import RefinedPayload
 from sysid_ros.control.state_age import StatePeriod
 from sysid_ros.control.timed_motion import TimedMotion
 from sysid_ros.control.unmodelled_torque import ToldPayload, UnmodelledTorque
@@ -17,9 +19,6 @@ from sysid_ros.control.wanted_motion import WantedMotion, shortly
 from sysid_ros.exceptions import DataError
 from sysid_ros.sample import FloatArray
 
-_TOO_FAST = 1.5
-"""Speed in parts of the URDF's limit from which something is wrong."""
-_JITTER = 1.05
 _YIELDING = 0.5
 """Bandwidth of an arm that yields, in those of its law, where its states come fast enough for that."""
 _GIVES_WAY = 0.05
@@ -46,6 +45,7 @@ class LiveControl:
 
     Args:
         law: the control law. arm: its model, whose limits hold. safety: see :class:`SafetySettings`.
+        refinement: refines the payload that is told by the torques that are sent, and finds when they act; None: neither.
 
     Attributes:
         yields: True from such a fault on until :meth:`hold`. given_up: True where that makes it worse: nothing should be sent.
@@ -56,8 +56,10 @@ class LiveControl:
         unmodelled: what the feedback adds to the model. told: the payload that was told last.
     """
 
-    def __init__(self, law: TrackingController, arm: ArmTorque, safety: SafetySettings) -> None:
-        robot = arm.robot
+    def __init__(
+        self, law: TrackingController, arm: ArmTorque, safety: SafetySettings, refinement: RefinedPayload | None = None
+    ) -> None:
+        robot, self.refinement = arm.robot, refinement
         self.law, self.robot, self.safety, self._arm = law, robot, safety, arm
         self.following = self.yields = self.given_up = False
         self.reference: Reference | None = None
@@ -75,7 +77,7 @@ class LiveControl:
     @property
     def motion(self) -> object:
         """The motion under way or at its end: another object for every new one, and where the arm comes to rest."""
-        return self._wanted.motion if self._wanted is not None else None
+        return self._wanted and self._wanted.motion
 
     @property
     def oldest(self) -> float:
@@ -87,6 +89,8 @@ class LiveControl:
         self.following = self.yields = self.given_up = False
         self.reference = self._wanted = self._last_t = self._state = self._sent = self._braking = None
         self.unmodelled.forget()
+        if self.refinement is not None:
+            self.refinement.own.interrupt()
 
     def command(self, t: float, q: FloatArray, v: FloatArray) -> FloatArray:
         """Torques for the state at t, within the limits, shape (n,) [N m].
@@ -108,11 +112,14 @@ class LiveControl:
         self.error = self.reference.q - q
         if self.following and self._wanted.ends_by(t):
             self.following = False
-        if not self.yields and (fault := self._fault(v)):
+        limit, delay = self.safety.error_limit, self.law.feedback.delay
+        if not self.yields and (fault := loop_fault(self.robot, self.error, v, limit, self._period, delay)):
             self.trouble, self.yields, self.following, self._fast_since = fault, True, False, t
             self._come_to_rest(t, q, np.zeros_like(q), self.safety.braking_time)
             self.unmodelled.forget()  # what the feedback has been adding may be somebody's force, and what was learned from it
             self.law.recall(self._calm)
+            if self.refinement is not None:
+                self.refinement.own.forget()
         if not np.any(np.abs(self.error) > _NEAR * self.safety.error_limit):
             self._calm = self.law.payload
         if self.yields:
@@ -122,11 +129,20 @@ class LiveControl:
         q, v = self.reference.advance(wanted, q, v)
         tau = self._limited(self.law.torque(q, v, wanted, period), period)
         columns, rest = self._arm.split(q, v, v, wanted.a, wanted.v)
-        beyond = tau - rest - columns @ self.law.payload
-        self.unmodelled.add(beyond, period, columns @ (self.law.payload - self.told.payload))
+        self.unmodelled.add(tau - rest - columns @ self.law.payload, period, columns @ (self.law.payload - self.told.payload))
         if (payload := self.told.choose(columns, self.law.payload, self.unmodelled)) is not None:
-            self.law.tell(payload)
+            found = self.refinement.of(payload) if self.refinement and self.told.believed else None
+            self.law.tell(payload if found is None else found)
         return tau
+
+    def learn(self) -> None:
+        """Learn from the torque of the last :meth:`command`: once that is sent, as it takes its time."""
+        if self.refinement is None or self.yields or self._last_t is None or self._state is None or self._sent is None:
+            return
+        learned = self.refinement.own.add(self._last_t, *self._state, self._sent)
+        self.law.feedback.lead = self.refinement.own.lead
+        if learned and self.told.believed and (payload := self.refinement.of(self.told.payload)) is not None:
+            self.law.tell(payload)
 
     def _limited(self, tau: FloatArray, period: float) -> FloatArray:
         """Within the limits of the torque and of its change, shape (n,)."""
@@ -138,14 +154,16 @@ class LiveControl:
         self._sent = np.asarray(allowed)
         return self._sent
 
-    def tell(self, payload: FloatArray) -> None:
-        """Hear of the payload that an estimator believes in, shape (10,); taken over where the torques do not say otherwise."""
+    def tell(self, payload: FloatArray, covariance: FloatArray | None = None) -> None:
+        """Hear of the payload that an estimator believes in, shape (10,), and of its covariance, shape (10, 10), if that is
+        known; taken over where the torques do not say otherwise."""
         self.told.tell(payload)
+        if self.refinement is not None:
+            self.refinement.covariance = covariance
 
     def _give_up_if_fast(self, t: float, v: FloatArray) -> None:
-        """Where an arm that yields stays too fast, the states are not those of now, or the model is another arm's: then no torque
-        of this controller is better than none."""
-        if not np.any(np.abs(v) > _TOO_FAST * self.robot.velocity_limit):
+        """Where an arm that yields stays too fast, states or model are not its own: no torque of this controller is better."""
+        if not np.any(np.abs(v) > TOO_FAST * self.robot.velocity_limit):
             self._fast_since = t
         elif t - self._fast_since > _STAYS_FAST and not self.given_up:
             self.given_up = True
@@ -153,23 +171,6 @@ class LiveControl:
                 "the arm became faster while it should yield: the states are too old, or the model is another arm's. Nothing is "
                 "sent any more, until ~/hold; the robot's own watch over its commands must stop it"
             )
-
-    def _fault(self, v: FloatArray) -> str:
-        far, fast, limit = np.abs(self.error), np.abs(v) / self.robot.velocity_limit, self.safety.error_limit
-        j, k = int(np.argmax(far)), int(np.argmax(fast))
-        names, end = self.robot.joint_names, "The arm yields, its weight held, until ~/hold"
-        # not >, so that NaN is a fault too
-        if not far[j] <= limit:
-            return f"{names[j]} was {far[j]:.2f} from where it should be; {limit:g} is allowed (error_limit). {end}"
-        if not fast[k] <= _TOO_FAST:
-            return f"{names[k]} moved at {abs(v[k]):.1f} a second, {fast[k]:.1f} times what the URDF allows. {end}"
-        if self._period.known and not self._period.mean <= _JITTER * self.law.feedback.delay:
-            period, assumed = 1e3 * self._period.mean, 1e3 * self.law.feedback.delay
-            text = (
-                f"The joint states come every {period:.1f} ms; the gains are for a loop_delay of {assumed:g} ms. Set it to more."
-            )
-            return f"{text} {end}"
-        return ""
 
     def _yielding(self, t: float, q: FloatArray, v: FloatArray, period: float) -> FloatArray:
         """What holds the weight, damps, and pulls back to a posture that gives way, shape (n,)."""

@@ -100,6 +100,11 @@ class ToldPayload:
         return np.zeros(10) if self._told is None or self.refused else self._told
 
     @property
+    def believed(self) -> bool:
+        """True where what was told last is believed, and nothing is to be decided about it."""
+        return self._told is not None and not (self._new or self.refused)
+
+    @property
     def mass(self) -> float:
         """That was told last [kg]."""
         return 0.0 if self._told is None else float(self._told[0])

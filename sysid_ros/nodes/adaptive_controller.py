@@ -30,7 +30,7 @@ from sysid_ros.nodes.controller_status import Heard, control_status, idle, input
 from sysid_ros.nodes.diagnostics import diagnostic_array
 from sysid_ros.nodes.messages import LATCHED, inertia_of, record_of, stamp_of
 from sysid_ros.nodes.parameters import NodeParameters
-from sysid_ros.nodes.payload_inputs import payload_inputs
+from sysid_ros.nodes.payload_inputs import PayloadInputs
 from sysid_ros.nodes.slow_start import cause_of
 from sysid_ros.nodes.spinning import spin
 from sysid_ros.nodes.timing import ReceiveClock
@@ -75,7 +75,7 @@ class AdaptiveController(LifecycleNode):
         self._kept = (
             self.create_subscription(String, "robot_description", self._on_description, LATCHED),
             self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, 1),
-            *payload_inputs(self, self._on_payload),
+            PayloadInputs(self, self._on_payload),
             self.create_service(Trigger, "~/hold", self._on_hold),
         )
         self._action = trajectory_action.offer(self, lambda: self.live if self._state == "active" else None)
@@ -198,6 +198,7 @@ class AdaptiveController(LifecycleNode):
             elif not trouble.startswith(live.trouble):
                 self._send_rest()
             self._last = self._spoken = self.now()
+            live.learn()
         except Exception as error:  # noqa: BLE001 - one state must not end the node; without news the watch holds the arm
             self.get_logger().error(f"A state was not handled: {type(error).__name__}: {error}", throttle_duration_sec=5.0)
         if live.trouble and live.trouble != trouble:
@@ -255,10 +256,10 @@ class AdaptiveController(LifecycleNode):
         self._refusal = ""
         self.get_logger().info(f"Following a motion of {len(t)} points and {t[-1]:.2f} s.")
 
-    def _on_payload(self, message: InertiaStamped) -> None:
+    def _on_payload(self, message: InertiaStamped, covariance: FloatArray | None) -> None:
         try:
             if self.live is not None:
-                self.live.tell(payload_of(message, self._arm.payload.frame))
+                self.live.tell(payload_of(message, self._arm.payload.frame), covariance)
                 self._payload_refusal = ""
         except SysidError as error:
             self._payload_refusal = f"What was told last: {error}"

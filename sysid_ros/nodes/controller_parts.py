@@ -10,6 +10,8 @@ import numpy as np
 from sysid_ros.control import ArmTorque, ControlSettings, Reference, make_law
 from sysid_ros.control.control_settings import SafetySettings
 from sysid_ros.control.live_control import LiveControl
+from sysid_ros.control.own_torque import OwnTorque
+from sysid_ros.control.refined_payload import RefinedPayload
 from sysid_ros.input_gate import InputGate
 from sysid_ros.nodes.controller_settings import ControllerSettings
 from sysid_ros.nodes.slow_start import COMPILES, said_if_slow
@@ -31,11 +33,15 @@ def make_control(
     robot = RobotModel.from_urdf(urdf, settings.joint_names or (known.joints if known else ()), settings.gravity)
     drives = settings.robot_adds != "gravity_and_friction"
     arm = ArmTorque(robot, known.known_effects(robot) if known else (), settings.frame_id or robot.flange, drives)
-    still = np.zeros(robot.n)
+    still, refinement = np.zeros(robot.n), None
     # the law that is used has seen nothing
     with said_if_slow(say, COMPILES):
+        if drives:  # else what moves the arm is not what was sent
+            own = OwnTorque(robot, arm.payload.frame, known, gains.loop_delay)
+            own.compile()
+            refinement = RefinedPayload(own)
         make_law(settings.law, arm, gains).torque(still, still, Reference(still, still + 1.0, still), 0.001)
-    live = LiveControl(make_law(settings.law, arm, gains), arm, safety)
+    live = LiveControl(make_law(settings.law, arm, gains), arm, safety, refinement)
     gate = OnlineSettings(
         gravity=settings.gravity, effort_type="external", velocity_source="message", sensor_timeout=safety.state_timeout
     )

@@ -69,7 +69,7 @@ def control_status(live: LiveControl, heard: Heard) -> DiagnosticStatus:
             f"{live.robot.joint_names[j]} took {abs(beyond[j]):.2g} more or less than the model and what was told explain: ",
         ]
         texts[-1] += "something is carried, rubs, or presses from outside."
-    values: dict[str, Any] = {"state": "active", "mass": float(live.law.payload[0])}
+    values: dict[str, Any] = {"state": "active", "mass": float(live.law.payload[0]), "acts_after": live.law.feedback.lead}
     values |= {f"error.{n}": float(x) for n, x in zip(live.robot.joint_names, live.error, strict=True)}
     return status_message("controller", level, " ".join(texts), values)
 
