@@ -430,7 +430,7 @@ def _bound(
     """Cramer-Rao bound of the std of the ten parameters so long after the pick [s], from all rows up to then, shape (10,).
 
     Unknown are also what was carried before, and offset, Coulomb and viscous friction of each joint, with the settings' priors;
-    regressors are true and noise is white.
+    regressors are true, and the noise is known to be as coloured as it is: rows are whitened by its recursion.
     """
     begin, n, s = 0.0 if c.duration else PICK, model.n, OnlineSettings()
     used = t < begin + after_pick
@@ -440,10 +440,12 @@ def _bound(
     curves = np.stack([np.ones_like(v), np.tanh(v / 0.003), v], axis=2)[used]
     loads, after = columns[used], (t[used] >= begin)[:, None]
     information = np.diag(prior**-2.0)
+    keep = float(np.exp(-(t[1] - t[0]) / c.colour)) if c.colour else 0.0
     for j in range(n):
         Y = np.zeros((int(used.sum()), len(prior)))
         Y[:, :10], Y[:, 10:20] = loads[:, j] * after, loads[:, j] * ~after
         Y[:, 20 + j :: n] = curves[:, j]
+        Y[1:] = (Y[1:] - keep * Y[:-1]) / np.sqrt(1.0 - keep**2)
         information += Y.T @ Y / max(c.torque, 1e-9) ** 2
     scale = 1.0 / np.sqrt(np.diag(information))
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(information * np.outer(scale, scale)))[:10]) * scale[:10])

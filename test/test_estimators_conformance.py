@@ -140,6 +140,18 @@ def test_with_noise_that_it_learned_it_is_near_the_batch_solution(floor_std: flo
     assert np.sqrt(np.mean(np.square(distances))) < 0.4
 
 
+def test_first_rows_leave_nothing_of_the_noise_they_were_weighed_with() -> None:
+    """A floor far below coloured noise makes theta run away until the noise is known; nothing is forgotten towards that."""
+    Y, tau, _ = problem(3, count=400, phi=0.98)
+    Y[:, :, 4] *= 1e-4  # a direction that the motion hardly shows
+    prior_std, variance, never = np.full(5, 3.0), np.full(3, 1e-5), JumpRule(slice(0, 5), np.full(5, np.inf), 0.1)
+    estimator, count = VariableForgetting(Problem(prior_std, variance, PERIOD, 1.0, never)), 0
+    while not estimator.noise_known:
+        estimator.update(Y[count], tau[count])
+        count += 1
+    assert np.all(np.abs(estimator.theta) < 2.0 * prior_std), estimator.theta
+
+
 @every_estimator
 def test_the_order_of_rows_does_not_matter(make: Factory) -> None:
     Y, tau, _ = problem()

@@ -149,7 +149,7 @@ class VariableForgetting(Estimator):
 
     def _forget_a_little(self) -> None:
         self.row_variance = self._state.levels[SPREAD]  # that of a deep copy is no view of its levels
-        if not self._settling:
+        if self.noise.known and not self._settling:  # before, theta is that of rows weighed with the least noise: it is no centre
             self._sums.forget(self._epsilon)
 
     def compensate(self, noise: Noise, hold: bool, extra_variance: FloatArray | None) -> None:

@@ -139,11 +139,20 @@ class ChangeTrial:
         fits = len(compared) == self._compared.maxlen and bool(np.all(compared[:, 0] <= _FITS))
         return fits and self._part * float(np.sum(compared[:, 1])) > _LIKELIER
 
-    def _possible(self, estimator: Estimator, tare: Tare) -> bool:
-        """Whether some body has the parameters that are estimated."""
+    def mass_after(self, estimator: Estimator, tare: Tare) -> float:
+        """Mass that is carried as far as is known yet [kg]: of what may be a body it is not negative, however little is known."""
+        mass = float(estimator.theta[0] - tare.theta[0])
+        return max(mass, 0.0) if self._distance(estimator, tare)[0] <= _NO_BODY else mass
+
+    def _distance(self, estimator: Estimator, tare: Tare) -> tuple[float, FloatArray, FloatArray]:
+        """Squared distance of what is estimated from the nearest body, by its covariance; estimate and covariance."""
         noise, model = tare.covariances(estimator)
         theta, covariance = estimator.theta[PAYLOAD] - tare.theta, noise + model
-        distance = float(project_into(theta, covariance + _MATTERS, np.empty(10)))
+        return float(project_into(theta, covariance + _MATTERS, np.empty(10))), theta, covariance
+
+    def _possible(self, estimator: Estimator, tare: Tare) -> bool:
+        """Whether some body has the parameters that are estimated."""
+        distance, theta, covariance = self._distance(estimator, tare)
         if not distance <= _NO_BODY:
             if np.isfinite(distance):
                 self.strain = max(self._assumed * distance / 10.0, self.strain)

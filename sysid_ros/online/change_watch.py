@@ -125,8 +125,8 @@ class ChangeWatch:
             self.trial = ChangeTrial(before, t, mass, self._reach, self._prior_std, front_end, outer=outer)
         elif self.trial is not None:
             self.trial.jumped(t)
-        if known:
-            self._log.add(t, self._mass_before(before.theta), self._mass_before(estimator.theta))
+        if known and self.trial is not None:
+            self._log.add(t, self._mass_before(before.theta), self.trial.mass_after(estimator, self.tare))
         return since or estimate
 
     def _mass_before(self, theta: FloatArray) -> float:
