@@ -73,6 +73,7 @@ def test_a_change_is_learned_anew_and_an_interruption_keeps_what_is_known() -> N
         arm.run(2.0, body)
         assert arm.own.payload is not None
         assert arm.own.payload[0][0] == pytest.approx(body[0], abs=0.02)
+    assert arm.own.payload is not None
     known = arm.own.payload[1]
     arm.own.interrupt()
     assert arm.own.payload is not None
