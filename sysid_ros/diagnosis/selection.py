@@ -31,7 +31,7 @@ term gains more once the noise is found anew."""
 _REFINED = 4
 _MOST_STEPS = 24
 _AGAIN = 2
-"""How often the knobs of what is usual are searched: each time near the last."""
+"""How often the knobs of what is usual are searched, each time near the last; and how often what does not stay is proposed."""
 _USUAL = 0.5
 """Effects that so many joints have are there on all of them when the search begins."""
 
@@ -81,7 +81,6 @@ class Selection:
                 self._progress(step.words)
                 self.fit = step.fit
                 self.climb(thorough=False)
-                self.refresh()
                 if self._keys() != before or before in settled:
                     continue
             settled.add(self._keys())
@@ -90,7 +89,6 @@ class Selection:
             self._add_forms()
             self._add_rivals()
             self.climb()
-            self.refresh()
             if step is None and self._keys() in settled:
                 break
         return self.fit
@@ -119,10 +117,26 @@ class Selection:
         return first
 
     def climb(self, thorough: bool = True) -> None:
-        """The most probable set that is reached from the present one."""
-        before = self.fit.terms
-        self.fit = self._climbed([(self.problem, lambda term: term)], self._asked(), thorough)[1]
-        self._dropped += [(t, self._keys(t)) for t in before if t not in self.fit.terms]
+        """The most probable set that is reached from the present one, with columns that are made of its own torques.
+
+        While sets are compared a gain's column is made of the torques of the set that the climb began with: what loads the arm
+        may leave, and all gains with lighter links stand in for it. Where such columns, made of the torques of the set that was
+        reached, explain less by more than the price of a term, the climb begins again without them.
+        """
+        before, without = self.fit, set[Key]()
+        while True:
+            asked = [t for t in self._asked() if t.key not in without]
+            self.fit = self._climbed([(self.problem, lambda term: term)], asked, thorough)[1]
+            new = {t.key for t in self.fit.terms if t.on_torques} - {t.key for t in before.terms}
+            self._dropped += [(t, self._keys(t)) for t in before.terms if t not in self.fit.terms]
+            seemed = self.fit.loglik
+            self.refresh()
+            if not new or seemed - self.fit.loglik <= max(map(self.price, self.fit.terms), default=0.0):
+                return
+            without |= new
+            self.fit = before
+            self.refresh()
+            before = self.fit
 
     def judged_with(self, held: HeldOut) -> Posterior:
         """The most probable set, and how probable its terms are, by what is predicted of fitted and of held-out recordings."""
@@ -275,7 +289,10 @@ class Selection:
         return any(term.excludes(other) for other in self.fit.terms)
 
     def _tried(self, term: Term) -> bool:
-        return any(term.same(t) and beside == self._keys(term) for t, beside in self._dropped)
+        """True for what could not stay beside the present terms, or did not stay beside several others: it is in the pool, from
+        which any climb may take it."""
+        beside = [keys for t, keys in self._dropped if term.same(t)]
+        return len(beside) >= _AGAIN or self._keys(term) in beside
 
     def _keys(self, term: Term | None = None) -> frozenset[Key]:
         row = term.row if term else None  # all terms, or those that load the same joints as one does
