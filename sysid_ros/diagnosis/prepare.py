@@ -12,6 +12,7 @@ from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.effects import Acts, Motion
+from sysid_ros.robot.inertial_parameters import by_centre
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
@@ -87,7 +88,7 @@ def inexact_links(robot: RobotModel) -> FloatArray:
     for j in range(n):
         own = slice(10 * j, 10 * j + 10)
         basis[own, j] = robot.pi[own]
-        basis[10 * j + 1 : 10 * j + 4, n + 3 * j : n + 3 * j + 3] = ARM * robot.pi[10 * j] * np.eye(3)
+        basis[own, n + 3 * j : n + 3 * j + 3] = ARM * by_centre(robot.pi[own])
     return basis
 
 

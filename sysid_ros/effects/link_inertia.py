@@ -10,6 +10,7 @@ from sysid_ros.effects.payload import BODY_STD, COMPACT, COMPACT_STD, FIRST_MOME
 from sysid_ros.effects.traits import Candidate, Scope
 from sysid_ros.effects.wording import one
 from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.inertial_parameters import by_centre
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.urdf_bodies import fixed_bodies, matching, within_reach
 from sysid_ros.sample import FloatArray, Sample
@@ -90,7 +91,7 @@ class LinkInertia(Effect):
 
     def candidates_on_legs(self) -> list[Candidate]:
         own = self.nominal
-        scale, place = Candidate(basis=own[:, None], form=_SCALE), Candidate(basis=_by_place(own), form=_PLACE)
+        scale, place = Candidate(basis=own[:, None], form=_SCALE), Candidate(basis=by_centre(own), form=_PLACE)
         return [scale, place, Candidate(form=COMPACT), Candidate(form="full")]
 
     def prior_std(self, form: str = "") -> FloatArray:
@@ -150,15 +151,3 @@ class LinkInertia(Effect):
     def drawn_on_legs(self, size: float, rng: np.random.Generator) -> FloatArray:
         """What a link that is heavier by a part than its description says has beside that: ``size / (1 + size)`` of its own."""
         return np.asarray(size / (1.0 + size) * self.nominal)
-
-
-def _by_place(pi: FloatArray) -> FloatArray:
-    """Derivative of ten parameters by the place of the body, shape (10, 3): ``d(mc) = m dc`` and, with the inertia about the
-    centre of mass as it is, ``dI = m (2 (c . dc) 1 - c dc' - dc c')``."""
-    mass, c = float(pi[0]), pi[1:4] / max(float(pi[0]), 1e-12)
-    out = np.zeros((10, 3))
-    out[1:4] = mass * np.eye(3)
-    for k, unit in enumerate(np.eye(3)):
-        moved = mass * (2.0 * float(c @ unit) * np.eye(3) - np.outer(c, unit) - np.outer(unit, c))
-        out[4:, k] = moved[0, 0], moved[0, 1], moved[1, 1], moved[0, 2], moved[1, 2], moved[2, 2]
-    return out

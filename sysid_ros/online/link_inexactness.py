@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sysid_ros.robot.inertial_parameters import by_centre
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FREE, FloatArray
 
@@ -74,15 +75,5 @@ def _directions(pi: FloatArray, mass: float, com: float) -> FloatArray:
     for j, link in enumerate(pi):
         rows = out[10 * j : 10 * j + 10]
         rows[:, 4 * j] = mass * link
-        for axis in range(3):
-            rows[1 + axis, 4 * j + 1 + axis] = com * link[0]
-            rows[4:, 4 * j + 1 + axis] = com * _moved(link[1:4], axis)
+        rows[:, 4 * j + 1 : 4 * j + 4] = com * by_centre(link)
     return out
-
-
-def _moved(first: FloatArray, axis: int) -> FloatArray:
-    """Derivative of the inertia about the frame's origin, ``Ixx, Ixy, Iyy, Ixz, Iyz, Izz``, of a body of first moment (3,) by the
-    place of its centre of mass along an axis, shape (6,)."""
-    unit = np.eye(3)[axis]
-    change = 2.0 * first @ unit * np.eye(3) - np.outer(first, unit) - np.outer(unit, first)
-    return np.asarray(change[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]])

@@ -284,3 +284,21 @@ def project(theta: FloatArray, covariance: FloatArray) -> tuple[FloatArray, floa
     out = np.empty(10)
     squared = float(project_into(np.ascontiguousarray(theta), np.ascontiguousarray(covariance), out))
     return (out if squared > 0.0 else theta), squared
+
+
+def by_centre(body: FloatArray) -> FloatArray:
+    """Derivative of the ten parameters of a body by its centre of mass, with the inertia about that as it is.
+
+    Args:
+        body: about the frame's origin, shape (10,).
+
+    Returns:
+        Shape (10, 3) [1/m of their units].
+    """
+    out = np.zeros((10, 3))
+    out[1:4] = body[0] * np.eye(3)
+    for k, axis in enumerate(np.eye(3)):
+        both = np.outer(axis, body[1:4])
+        change = 2.0 * body[1 + k] * np.eye(3) - both - both.T
+        out[4:, k] = [change[i, j] for i, j in _TENSOR]
+    return out
