@@ -55,7 +55,7 @@ class Judged:
     @cached_property
     def values(self) -> dict[Term, Estimates]:
         """Of each term, with their covariance."""
-        return with_knobs(self.train.problem, self.selection.library, self.fit)
+        return with_knobs(self.train.problem, self.selection.library, self.fit, self.posterior.scales)
 
     @property
     def robot(self) -> RobotModel:

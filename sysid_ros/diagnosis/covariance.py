@@ -15,6 +15,7 @@ import numpy as np
 
 from sysid_ros.diagnosis.fit import BlockScatter, Fit, Problem
 from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.prepare import SCALES
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.estimators.symmetric import inverse_of, scaled_to_one
 from sysid_ros.robot.robot_model import RobotModel
@@ -31,6 +32,10 @@ _WIDTHS = (0.005, 0.05)
 """Speeds at which that sign has turned [rad/s], of a hard and of a soft one."""
 _ONE_WAY = 0.02
 """Part by which dry friction differs from one direction to the other."""
+_LIKELY = 0.01
+"""Of the most probable inexactness of the links: what is less probable by that is not looked at."""
+_OWN = np.zeros(0)
+"""No probabilities of scales: that of the fit alone."""
 _GAIN = 0.02
 """Part by which the torque constant of a joint is off, where the links are not exact either."""
 
@@ -57,35 +62,75 @@ class _Knob(NamedTuple):
     slope: FloatArray
 
 
-def with_knobs(problem: Problem, library: Library, fit: Fit) -> dict[Term, Estimates]:
+def with_knobs(problem: Problem, library: Library, fit: Fit, scales: FloatArray = _OWN) -> dict[Term, Estimates]:
     """Values and covariance of each term: theta of its columns, then its knobs (Gauss-Newton about the fit).
 
-    Values are those of the posterior that the covariance is of: with what is never known of a joint beside them.
+    Values are those of the posterior that the covariance is of: with what is never known of a joint beside them, and with links
+    as inexact as each scale says, each scale with its probability: the rows often do not tell whether masses are off by half a
+    part in a hundred or by eight, and a payload is as uncertain as they are.
 
     The value of a compliant joint is the one that its columns were made for. The weights are those of the coloured noise, so slow
     errors count for the few independent values that they are; what scatters more than they say is given that scatter. What is
     never known of a joint, and could have taken a part of a cause, widens it.
+
+    Args:
+        scales: probability of each of :data:`sysid_ros.diagnosis.prepare.SCALES`; empty for that of the fit alone.
     """
     knobs = _knobs(library, fit)
     information, score, blocks = _equations(problem, library, fit, knobs)
-    inverse = inverse_of(information)
-    ratios = blocks.ratios(information)
-    count, moved = len(fit.theta), np.zeros(len(score))
+    count = len(fit.theta)
     linear = np.delete(np.arange(len(score)), count + np.arange(len(knobs)))  # knobs stay: far off, their columns are others
-    scaled, scale = scaled_to_one(information[np.ix_(linear, linear)])
-    moved[linear] = np.linalg.solve(scaled, score[linear] * scale) * scale
+    links = slice(count - len(problem.prior), count) if fit.inexact else slice(0, 0)
+    parts = []
+    for weight, prior in _inexactness(problem, fit, scales):
+        more = np.zeros(len(score))
+        more[links] = prior - problem.prior if fit.inexact else 0.0
+        own, moved = information + np.diag(more), np.zeros(len(score))
+        asked = score - np.concatenate([more[:count] * fit.theta, np.zeros(len(score) - count)])
+        scaled, scale = scaled_to_one(own[np.ix_(linear, linear)])
+        moved[linear] = np.linalg.solve(scaled, asked[linear] * scale) * scale
+        parts.append(_Part(weight, moved, inverse_of(own), blocks.ratios(own)))
     out = {}
     for term, where in zip(fit.terms, fit.slices, strict=True):
-        own = [i for i, knob in enumerate(knobs) if knob.term is term]
-        both = [*range(where.start, where.stop), *(count + i for i in own)]
+        own_knobs = [i for i, knob in enumerate(knobs) if knob.term is term]
+        both = [*range(where.start, where.stop), *(count + i for i in own_knobs)]
         theta = _theta(fit, term)
-        values = np.concatenate([theta, [knobs[i].value for i in own]]) + moved[both]
-        wider = np.sqrt(ratios[both])
-        spread = inverse[np.ix_(both, both)] * wider[:, None] * wider
+        moved, spread, scatter = _together(parts, both)
         if how := term.effect.deflection:
             spread[0, 0] += (how.form_error * float(theta[0])) ** 2
-        out[term] = Estimates(values, spread, float(np.mean(ratios[both])))
+        out[term] = Estimates(np.concatenate([theta, [knobs[i].value for i in own_knobs]]) + moved, spread, scatter)
     return out
+
+
+class _Part(NamedTuple):
+    """With links of one inexactness: its probability, how far the parameters move, their covariance, and how they scatter."""
+
+    weight: float
+    moved: FloatArray
+    covariance: FloatArray
+    ratios: FloatArray
+
+
+def _inexactness(problem: Problem, fit: Fit, scales: FloatArray) -> list[tuple[float, FloatArray]]:
+    """Probability and inverse variances of the links' parameters of every inexactness that is worth a look."""
+    if not fit.inexact or not scales.size:
+        return [(1.0, problem.prior)]
+    likely = [(float(weight), problem.prior_of(scale)) for weight, scale in zip(scales, SCALES, strict=True)]
+    likely = [x for x in likely if x[0] > _LIKELY * float(scales.max())]
+    whole = sum(weight for weight, _ in likely)
+    return [(weight / whole, prior) for weight, prior in likely]
+
+
+def _together(parts: Sequence[_Part], which: Sequence[int]) -> tuple[FloatArray, FloatArray, float]:
+    """Mean of how far some parameters move, their covariance, of what is within the parts and between them, and their scatter."""
+    weights = np.array([x.weight for x in parts])
+    moved = np.stack([x.moved[list(which)] for x in parts])
+    mean = weights @ moved
+    covariance = np.einsum("k,ki,kj->ij", weights, moved - mean, moved - mean)
+    for part in parts:
+        wider = np.sqrt(part.ratios[list(which)])
+        covariance += part.weight * part.covariance[np.ix_(which, which)] * wider[:, None] * wider
+    return mean, covariance, float(sum(x.weight * np.mean(x.ratios[list(which)]) for x in parts))
 
 
 def _theta(fit: Fit, term: Term) -> FloatArray:

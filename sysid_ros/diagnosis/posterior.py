@@ -12,7 +12,9 @@ from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.knobs import refine
 from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.prepare import SCALES
 from sysid_ros.diagnosis.set_search import SetSearch
+from sysid_ros.diagnosis.sets.link_scales import odds_of_scales
 from sysid_ros.diagnosis.sets.state import State, Weighed
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS, Depends, named
@@ -21,8 +23,7 @@ from sysid_ros.sample import FloatArray
 _DRAWS = 400
 _LEAST = 0.01
 """Odds that are worth a fit, to see whether physics allows them."""
-_NAMED = 0.05
-"""Part of the probability from which a rival is named."""
+_NAMED = 0.05  # of the probability, from which on a rival is named
 _DISTINCT = 5.0
 """Log-likelihood by which a rival must be worse to be distinct from a finding."""
 _STRONG = 10.0
@@ -41,16 +42,17 @@ RECORD_NEXT = (
 @dataclass(frozen=True, eq=False)
 class Posterior:
     """Of the terms of the most probable set: probability, the part of the rest that nothing in their place has, and what the
-    effects have that stand in for them."""
+    effects have that stand in for them; and how probable each inexactness of the links is beside them, shape (scales,)."""
 
     probability: dict[Term, float] = field(default_factory=dict)
     nothing: dict[Term, float] = field(default_factory=dict)
     instead: dict[Term, dict[str, float]] = field(default_factory=dict)
+    scales: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def of(self, same: Mapping[Term, Term]) -> Posterior:
         """The same of terms with other columns."""
         probability, nothing = ({same.get(t, t): p for t, p in part.items()} for part in (self.probability, self.nothing))
-        return Posterior(probability, nothing, {same.get(t, t): others for t, others in self.instead.items()})
+        return Posterior(probability, nothing, {same.get(t, t): others for t, others in self.instead.items()}, self.scales)
 
 
 def posterior_of(search: SetSearch, state: State, *others: State) -> Posterior:
@@ -99,7 +101,7 @@ def posterior_of(search: SetSearch, state: State, *others: State) -> Posterior:
         for rival, s in zip(against, told, strict=True):
             if rival.name and named(rival.name) is not term.kind:
                 instead[term][rival.name] = instead[term].get(rival.name, 0.0) + float(s)
-    return Posterior(probability, nothing, instead)
+    return Posterior(probability, nothing, instead, odds_of_scales(search.at_scales(state.members, range(len(SCALES))), weights))
 
 
 def _scatter(search: SetSearch, state: State) -> dict[int, float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from functools import cache, partial
 from itertools import combinations, islice, product
 
 import numpy as np
@@ -58,6 +57,7 @@ class SetSearch:
         self._banned: set[tuple[tuple[int, ...], int]] = set()
         self._weighed: dict[tuple[tuple[int, ...], int], Weighed] = {}
         self._state: State | None = None
+        self._last_scales: tuple[tuple[int, ...], LinkScales] | None = None
 
     def state(self, members: Sequence[int], scale: int) -> State:
         """A set with all that follows from it."""
@@ -162,17 +162,17 @@ class SetSearch:
 
     def _rescaled(self, members: tuple[int, ...], scale: int) -> Weighed:
         """A set with the best inexactness of the links that steps lead to from one."""
-        at_scales = partial(self._at_scales, members, cache(lambda: self._link_scales(members)))
-        (best,), before = at_scales([scale]), None
+        (best,), before = self.at_scales(members, [scale]), None
         while best is not before:
             before = best
-            best = max([best, *at_scales(scales_beside(best.scale))], key=lambda x: x.score)
+            best = max([best, *self.at_scales(members, scales_beside(best.scale))], key=lambda x: x.score)
         return best
 
-    def _at_scales(self, members: tuple[int, ...], links: Callable[[], LinkScales], scales: Sequence[int]) -> list[Weighed]:
+    def at_scales(self, members: tuple[int, ...], scales: Sequence[int]) -> list[Weighed]:
+        """A set with links as inexact as each of some scales says."""
         new = [k for k in scales if (members, k) not in self._weighed]
         if inexact := [k for k in new if self._is_inexact(k)]:
-            for k, likelihood, narrowed in zip(inexact, *links().of(inexact), strict=True):
+            for k, likelihood, narrowed in zip(inexact, *self._link_scales(members).of(inexact), strict=True):
                 score = self._score(likelihood, members) - narrowed
                 self._weighed[members, k] = Weighed(members, k, likelihood, narrowed, score)
         for k in (k for k in new if not self._is_inexact(k)):
@@ -181,9 +181,11 @@ class SetSearch:
         return [self._weighed[members, k] for k in scales]
 
     def _link_scales(self, members: tuple[int, ...]) -> LinkScales:
-        # exact links, the first scale, have no columns: their row of the priors is that of the next, and is not asked for
-        each = [self._columns(members, k if self._is_inexact(k) else 1) for k in range(len(SCALES))]
-        return LinkScales(self.left_out, each[0][0], np.stack([prior for _, prior in each]))
+        if self._last_scales is None or self._last_scales[0] != members:
+            # exact links, the first scale, have no columns: their row of the priors is that of the next, and is not asked for
+            each = [self._columns(members, k if self._is_inexact(k) else 1) for k in range(len(SCALES))]
+            self._last_scales = members, LinkScales(self.left_out, each[0][0], np.stack([prior for _, prior in each]))
+        return self._last_scales[1]
 
     def _worth_a_look(self, state: State) -> set[int]:
         """Terms that the most probable set may have more or less: the bound of what the rows gain does not say no."""
