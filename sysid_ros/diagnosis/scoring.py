@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from sysid_ros.diagnosis.fit import Fit, Problem
+from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.knobs import refine
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.term import Term
@@ -126,6 +126,28 @@ class Scorer:
             rss[i] = max(float(left @ left), 1e-9)
         gain = 0.5 * self._count * float(np.sum(np.log(self._rss[active] / rss))) + self._given_back(change)
         return Score(term, gain, theta, std)
+
+
+def tried(problem: Problem, fit: Fit, terms: Sequence[Term], price: Callable[[Term], float]) -> Proposal | None:
+    """A fit with more terms that physics allows in place of what they exclude; None where it gains nothing."""
+    new = list(terms)
+    while new:
+        kept = [t for t in fit.terms if not any(t.excludes(n) for n in new)]
+        trial = problem.fit([*kept, *new], fit.noise, inexact=fit.inexact)
+        wrong = [t for t in new if not allowed(problem, trial, t)]
+        if not wrong:
+            paid = sum(map(price, new)) - sum(price(t) for t in fit.terms if t not in kept)
+            score = trial.loglik - fit.loglik - paid
+            return Proposal(tuple(new), score, trial) if score > 0.0 else None
+        new = [t for t in new if t not in wrong]
+    return None
+
+
+def refined(problem: Problem, library: Library, proposal: Proposal) -> Proposal:
+    """A proposal with its knobs where the rows are the most likely."""
+    fit = refine(problem, library, proposal.fit, proposal.terms)
+    terms = fit.terms[len(fit.terms) - len(proposal.terms) :]
+    return Proposal(terms, proposal.score + fit.loglik - proposal.fit.loglik, fit)
 
 
 def _solve(information: FloatArray, score: FloatArray, own: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -14,7 +14,7 @@ from sysid_ros.diagnosis.knobs import made_anew, refine
 from sysid_ros.diagnosis.library import Library, SetPrior
 from sysid_ros.diagnosis.posterior import Posterior, posterior_of
 from sysid_ros.diagnosis.prepare import SCALES, before_gains, torques
-from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, forms
+from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, forms, refined, tried
 from sysid_ros.diagnosis.set_search import SetSearch
 from sysid_ros.diagnosis.sets.state import State
 from sysid_ros.diagnosis.sets.stretches import Rows
@@ -127,11 +127,9 @@ class Selection:
         while True:
             asked = [t for t in self._asked() if t.key not in without]
             self.fit = self._climbed([(self.problem, lambda term: term)], asked, thorough)[1]
-            new = {t.key for t in self.fit.terms if t.on_torques} - {t.key for t in before.terms}
             self._dropped += [(t, self._keys(t)) for t in before.terms if t not in self.fit.terms]
-            seemed = self.fit.loglik
-            self.refresh()
-            if not new or seemed - self.fit.loglik <= max(map(self.price, self.fit.terms), default=0.0):
+            new = {t.key for t in self.fit.terms if t.on_torques} - {t.key for t in before.terms}
+            if not self._stale() or not new:
                 return
             without |= new
             self.fit = before
@@ -172,12 +170,13 @@ class Selection:
         search, plain = self._search(rows, list(dict.fromkeys([*terms, *asked])), simpler.noise)
         return posterior_of(search, plain, search.state([search.pool.index(t) for t in terms], state.scale))
 
-    def _stale(self, held: HeldOut) -> bool:
+    def _stale(self, held: HeldOut | None = None) -> bool:
         """Make columns anew that depend on torques; True where a term may be there only for another set's."""
         before = self.fit.loglik
-        if any(t.on_torques for t in self.fit.terms):
+        if held is None or any(t.on_torques for t in self.fit.terms):
             self.refresh()
-            held.update(self.fit)
+            if held is not None:
+                held.update(self.fit)
         return before - self.fit.loglik > max(map(self.price, self.fit.terms), default=0.0)
 
     def _search(self, rows: Sequence[Rows], asked: Sequence[Term], noise: RowNoise) -> tuple[SetSearch, State]:
@@ -270,9 +269,11 @@ class Selection:
             if score.gain > _SCREENED * price and term.possible(score.theta[: term.p], score.std[: term.p]):
                 groups.append((score.gain - price, group))
         groups = best_of_each(groups)
-        proposals = [p for _, terms in groups[:_TRIED_IN_FULL] if (p := self._try(terms)) is not None]
+        proposals = [
+            p for _, terms in groups[:_TRIED_IN_FULL] if (p := tried(self.problem, self.fit, terms, self.price)) is not None
+        ]
         proposals.sort(key=lambda p: -p.score)
-        return [self._refined(p) for p in proposals[:_REFINED]] + proposals[_REFINED:]
+        return [refined(self.problem, self.library, p) for p in proposals[:_REFINED]] + proposals[_REFINED:]
 
     def _best_options(self, scorer: Scorer, name: str, joint: int) -> list[Score]:
         """Of the forms of an effect on a joint the best that stands beside what is there, and the best in place of it."""
@@ -297,21 +298,3 @@ class Selection:
     def _keys(self, term: Term | None = None) -> frozenset[Key]:
         row = term.row if term else None  # all terms, or those that load the same joints as one does
         return frozenset(t.key for t in self.fit.terms if t.row is None or row is None or t.row == row)
-
-    def _try(self, terms: list[Term]) -> Proposal | None:
-        new = list(terms)
-        while new:
-            kept = [t for t in self.fit.terms if not any(t.excludes(n) for n in new)]
-            fit = self.problem.fit([*kept, *new], self.fit.noise, inexact=self.fit.inexact)
-            wrong = [t for t in new if not self._allowed(fit, t)]
-            if not wrong:
-                paid = sum(map(self.price, new)) - sum(self.price(t) for t in self.fit.terms if t not in kept)
-                score = fit.loglik - self.fit.loglik - paid
-                return Proposal(tuple(new), score, fit) if score > 0.0 else None
-            new = [t for t in new if t not in wrong]
-        return None
-
-    def _refined(self, proposal: Proposal) -> Proposal:
-        fit = refine(self.problem, self.library, proposal.fit, proposal.terms)
-        terms = fit.terms[len(fit.terms) - len(proposal.terms) :]
-        return Proposal(terms, proposal.score + fit.loglik - proposal.fit.loglik, fit)

@@ -287,14 +287,7 @@ def project(theta: FloatArray, covariance: FloatArray) -> tuple[FloatArray, floa
 
 
 def by_centre(body: FloatArray) -> FloatArray:
-    """Derivative of the ten parameters of a body by its centre of mass, with the inertia about that as it is.
-
-    Args:
-        body: about the frame's origin, shape (10,).
-
-    Returns:
-        Shape (10, 3) [1/m of their units].
-    """
+    """Derivative of a body's ten parameters (10,) by its centre of mass, shape (10, 3), the inertia about that as it is."""
     out = np.zeros((10, 3))
     out[1:4] = body[0] * np.eye(3)
     for k, axis in enumerate(np.eye(3)):

@@ -1,0 +1,104 @@
+"""Links that are inexact: what moves with them, how uncertain they leave a cause, and gains that stand in for a body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from robots import random_body, robot
+from test_diagnosis import ARM, payload, record
+
+from sysid_ros.diagnosis.covariance import with_knobs
+from sysid_ros.diagnosis.fit import Fit
+from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.prepare import ARM as LEVER
+from sysid_ros.diagnosis.prepare import SCALES, Prepared, inexact_links, prepare
+from sysid_ros.diagnosis.selection import Selection
+from sysid_ros.diagnosis.sets.link_scales import odds_of_scales
+from sysid_ros.diagnosis.sets.state import Weighed
+from sysid_ros.diagnosis.term import Term
+from sysid_ros.robot.inertial_parameters import by_centre, from_com
+
+
+@cache
+def rows() -> tuple[Prepared, Library]:
+    train = prepare(robot(ARM), [record(payload, 1, 12.0)], [])
+    return train, Library(robot(ARM), train.band)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_centre_of_mass_moves_with_its_inertia(seed: int) -> None:
+    mass, com, inertia = random_body(np.random.default_rng(seed))
+    body = from_com(mass, com, inertia)
+    for k, axis in enumerate(1e-6 * np.eye(3)):
+        sides = [from_com(mass, com + x, inertia) for x in (axis, -axis)]
+        np.testing.assert_allclose(by_centre(body)[:, k], (sides[0] - sides[1]) / 2e-6, rtol=1e-6, atol=1e-9)
+
+
+def test_inexact_links_are_bodies_that_move() -> None:
+    model = robot(ARM)
+    basis, n = inexact_links(model), model.n
+    for j, body in enumerate(model.pi.reshape(-1, 10)):
+        own = basis[10 * j : 10 * j + 10]
+        np.testing.assert_allclose(own[:, j], body)
+        np.testing.assert_allclose(own[:, n + 3 * j : n + 3 * j + 3], LEVER * by_centre(body))
+
+
+def test_a_size_is_averaged_over_how_inexact_the_links_are() -> None:
+    train, library = rows()
+    problem, term = train.problem, library.whole("payload")
+    each = {}
+    noise = problem.fit([term], inexact=True).noise
+    for k in (SCALES.index((0.3, 1.0)), SCALES.index((4.0, 1.0))):
+        problem.scale = SCALES[k]
+        fit = problem.fit([term], noise, 0, inexact=True)
+        each[k] = with_knobs(problem, library, fit)[term]
+    narrow, wide = each
+    only = with_knobs(problem, library, fit, np.eye(len(SCALES))[narrow])[term]
+    np.testing.assert_allclose(only.values, each[narrow].values, rtol=1e-6, atol=1e-9)
+    # how much more than the noise the rows scatter is judged from what each fit leaves
+    np.testing.assert_allclose(np.diag(only.covariance), np.diag(each[narrow].covariance), rtol=0.05)
+    both = with_knobs(problem, library, fit, 0.5 * np.eye(len(SCALES))[[narrow, wide]].sum(axis=0))[term]
+    between = 0.25 * (each[narrow].values - each[wide].values) ** 2
+    expected = 0.5 * np.diag(each[narrow].covariance + each[wide].covariance) + between
+    np.testing.assert_allclose(np.diag(both.covariance), expected, rtol=0.05)
+    assert both.covariance[0, 0] > each[narrow].covariance[0, 0]
+    problem.scale = (1.0, 1.0)
+
+
+def test_scales_that_predict_alike_are_alike_probable() -> None:
+    rng = np.random.default_rng(0)
+    likelihood, weights = rng.normal(size=20), rng.dirichlet(np.ones(20), 100) * 20
+    same = [Weighed((), k, likelihood, narrowed, 0.0) for k, narrowed in enumerate((0.0, 0.0, np.log(4.0)))]
+    np.testing.assert_allclose(odds_of_scales(same, weights), np.array([4.0, 4.0, 1.0]) / 9.0)
+    worse = Weighed((), 3, likelihood - 5.0, 0.0, 0.0)
+    assert odds_of_scales([*same, worse], weights)[3] < 1e-6
+
+
+def test_gains_made_of_the_torque_of_a_body_do_not_stand_in_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All gains doubled and all links half as heavy are the links and, once more, what those gains are made of."""
+    train = prepare(robot(ARM), [record(payload, 1, 12.0)], [])
+    selection = Selection(train.problem, Library(robot(ARM), train.band), train.nominal)
+    body = selection.library.whole("payload")
+    selection.fit = train.problem.fit([*selection.fit.terms, body], inexact=True)
+    selection.refresh()
+    with_body = selection.fit
+    gains = [selection.library.local("torque_scale", j) for j in range(robot(ARM).n)]
+    asked_for: list[set[str]] = []
+
+    def climbed(rows: Any, asked: Sequence[Term], thorough: bool) -> tuple[None, Fit, None]:
+        asked_for.append({t.id for t in asked})
+        if len(asked_for) > 1:
+            return None, selection.fit, None
+        kept = [t for t in selection.fit.terms if t.id != "payload"]
+        train.problem.scale = (4.0, 4.0)
+        return None, train.problem.fit([*kept, *gains], selection.fit.noise, 0, inexact=True), None
+
+    monkeypatch.setattr(selection, "_climbed", climbed)
+    monkeypatch.setattr(selection, "_asked", lambda: [*selection.fit.terms, *gains])
+    selection.climb()
+    assert ["torque_scale" in x for x in asked_for] == [True, False]
+    assert {t.key for t in selection.fit.terms} == {t.key for t in with_body.terms}
