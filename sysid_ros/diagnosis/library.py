@@ -220,7 +220,7 @@ class SetPrior:
         places: Places = {}
         for kind in EFFECTS.values():
             if kind.scope is Scope.JOINT:
-                places[kind] = {int(j): len(library.local_options(kind.id, int(j))) for j in joints}
+                places[kind] = {int(j): len(kind.candidates(motions, int(j))) for j in joints}
             else:
                 each = range(n) if kind.scope is Scope.LINK else (None,)
                 places[kind] = {place: len(kind.candidates(motions, place)) for place in each}

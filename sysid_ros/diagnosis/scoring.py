@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -248,3 +249,36 @@ def forms(problem: Problem, library: Library, fit: Fit, present: Term) -> list[T
         if trials:
             found.append(max(trials, key=lambda x: x[0])[1])
     return found
+
+
+def met(problem: Problem, library: Library, fit: Fit) -> Fit:
+    """The fit with one event in place of two that were apart and have met."""
+    while pair := next((p for p in combinations(fit.terms, 2) if p[0].instant is not None and p[0].excludes(p[1])), None):
+        alone = [[t for t in fit.terms if t is not x] for x in pair]
+        fits = [problem.fit(terms, fit.noise, inexact=fit.inexact) for terms in alone]
+        dated = [refine(problem, library, x, [t for t in x.terms if t.instant is not None]) for x in fits]
+        fit = max(dated, key=lambda x: x.loglik)
+    return fit
+
+
+def proposal(
+    problem: Problem, fit: Fit, terms: list[Term], possible: Callable[[Fit, Term], bool], price: Callable[[Term], float]
+) -> Proposal | None:
+    """Terms beside those of a fit, without what excludes them; None where those that physics allows do not gain their price."""
+    new = list(terms)
+    while new:
+        kept = [t for t in fit.terms if not any(t.excludes(n) for n in new)]
+        trial = problem.fit([*kept, *new], fit.noise, inexact=fit.inexact)
+        wrong = [t for t in new if not possible(trial, t)]
+        if not wrong:
+            score = trial.loglik - fit.loglik - sum(map(price, new)) + sum(price(t) for t in fit.terms if t not in kept)
+            return Proposal(tuple(new), score, trial) if score > 0.0 else None
+        new = [t for t in new if t not in wrong]
+    return None
+
+
+def refined(problem: Problem, library: Library, found: Proposal) -> Proposal:
+    """A proposal with its knobs where the rows are the most likely."""
+    fit = refine(problem, library, found.fit, found.terms)
+    terms = fit.terms[len(fit.terms) - len(found.terms) :]
+    return Proposal(terms, found.score + fit.loglik - found.fit.loglik, fit)

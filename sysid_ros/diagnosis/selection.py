@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from functools import partial
-from itertools import combinations
 
 from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.covariance import dry_friction
@@ -14,7 +14,7 @@ from sysid_ros.diagnosis.knobs import made_anew, refine
 from sysid_ros.diagnosis.library import Library, SetPrior
 from sysid_ros.diagnosis.posterior import Posterior, posterior_of
 from sysid_ros.diagnosis.prepare import SCALES, before_gains, torques
-from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, forms
+from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, forms, met, proposal, refined
 from sysid_ros.diagnosis.set_search import SetSearch
 from sysid_ros.diagnosis.sets.state import State
 from sysid_ros.diagnosis.sets.stretches import Rows
@@ -67,6 +67,28 @@ class Selection:
         self.pool: list[Term] = list(self.fit.terms)
         self._looked: set[tuple[object, frozenset[Key]]] = set()
         self._dropped: list[tuple[Term, frozenset[Key]]] = []  # with what they could not stay beside; any climb may take them
+
+    def on(self, problem: Problem, library: Library, nominal: Sequence[FloatArray]) -> Selection:
+        """What was found, and all that was proposed, on other rows of the same robot; nothing more is proposed there."""
+        other = copy(self)
+        other.problem, other.library, other._nominal = problem, library, nominal
+        other._links, other._allowed = [m.link_torque for m in library.motions], partial(allowed, problem)
+        other._joints, other._whole, other._dropped = [int(j) for j in problem.active], [], []
+        other._screen, other.prior = ComplianceScreen(library), SetPrior(library, other._joints)
+        made = {key: library.remake(t) for key, t in {t.exact_key: t for t in [*self.pool, *self.fit.terms]}.items()}
+        problem.scale, other.pool = self.problem.scale, list(made.values())
+        terms = [made[t.exact_key] for t in self.fit.terms]
+        problem.correct(library.correction(terms))
+        other.fit = problem.fit(terms, self.fit.noise, inexact=self.fit.inexact)
+        return other
+
+    def settle(self) -> None:
+        """The most probable set that is reached from the present one, with knobs and columns as these rows want them."""
+        self.refresh()
+        self.date()
+        self._again(lambda t: bool(t.effect.knobs) and t.instant is None)
+        self.climb()
+        self.refresh()
 
     def price(self, term: Term) -> float:
         """Likelihood that a term must gain: what its parameters cost a prediction (one each), and how unusual it is here."""
@@ -204,14 +226,7 @@ class Selection:
         before = self.fit
         self._again(lambda t: t.instant is not None)
         self.fit = max(self.fit, before, key=lambda fit: fit.loglik)
-        # two that were apart may have met: they are one
-        while pair := next(
-            (p for p in combinations(self.fit.terms, 2) if p[0].instant is not None and p[0].excludes(p[1])), None
-        ):
-            alone = [[t for t in self.fit.terms if t is not x] for x in pair]
-            fits = [self.problem.fit(terms, self.fit.noise, inexact=self.fit.inexact) for terms in alone]
-            dated = [refine(self.problem, self.library, fit, [t for t in fit.terms if t.instant is not None]) for fit in fits]
-            self.fit = max(dated, key=lambda fit: fit.loglik)
+        self.fit = met(self.problem, self.library, self.fit)
 
     def _again(self, which: Callable[[Term], bool]) -> None:
         self.fit = refine(self.problem, self.library, self.fit, list(filter(which, self.fit.terms)))
@@ -256,9 +271,9 @@ class Selection:
             if score.gain > _SCREENED * price and term.possible(score.theta[: term.p], score.std[: term.p]):
                 groups.append((score.gain - price, group))
         groups = best_of_each(groups)
-        proposals = [p for _, terms in groups[:_TRIED_IN_FULL] if (p := self._try(terms)) is not None]
-        proposals.sort(key=lambda p: -p.score)
-        return [self._refined(p) for p in proposals[:_REFINED]] + proposals[_REFINED:]
+        found = [proposal(self.problem, self.fit, terms, self._allowed, self.price) for _, terms in groups[:_TRIED_IN_FULL]]
+        proposals = sorted((p for p in found if p is not None), key=lambda p: -p.score)
+        return [refined(self.problem, self.library, p) for p in proposals[:_REFINED]] + proposals[_REFINED:]
 
     def _best_options(self, scorer: Scorer, name: str, joint: int) -> list[Score]:
         """Of the forms of an effect on a joint the best that stands beside what is there, and the best in place of it."""
@@ -280,21 +295,3 @@ class Selection:
     def _keys(self, term: Term | None = None) -> frozenset[Key]:
         row = term.row if term else None  # all terms, or those that load the same joints as one does
         return frozenset(t.key for t in self.fit.terms if t.row is None or row is None or t.row == row)
-
-    def _try(self, terms: list[Term]) -> Proposal | None:
-        new = list(terms)
-        while new:
-            kept = [t for t in self.fit.terms if not any(t.excludes(n) for n in new)]
-            fit = self.problem.fit([*kept, *new], self.fit.noise, inexact=self.fit.inexact)
-            wrong = [t for t in new if not self._allowed(fit, t)]
-            if not wrong:
-                paid = sum(map(self.price, new)) - sum(self.price(t) for t in self.fit.terms if t not in kept)
-                score = fit.loglik - self.fit.loglik - paid
-                return Proposal(tuple(new), score, fit) if score > 0.0 else None
-            new = [t for t in new if t not in wrong]
-        return None
-
-    def _refined(self, proposal: Proposal) -> Proposal:
-        fit = refine(self.problem, self.library, proposal.fit, proposal.terms)
-        terms = fit.terms[len(fit.terms) - len(proposal.terms) :]
-        return Proposal(terms, proposal.score + fit.loglik - proposal.fit.loglik, fit)
