@@ -26,6 +26,8 @@ _ALIKE = 0.02
 _UNSEEN = 1e-3
 """Part of a direction from which a parameter lies along it."""
 Settings = tuple[type[Effect], Mapping[str, Any]]
+Possible = Callable[[Fit, Term], bool]
+Price = Callable[[Term], float]
 _STANDS_IN = 5.0
 """Likelihood by which time must be better than a measured temperature, for which it only stands in."""
 _RICHER = 4.0
@@ -261,9 +263,7 @@ def met(problem: Problem, library: Library, fit: Fit) -> Fit:
     return fit
 
 
-def proposal(
-    problem: Problem, fit: Fit, terms: list[Term], possible: Callable[[Fit, Term], bool], price: Callable[[Term], float]
-) -> Proposal | None:
+def proposal(problem: Problem, fit: Fit, terms: list[Term], possible: Possible, price: Price) -> Proposal | None:
     """Terms beside those of a fit, without what excludes them; None where those that physics allows do not gain their price."""
     new = list(terms)
     while new:
@@ -282,3 +282,13 @@ def refined(problem: Problem, library: Library, found: Proposal) -> Proposal:
     fit = refine(problem, library, found.fit, found.terms)
     terms = fit.terms[len(fit.terms) - len(found.terms) :]
     return Proposal(terms, found.score + fit.loglik - found.fit.loglik, fit)
+
+
+def event(
+    problem: Problem, library: Library, fit: Fit, events: Sequence[Term], possible: Possible, price: Price
+) -> Proposal | None:
+    """The event beside the terms of a fit that gains the most, dated; None where none gains its price."""
+    scorer, new = Scorer(problem, fit), [t for t in events if not any(t.same(x) for x in fit.terms)]
+    best = max(new, key=lambda t: scorer.whole(t).gain - price(t), default=None)
+    found = best and proposal(problem, fit, [best], possible, price)
+    return refined(problem, library, found) if found else None

@@ -14,7 +14,7 @@ from sysid_ros.diagnosis.knobs import made_anew, refine
 from sysid_ros.diagnosis.library import Library, SetPrior
 from sysid_ros.diagnosis.posterior import Posterior, posterior_of
 from sysid_ros.diagnosis.prepare import SCALES, before_gains, torques
-from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, forms, met, proposal, refined
+from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, event, forms, met, proposal, refined
 from sysid_ros.diagnosis.set_search import SetSearch
 from sysid_ros.diagnosis.sets.state import State
 from sysid_ros.diagnosis.sets.stretches import Rows
@@ -69,7 +69,7 @@ class Selection:
         self._dropped: list[tuple[Term, frozenset[Key]]] = []  # with what they could not stay beside; any climb may take them
 
     def on(self, problem: Problem, library: Library, nominal: Sequence[FloatArray]) -> Selection:
-        """What was found, and all that was proposed, on other rows of the same robot; nothing more is proposed there."""
+        """What was found, and all that was proposed, on other rows of the same robot."""
         other = copy(self)
         other.problem, other.library, other._nominal = problem, library, nominal
         other._links, other._allowed = [m.link_torque for m in library.motions], partial(allowed, problem)
@@ -83,10 +83,13 @@ class Selection:
         return other
 
     def settle(self) -> None:
-        """The most probable set that is reached from the present one, with knobs and columns as these rows want them."""
+        """The most probable set that is reached from the present one, with events that lay between the rows before."""
         self.refresh()
         self.date()
         self._again(lambda t: bool(t.effect.knobs) and t.instant is None)
+        events = self.library.whole_options(lambda kind: bool(kind.instant))
+        while step := event(self.problem, self.library, self.fit, events, self._allowed, self.price):
+            self.fit, self.pool = step.fit, [*self.pool, *step.terms]
         self.climb()
         self.refresh()
 
