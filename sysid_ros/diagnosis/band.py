@@ -176,7 +176,7 @@ class _Bridge:
     def __init__(self, moving: NDArray[np.bool_], reach: int) -> None:
         runs = _runs(moving)
         self.gap = np.flatnonzero(~moving)
-        rows: list[FloatArray] = []
+        rows: list[tuple[NDArray[np.intp], FloatArray]] = []
         before, after, part = (np.zeros(len(moving), dtype=x) for x in (np.intp, np.intp, float))
         for k, (a, b) in enumerate(runs):
             if moving[a]:
@@ -186,11 +186,12 @@ class _Bridge:
             before[a:b], after[a:b] = len(rows), len(rows) + len(ends) - 1
             part[a:b] = np.arange(1, b - a + 1) / (b - a + 1.0)
             for first, last in ends or [(a, b)]:
-                weight = np.zeros(len(moving))
                 bell = np.sin(np.pi * np.arange(1, last - first + 1) / (last - first + 1.0)) ** 2
-                weight[first:last] = bell / bell.sum()
-                rows.append(weight)
-        self._means = sparse.csr_array(np.array(rows).reshape(-1, len(moving)))
+                rows.append((np.arange(first, last), bell / bell.sum()))
+        at = np.concatenate([np.zeros(0, dtype=np.intp), *(x for x, _ in rows)])
+        weights = np.concatenate([np.zeros(0), *(x for _, x in rows)])
+        begin = np.cumsum([0, *(len(x) for x, _ in rows)])
+        self._means = sparse.csr_array((weights, at, begin), shape=(len(rows), len(moving)))
         self._before, self._after, self._part = before[self.gap], after[self.gap], part[self.gap]
 
     def over(self, values: FloatArray) -> FloatArray:

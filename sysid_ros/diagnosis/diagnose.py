@@ -14,12 +14,12 @@ from sysid_ros.diagnosis.fault_findings import contact_findings, message_finding
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.gain import gain_or_why_not
 from sysid_ros.diagnosis.heldout import HeldOut, split
-from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.reporting import report, with_ceiling
 from sysid_ros.diagnosis.result import Diagnosis
 from sysid_ros.diagnosis.robot_hypotheses import judge
 from sysid_ros.diagnosis.selection import Selection
+from sysid_ros.diagnosis.sets.long_recordings import searched
 from sysid_ros.diagnosis.strong_contacts import strong_contacts
 from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError
@@ -119,8 +119,7 @@ def _search(
             fitted = [without(r, more) for r in fitted]
             train = prepare(robot, fitted, effects)
         progress("computing what each effect would do")
-        selection = Selection(train.problem, Library(robot, train.band), train.nominal, progress=progress)
-        selection.run()
+        selection = searched(robot, train, progress)
         # a strong contact hides a weaker one
         more = contacts_in(robot, train, selection) if len(contacts) < _MOST_CONTACTS else []
         if not more:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -183,11 +183,11 @@ class Library:
             return [term]
         return [term, self.local(other, joint)]
 
-    def whole_options(self) -> list[Term]:
+    def whole_options(self, which: Callable[[type[Effect]], bool] = lambda kind: True) -> list[Term]:
         """Terms that load several joints, in every form that a search starts from; deflections are searched apart."""
         terms = []
         for kind in EFFECTS.values():
-            if kind.scope is Scope.JOINT or kind.deflection:
+            if kind.scope is Scope.JOINT or kind.deflection or not which(kind):
                 continue
             for joint in range(self.robot.n) if kind.scope is Scope.LINK else (None,):
                 joints, before, rows = () if joint is None else (joint,), None, None
@@ -220,7 +220,7 @@ class SetPrior:
         places: Places = {}
         for kind in EFFECTS.values():
             if kind.scope is Scope.JOINT:
-                places[kind] = {int(j): len(library.local_options(kind.id, int(j))) for j in joints}
+                places[kind] = {int(j): len(kind.candidates(motions, int(j))) for j in joints}
             else:
                 each = range(n) if kind.scope is Scope.LINK else (None,)
                 places[kind] = {place: len(kind.candidates(motions, place)) for place in each}

@@ -75,9 +75,9 @@ def assemble(robot: RobotModel, found: Sequence[Motion], nominal: Sequence[Float
     """The problem of motions whose nominal torque is known."""
     band = Band(found)
     y = band.rows([m.tau - t for m, t in zip(found, nominal, strict=True)])
-    regressor = band.rows([m.regressor for m in found])
     basis = inexact_links(robot)
-    return Prepared(tuple(found), tuple(nominal), band, Problem(band, y, regressor @ basis, np.full(basis.shape[1], INEXACT)))
+    columns = band.rows([m.regressor @ basis for m in found])
+    return Prepared(tuple(found), tuple(nominal), band, Problem(band, y, columns, np.full(basis.shape[1], INEXACT)))
 
 
 def inexact_links(robot: RobotModel) -> FloatArray:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from sysid_ros.diagnosis.fit import Fit, Problem, allowed
+from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.knobs import refine
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.term import Term
@@ -25,6 +26,8 @@ _ALIKE = 0.02
 _UNSEEN = 1e-3
 """Part of a direction from which a parameter lies along it."""
 Settings = tuple[type[Effect], Mapping[str, Any]]
+Possible = Callable[[Fit, Term], bool]
+Price = Callable[[Term], float]
 _STANDS_IN = 5.0
 """Likelihood by which time must be better than a measured temperature, for which it only stands in."""
 _RICHER = 4.0
@@ -126,28 +129,6 @@ class Scorer:
             rss[i] = max(float(left @ left), 1e-9)
         gain = 0.5 * self._count * float(np.sum(np.log(self._rss[active] / rss))) + self._given_back(change)
         return Score(term, gain, theta, std)
-
-
-def tried(problem: Problem, fit: Fit, terms: Sequence[Term], price: Callable[[Term], float]) -> Proposal | None:
-    """A fit with more terms that physics allows in place of what they exclude; None where it gains nothing."""
-    new = list(terms)
-    while new:
-        kept = [t for t in fit.terms if not any(t.excludes(n) for n in new)]
-        trial = problem.fit([*kept, *new], fit.noise, inexact=fit.inexact)
-        wrong = [t for t in new if not allowed(problem, trial, t)]
-        if not wrong:
-            paid = sum(map(price, new)) - sum(price(t) for t in fit.terms if t not in kept)
-            score = trial.loglik - fit.loglik - paid
-            return Proposal(tuple(new), score, trial) if score > 0.0 else None
-        new = [t for t in new if t not in wrong]
-    return None
-
-
-def refined(problem: Problem, library: Library, proposal: Proposal) -> Proposal:
-    """A proposal with its knobs where the rows are the most likely."""
-    fit = refine(problem, library, proposal.fit, proposal.terms)
-    terms = fit.terms[len(fit.terms) - len(proposal.terms) :]
-    return Proposal(terms, proposal.score + fit.loglik - proposal.fit.loglik, fit)
 
 
 def _solve(information: FloatArray, score: FloatArray, own: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -270,3 +251,44 @@ def forms(problem: Problem, library: Library, fit: Fit, present: Term) -> list[T
         if trials:
             found.append(max(trials, key=lambda x: x[0])[1])
     return found
+
+
+def met(problem: Problem, library: Library, fit: Fit) -> Fit:
+    """The fit with one event in place of two that were apart and have met."""
+    while pair := next((p for p in combinations(fit.terms, 2) if p[0].instant is not None and p[0].excludes(p[1])), None):
+        alone = [[t for t in fit.terms if t is not x] for x in pair]
+        fits = [problem.fit(terms, fit.noise, inexact=fit.inexact) for terms in alone]
+        dated = [refine(problem, library, x, [t for t in x.terms if t.instant is not None]) for x in fits]
+        fit = max(dated, key=lambda x: x.loglik)
+    return fit
+
+
+def proposal(problem: Problem, fit: Fit, terms: list[Term], possible: Possible, price: Price) -> Proposal | None:
+    """Terms beside those of a fit, without what excludes them; None where those that physics allows do not gain their price."""
+    new = list(terms)
+    while new:
+        kept = [t for t in fit.terms if not any(t.excludes(n) for n in new)]
+        trial = problem.fit([*kept, *new], fit.noise, inexact=fit.inexact)
+        wrong = [t for t in new if not possible(trial, t)]
+        if not wrong:
+            score = trial.loglik - fit.loglik - sum(map(price, new)) + sum(price(t) for t in fit.terms if t not in kept)
+            return Proposal(tuple(new), score, trial) if score > 0.0 else None
+        new = [t for t in new if t not in wrong]
+    return None
+
+
+def refined(problem: Problem, library: Library, found: Proposal) -> Proposal:
+    """A proposal with its knobs where the rows are the most likely."""
+    fit = refine(problem, library, found.fit, found.terms)
+    terms = fit.terms[len(fit.terms) - len(found.terms) :]
+    return Proposal(terms, found.score + fit.loglik - found.fit.loglik, fit)
+
+
+def event(
+    problem: Problem, library: Library, fit: Fit, events: Sequence[Term], possible: Possible, price: Price
+) -> Proposal | None:
+    """The event beside the terms of a fit that gains the most, dated; None where none gains its price."""
+    scorer, new = Scorer(problem, fit), [t for t in events if not any(t.same(x) for x in fit.terms)]
+    best = max(new, key=lambda t: scorer.whole(t).gain - price(t), default=None)
+    found = best and proposal(problem, fit, [best], possible, price)
+    return refined(problem, library, found) if found else None

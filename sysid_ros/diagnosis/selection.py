@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from functools import partial
-from itertools import combinations
 
 from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.covariance import dry_friction
@@ -13,23 +13,21 @@ from sysid_ros.diagnosis.heldout import HeldOut, no_worse
 from sysid_ros.diagnosis.knobs import made_anew, refine
 from sysid_ros.diagnosis.library import Library, SetPrior
 from sysid_ros.diagnosis.posterior import Posterior, posterior_of
-from sysid_ros.diagnosis.prepare import SCALES, before_gains, torques
-from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, forms, refined, tried
+from sysid_ros.diagnosis.prepare import before_gains, torques
+from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, event, forms, met, proposal, refined
 from sysid_ros.diagnosis.set_search import SetSearch
 from sysid_ros.diagnosis.sets.state import State
 from sysid_ros.diagnosis.sets.stretches import Rows
-from sysid_ros.diagnosis.term import Term, best_of_each, joined
+from sysid_ros.diagnosis.term import Term, best_of_each, joined, one_on_each
 from sysid_ros.effects import EFFECTS, Effect
 from sysid_ros.sample import FloatArray
 
 Key = tuple[str, tuple[int, ...]]
 
-_TRIED_IN_FULL = 10
+_TRIED_IN_FULL, _REFINED, _MOST_STEPS = 10, 4, 24
 _SCREENED = 0.5
 """Part of its price that a term must seem to gain with the noise as it is: what no term explains was taken for slow noise, and a
 term gains more once the noise is found anew."""
-_REFINED = 4
-_MOST_STEPS = 24
 _AGAIN = 2
 """How often the knobs of what is usual are searched, each time near the last; and how often what does not stay is proposed."""
 _USUAL = 0.5
@@ -64,9 +62,31 @@ class Selection:
         self.fit = problem.fit(usual, inexact=True)
         for _ in range(_AGAIN):
             self._again(lambda t: bool(t.effect.knobs))
-        self.pool: list[Term] = list(self.fit.terms)
-        self._looked: set[tuple[object, frozenset[Key]]] = set()
+        self.pool, self._looked = list(self.fit.terms), set[tuple[object, frozenset[Key]]]()
         self._dropped: list[tuple[Term, frozenset[Key]]] = []  # with what they could not stay beside; any climb may take them
+
+    def on(self, problem: Problem, library: Library, nominal: Sequence[FloatArray]) -> Selection:
+        """What was found, and all that was proposed, on other rows of the same robot."""
+        other, links = copy(self), [m.link_torque for m in library.motions]
+        other.problem, other.library, other._nominal, other._links = problem, library, nominal, links
+        other._allowed = partial(allowed, problem)
+        other._joints, other._whole, other._dropped = [int(j) for j in problem.active], [], []
+        other._screen, other.prior = ComplianceScreen(library), SetPrior(library, other._joints)
+        made = {key: library.remake(t) for key, t in {t.exact_key: t for t in [*self.pool, *self.fit.terms]}.items()}
+        problem.scale, other.pool = self.problem.scale, list(made.values())
+        problem.correct(library.correction(terms := [made[t.exact_key] for t in self.fit.terms]))
+        other.fit = problem.fit(terms, self.fit.noise, inexact=self.fit.inexact)
+        return other
+
+    def settle(self) -> None:
+        """The most probable set that is reached from the present one, with events that lay between the rows before."""
+        self.refresh()
+        self.date()
+        self._again(lambda t: bool(t.effect.knobs) and t.instant is None)
+        events = self.library.whole_options(lambda kind: bool(kind.instant))
+        while step := event(self.problem, self.library, self.fit, events, self._allowed, self.price):
+            self.fit, self.pool = step.fit, [*self.pool, *step.terms]
+        self.climb()
 
     def price(self, term: Term) -> float:
         """Likelihood that a term must gain: what its parameters cost a prediction (one each), and how unusual it is here."""
@@ -74,7 +94,7 @@ class Selection:
 
     def run(self) -> Fit:
         """The most probable set."""
-        settled: set[frozenset[Key]] = set()
+        settled = set[frozenset[Key]]()
         for _ in range(_MOST_STEPS):
             step, before = self.propose(), self._keys()
             if step is not None:
@@ -119,22 +139,19 @@ class Selection:
     def climb(self, thorough: bool = True) -> None:
         """The most probable set that is reached from the present one, with columns that are made of its own torques.
 
-        While sets are compared a gain's column is made of the torques of the set that the climb began with: what loads the arm
-        may leave, and all gains with lighter links stand in for it. Where such columns, made of the torques of the set that was
-        reached, explain less by more than the price of a term, the climb begins again without them.
+        While sets are compared a gain is one of the torques that the climb began with: what made them may leave, and gains with
+        lighter links stand in for it. Where columns of the set that was reached explain less, it begins again without them.
         """
-        before, without = self.fit, set[Key]()
+        without = set[Key]()
         while True:
-            asked = [t for t in self._asked() if t.key not in without]
+            before, asked = self.fit, [t for t in self._asked() if t.key not in without]
             self.fit = self._climbed([(self.problem, lambda term: term)], asked, thorough)[1]
             self._dropped += [(t, self._keys(t)) for t in before.terms if t not in self.fit.terms]
             new = {t.key for t in self.fit.terms if t.on_torques} - {t.key for t in before.terms}
             if not self._stale() or not new:
                 return
-            without |= new
-            self.fit = before
+            self.fit, without = before, without | new
             self.refresh()
-            before = self.fit
 
     def judged_with(self, held: HeldOut) -> Posterior:
         """The most probable set, and how probable its terms are, by what is predicted of fitted and of held-out recordings."""
@@ -181,11 +198,8 @@ class Selection:
 
     def _search(self, rows: Sequence[Rows], asked: Sequence[Term], noise: RowNoise) -> tuple[SetSearch, State]:
         """A search among the fit's terms and others, and its state at the fit."""
-        terms = list(self.fit.terms)
-        pool = [*terms, *(t for t in asked if t not in terms)]
-        scale = SCALES.index(self.problem.scale) if self.fit.inexact else 0
-        search = SetSearch(self.problem, rows, pool, self.prior, noise, dry_friction(self.library.robot, self.fit), self._allowed)
-        return search, search.state(range(len(terms)), scale)
+        dry = dry_friction(self.library.robot, self.fit)
+        return SetSearch.from_fit(self.problem, self.fit, rows, asked, self.prior, noise, dry, self._allowed)
 
     def _climbed(self, rows: Sequence[Rows], asked: Sequence[Term], thorough: bool = True) -> tuple[State, Fit, SetSearch]:
         noise = self.fit.noise
@@ -216,15 +230,7 @@ class Selection:
         """Find the times of events anew, with all that was found after them."""
         before = self.fit
         self._again(lambda t: t.instant is not None)
-        self.fit = max(self.fit, before, key=lambda fit: fit.loglik)
-        # two that were apart may have met: they are one
-        while pair := next(
-            (p for p in combinations(self.fit.terms, 2) if p[0].instant is not None and p[0].excludes(p[1])), None
-        ):
-            alone = [[t for t in self.fit.terms if t is not x] for x in pair]
-            fits = [self.problem.fit(terms, self.fit.noise, inexact=self.fit.inexact) for terms in alone]
-            dated = [refine(self.problem, self.library, fit, [t for t in fit.terms if t.instant is not None]) for fit in fits]
-            self.fit = max(dated, key=lambda fit: fit.loglik)
+        self.fit = met(self.problem, self.library, max(self.fit, before, key=lambda fit: fit.loglik))
 
     def _again(self, which: Callable[[Term], bool]) -> None:
         self.fit = refine(self.problem, self.library, self.fit, list(filter(which, self.fit.terms)))
@@ -245,7 +251,7 @@ class Selection:
         """Every step forward that gains its price, but for one effect and some terms; the likeliest are refined."""
         scorer = Scorer(self.problem, self.fit)
         groups: list[tuple[float, list[Term]]] = []
-        each: dict[int, tuple[float, Term]] = {}
+        local: list[tuple[float, Term]] = []
         for name in self.library.of_joints:
             if EFFECTS[name] is without or EFFECTS[name].includes:  # the latter are tried in the place of others only
                 continue
@@ -256,11 +262,8 @@ class Selection:
                 if better:
                     groups.append((sum(gain for gain, _ in better), [term for _, term in better]))
             groups += [(gain, [term]) for gain, term in gains if gain <= 0.0]
-            for gain, term in gains:
-                if gain > each.get(term.joints[0], (0.0, term))[0]:
-                    each[term.joints[0]] = gain, term
-        if len({term.kind for _, term in each.values()}) > 1:
-            groups.append((sum(gain for gain, _ in each.values()), [term for _, term in each.values()]))
+            local += gains
+        groups += one_on_each(local)
         for term in [*self._whole, *self._screen.terms(self.fit)]:
             if term.kind is without or self._tried(term) or any(term.same(t) for t in self.fit.terms):
                 continue
@@ -269,10 +272,8 @@ class Selection:
             if score.gain > _SCREENED * price and term.possible(score.theta[: term.p], score.std[: term.p]):
                 groups.append((score.gain - price, group))
         groups = best_of_each(groups)
-        proposals = [
-            p for _, terms in groups[:_TRIED_IN_FULL] if (p := tried(self.problem, self.fit, terms, self.price)) is not None
-        ]
-        proposals.sort(key=lambda p: -p.score)
+        found = [proposal(self.problem, self.fit, terms, self._allowed, self.price) for _, terms in groups[:_TRIED_IN_FULL]]
+        proposals = sorted((p for p in found if p is not None), key=lambda p: -p.score)
         return [refined(self.problem, self.library, p) for p in proposals[:_REFINED]] + proposals[_REFINED:]
 
     def _best_options(self, scorer: Scorer, name: str, joint: int) -> list[Score]:
@@ -290,8 +291,7 @@ class Selection:
         return any(term.excludes(other) for other in self.fit.terms)
 
     def _tried(self, term: Term) -> bool:
-        """True for what could not stay beside the present terms, or did not stay beside several others: it is in the pool, from
-        which any climb may take it."""
+        """True for what did not stay beside the present terms, or beside several others: any climb may take it from the pool."""
         beside = [keys for t, keys in self._dropped if term.same(t)]
         return len(beside) >= _AGAIN or self._keys(term) in beside
 

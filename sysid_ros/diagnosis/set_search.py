@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from itertools import combinations, islice, product
+from itertools import islice
 
 import numpy as np
 
@@ -14,10 +14,10 @@ from sysid_ros.diagnosis.left_out import LeftOut
 from sysid_ros.diagnosis.library import SetPrior
 from sysid_ros.diagnosis.prepare import SCALES, scales_beside
 from sysid_ros.diagnosis.sets.link_scales import LinkScales, occam_factor
+from sysid_ros.diagnosis.sets.moves import instead_of, several
 from sysid_ros.diagnosis.sets.state import Move, Parameters, State, Weighed
 from sysid_ros.diagnosis.sets.stretches import Indices, Rows
-from sysid_ros.diagnosis.term import Term, best_of_each_joint, conflicts, overlap
-from sysid_ros.effects import forms_of
+from sysid_ros.diagnosis.term import Term, conflicts
 from sysid_ros.sample import FloatArray
 
 _MOVES, _TRIED = 200, 6
@@ -58,6 +58,23 @@ class SetSearch:
         self._weighed: dict[tuple[tuple[int, ...], int], Weighed] = {}
         self._state: State | None = None
         self._last_scales: tuple[tuple[int, ...], LinkScales] | None = None
+
+    @classmethod
+    def from_fit(
+        cls,
+        problem: Problem,
+        fit: Fit,
+        rows: Sequence[Rows],
+        asked: Sequence[Term],
+        prior: SetPrior,
+        noise: RowNoise,
+        dry: FloatArray,
+        allowed: Allowed,
+    ) -> tuple[SetSearch, State]:
+        """A search among a fit's terms and others, and its state at the fit."""
+        pool = [*fit.terms, *(t for t in asked if t not in fit.terms)]
+        search = cls(problem, rows, pool, prior, noise, dry, allowed)
+        return search, search.state(range(len(fit.terms)), SCALES.index(problem.scale) if fit.inexact else 0)
 
     def state(self, members: Sequence[int], scale: int) -> State:
         """A set with all that follows from it."""
@@ -243,58 +260,25 @@ class SetSearch:
 
     def _several(self, state: State) -> list[Move]:
         """Sets with an effect on all joints or on none, one term in place of another or of two, two in place of one, less two."""
-        moves = []
-        members = set(state.members)
+        wanted = several(self.pool, self._against, state.members, most_pairs=2 * _TRIED)
+        each = [x for gone, new in wanted.items() for x in self._in_place(state, gone, new)]
+        return [(self._score(likelihood, found) - state.narrowed, found, state.scale) for found, likelihood in each]
 
-        def moved(gone: set[int], new: set[int]) -> None:
-            if not new:
-                likelihood = self.left_out.likelihood_without(state.predicted, self._where(state, gone))
-            else:
-                less = self.left_out.without(state.predicted, self._where(state, gone)) if gone else state.predicted
-                at = np.concatenate([self._at[i] for i in sorted(new)])
-                likelihood = self.left_out.plus(less, [at], [np.concatenate([self._prior[i] for i in sorted(new)])])[0]
-            found = tuple(sorted((members - gone) | new))
-            moves.append((self._score(likelihood, found) - state.narrowed, found, state.scale))
-
-        for kind in dict.fromkeys(t.kind for t in self.pool if t.joint is not None):
-            own = {i for i in best_of_each_joint(self.pool, kind, members) if not self._against[i] & members}
-            if len(own - members) > 1:
-                moved(set(), own - members)
-            present = {i for i in members if self.pool[i].kind is kind and self.pool[i].joint is not None}
-            if len(present) > 1:
-                moved(present, set())
-            for other in forms_of(kind.family):
-                rows = {self.pool[i].joint for i in present}
-                others = {i for i in best_of_each_joint(self.pool, other, members) if self.pool[i].joint in rows}
-                if other is not kind and len(others) > 1:
-                    replaced = {i for i in present if self.pool[i].joint in {self.pool[k].joint for k in others}}
-                    moved(replaced, {i for i in others if not self._against[i] & (members - replaced)})
-        few = [k for k in state.members if not self.pool[k].expected]
-        for found, likelihood in self.replaced(state, few):
-            moves.append((self._score(likelihood, found) - state.narrowed, found, state.scale))
-        for k in few:
-            beside = [m for m in state.members if m != k and self.pool[m].row == self.pool[k].row is not None]
-            forms = [i for i, t in enumerate(self.pool) if i != k and t.key == self.pool[k].key]
-            for i, m in product(forms, beside):
-                moved({k, m}, {i})
-        for k in members:
-            apart = [i for i in self._against[k] if self.pool[i].row == self.pool[k].row is not None]
-            alone = [i for i in apart if not self._against[i] & (members - {k})]
-            for a, b in combinations(alone, 2):
-                if self.pool[a].kind is not self.pool[b].kind and b not in self._against[a]:
-                    moved({k}, {a, b})
-        for a, b in combinations(few, 2):
-            if len(few) <= 2 * _TRIED and overlap(self.pool[a], self.pool[b]):
-                moved({a, b}, set())
-        return moves
+    def _in_place(
+        self, state: State, gone: frozenset[int], each: Sequence[list[int]]
+    ) -> list[tuple[tuple[int, ...], FloatArray]]:
+        """Members and likelihood of the sets with groups of others, empty ones among them, in place of some terms."""
+        rest, some = set(state.members) - gone, [new for new in each if new]
+        less = self.left_out.without(state.predicted, self._where(state, gone)) if gone else state.predicted
+        at, prior = ([np.concatenate([x[i] for i in new]) for new in some] for x in (self._at, self._prior))
+        likelihood = self.left_out.plus(less, at, prior)
+        out = [(tuple(sorted(rest.union(new))), x) for new, x in zip(some, likelihood, strict=True)]
+        return out if len(some) == len(each) else [*out, (tuple(sorted(rest)), less.likelihood)]
 
     def replaced(self, state: State, gone: Sequence[int]) -> list[tuple[tuple[int, ...], FloatArray]]:
         """Sets in which a term takes the place of one of some that loads the same joints."""
         out = []
         for k in gone:
-            rest = set(state.members) - {k}
-            free = [i for i in range(len(self.pool)) if i not in rest | {k} and not self._against[i] & rest]
-            new = [i for i in free if overlap(self.pool[i], self.pool[k])]
-            if new:
+            if new := instead_of(self.pool, self._against, state.members, k):
                 out += self._with_one_of(state, {k}, new)
         return out

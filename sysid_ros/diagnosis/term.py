@@ -135,6 +135,16 @@ class Term:
         return self.effect.excludes(other.effect) or other.effect.excludes(self.effect)
 
 
+def one_on_each(gains: Sequence[tuple[float, Term]]) -> list[tuple[float, list[Term]]]:
+    """The best term of each joint together, with what they gain; none where they are all of one effect."""
+    best: dict[int, tuple[float, Term]] = {}
+    for gain, term in gains:
+        if gain > best.get(term.joints[0], (0.0, term))[0]:
+            best[term.joints[0]] = gain, term
+    terms = [term for _, term in best.values()]
+    return [(sum(gain for gain, _ in best.values()), terms)] if len({t.kind for t in terms}) > 1 else []
+
+
 def depends_on_torques(kind: type[Effect]) -> bool:
     """True where an effect's columns depend on the torque of the links or of the drives."""
     return bool(kind.depends_on & {Depends.LOAD, Depends.DRIVE})
