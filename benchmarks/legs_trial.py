@@ -52,10 +52,10 @@ _OFF = {"mass_error": 0.02}
 CONDITIONS: dict[str, Condition] = {
     "plain": Condition(),
     "links 2 %": Condition(_OFF),
-    "links 2 %, no sphere": Condition(_OFF | {"foot_spheres": False}, wider=1.5),
-    "links 2 %, tared": Condition(_OFF | {"pick_time": 6.0, "duration": 18.0}, tared=True),
+    "links 2 % no sphere": Condition(_OFF | {"foot_spheres": False}, wider=1.5),
+    "links 2 % tared": Condition(_OFF | {"pick_time": 6.0, "duration": 18.0}, tared=True),
     "empty": Condition(_OFF, loaded=False),
-    "empty, tared": Condition(_OFF, loaded=False, tared=True),
+    "empty tared": Condition(_OFF, loaded=False, tared=True),
     "picked": Condition(PICKED),
     "no sphere": Condition({"foot_spheres": False}, wider=1.5),
     "IMU tilted 3 deg": Condition({"imu_tilt": (0.04, -0.035, 0.0)}),
@@ -105,10 +105,15 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """What became of a recording: mass of load and robot [kg], error [kg] at the end of the load and its standard deviation,
-    of which the links are off [kg], error of the com across gravity [m], status, whether the mass is as near as it should be, and would be
-    were the links' known, estimates that count, of
-    those with status ok, of those beyond 3 std, the largest error of those over std, events, and how late they were [s]."""
+    """What became of a recording.
+
+    Attributes:
+        mass, robot: of load and robot [kg]. error, std: of the mass at the end of the load, and its standard deviation [kg].
+        links: of which the described links' masses are off [kg]. com: error of the load's place across gravity [m].
+        near: the mass is as near as is asked. beside: it would be, were the links known. count, ok: estimates that count, of
+            those with status ok. bad: of those beyond 3 std. worst: the largest error of those over std.
+        false, missed: events. late: how far from the change each event is [s]. named: what is said of the IMU.
+    """
 
     task: Task
     mass: float

@@ -267,7 +267,7 @@ class OnlineEstimation:
         if asked and self._free.tilt is not None and self._free.tilt.told:
             self._warnings["tilt"] = self._free.tilt.told
         status, reason = judgement.status(estimate, self.estimator, float(theta[0]), float(std[0]))
-        doubted = "inconsistent" if status == "inconsistent" else ""
+        inconsistent = status == "inconsistent"
         if self._changes.trial is not None or self._changes.standstill.told:
             status, reason = self._changes.status(t, status, reason)
         if status == "ok":
@@ -278,8 +278,7 @@ class OnlineEstimation:
             doubt = self._doubt(0.0) / float(std[0])
             reason = name_imu(self._free.legs, self._stances, self.estimator, status, reason, doubt, self._warnings)
         self._warnings.pop("inconsistent", None)
-        if doubted:
-            self._warnings[doubted] = reason
+        self._warnings |= {"inconsistent": reason} if inconsistent else {}
         if status != "warming_up" and (self.base is not None or t <= self._log.open_until):
             self._log.refine(t, float(theta[0]))
         if self._set_down is not None and status in ("ok", "no_payload"):

@@ -34,6 +34,11 @@ class GaitSequence:
         self._now = self._next(0.0) if self._mixed else LeggedGait(gait, feet, rng, extent, speed)
 
     @property
+    def name(self) -> str:
+        """Of the gait of now."""
+        return self._now.gait
+
+    @property
     def stands(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
         """Which feet are wanted on the ground, shape (4,)."""
         return self._now.stands

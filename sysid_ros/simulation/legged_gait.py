@@ -22,7 +22,7 @@ _BLEND = 1.0
 _SHIFT = 0.25
 """How far the trunk moves away from a foot that is to be lifted, as a part of the foot's distance."""
 _SIDE, _LEANS = 0.33, 0.12
-"""The same of a crawl, to the other side; and the part of the cycle before and after the middle of a side's two steps for which the
+"""The same of a crawl, to the other side; and for which part of the cycle before and after the middle of a side's two steps the
 trunk stays there."""
 _CYCLES = {"step": (8.0, 0.94), "crawl": (5.0, 0.9), "trot": (0.55, 0.6), "turn": (0.55, 0.6), "flying_trot": (0.5, 0.42)}
 """Period of the cycle [s] of a robot of half a metre of leg, and share of it that a foot stands."""

@@ -14,8 +14,8 @@ from sysid_ros.simulation.scenario import CONTROL_RATE
 
 OWN = (
     "robot", "leg_friction", "leg_damping", "rotor_inertia", "mass_error", "foot_spheres", "encoder_step", "imu_rate",
-    "imu_delay", "imu_low_pass", "imu_tilt", "imu_lever", "contact_delay", "push_time", "trunk_com", "motion", "grip",
-    "sink", "stairs", "shift_time",
+    "imu_delay", "imu_low_pass", "imu_tilt", "imu_lever", "contact_delay", "push_time", "trunk_com", "motion", "stairs",
+    "shift_time",
 )  # fmt: skip
 """Settings that only this simulator has."""
 
@@ -31,7 +31,7 @@ class LeggedScenario(QuadrupedScenario):
     and the ropes of ``hoist_time``.
 
     Attributes:
-        robot: its name among the packaged ones, or the path of its URDF. gait: one of :data:`.LEGGED_GAITS`, or 'mixed', all in turn.
+        robot: its name among the packaged ones, or the path of its URDF. gait: one of :data:`.LEGGED_GAITS`, or 'mixed'.
         leg_friction, leg_damping, rotor_inertia: of the joints on the mean [N m], [N m s/rad], [kg m^2]; each joint has from 0.7
             to 1.3 times as much, and the efforts are the motors'.
         mass_error: standard deviation of each link's mass beside that of the description, as a part of it.
@@ -44,7 +44,6 @@ class LeggedScenario(QuadrupedScenario):
         imu_lever: where it sits beside what the description tells, shape (3,) [m].
         contact_delay: of the messages of the feet [s].
         motion: path of a joint trajectory that is followed instead of a gait, as ``sysid excite`` writes it; empty: none.
-        grip: Coulomb coefficient of the feet. sink: how far a foot that carries a quarter of the robot sinks in [m].
         stairs: rise of steps that go up and down, ahead and behind [m]; 0: the ground is even.
         shift_time: the load slips to ``SHIFT`` beside its place then [s]; None: never.
         push_time: the trunk is pushed to the side for 0.3 s with a quarter of the weight [s]; None: never.
@@ -69,8 +68,6 @@ class LeggedScenario(QuadrupedScenario):
     contact_delay: float = 0.0
     push_time: float | None = None
     motion: str = ""
-    grip: float = 0.8
-    sink: float = 0.0
     stairs: float = 0.0
     shift_time: float | None = None
     gaits: ClassVar[Sequence[str]] = (*LEGGED_GAITS, MIXED)
@@ -95,8 +92,6 @@ class LeggedScenario(QuadrupedScenario):
         self.require(
             not self.motion or self.gait == "stand", "motion", "left out with a gait: the robot follows one or the other"
         )
-        self.require(0.2 <= self.grip <= 2.0, "grip", "from 0.2 to 2")
-        self.require(0.0 <= self.sink <= 0.05, "sink", "from 0 to 0.05 m")
         self.require(0.0 <= self.stairs <= 0.15, "stairs", "from 0 to 0.15 m")
         shifted = self.shift_time is None or (self.payload_mass is not None and 0.0 <= self.shift_time < self.duration)
         self.require(shifted, "shift_time", "from 0 s to before the end, of a robot that carries something")

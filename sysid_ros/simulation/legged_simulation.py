@@ -244,6 +244,8 @@ class LeggedSimulation(Simulation[QuadrupedState]):
             slope=s.slope,
             slope_heading=s.slope_heading,
             foot_radius=self.legged.radius.tolist(),
+            grip=s.grip,
+            sink=s.sink,
             links_off=self.world.heavier,
             shifted=s.shift_time and {"theta": self.shifted.theta.tolist()},
             hidden={name: values.tolist() for name, values in self.hidden.items()},

@@ -39,7 +39,8 @@ class LeggedWorld:
 
     Attributes:
         q, v: of the joints at the begin of the next step, in the order of the model, shape (n,). trunk: the trunk then.
-        scale: as given. heavier: by how much all links are, by it [kg]. acceleration: of the trunk's origin in the last step, in the world, shape (3,) [m/s^2].
+        scale: as given. heavier: by how much all links are, by it [kg].
+        acceleration: of the trunk's origin in the last step, in the world, shape (3,) [m/s^2].
         forces: of the ground on the feet in the last step, in the world, shape (k, 3) [N].
 
     Raises:
@@ -73,7 +74,7 @@ class LeggedWorld:
         self._feet = [model.geom(f"{name} foot").id for name in robot.base.contact_frames]
         self._ground = {model.geom(name).id for name in ("ground", *(f"step {k}" for k in range(len(ground.boxes()))))}
         if ground.sink > 0.0:
-            self._soften(robot.base.mass * 9.81 / 4.0, ground.sink)
+            self._soften(robot.base.mass * 9.81 / 4.0, ground)
         self._empty = self._inertial()
         self._data = mujoco.MjData(model)
         mujoco.mj_setConst(model, self._data)
@@ -86,16 +87,17 @@ class LeggedWorld:
         axes = rotation.reshape(3, 3)
         return inertial_parameters.from_com(float(m.body_mass[b]), m.body_ipos[b], axes @ np.diag(m.body_inertia[b]) @ axes.T)
 
-    def _soften(self, force: float, sink: float) -> None:
-        """Let feet sink in [m] under a force [N], as a spring does, damped without an overshoot.
+    def _soften(self, force: float, ground: LeggedGround) -> None:
+        """Let feet sink in under a force [N], as a spring does, damped without an overshoot.
 
-        With the impedance d of a contact and the inverse inertia A that MuJoCo reckons with there, a force f at rest needs
-        ``k x = f A (1 - d) / d`` of the reference acceleration (MuJoCo's documentation, Computation, "Constraint model").
+        With the impedance d of a contact, the inverse inertia A that MuJoCo reckons with there and the grip c, a force f that the
+        four edges of the friction pyramid share needs a reference acceleration ``k x = f A (1 - d) / d c^2 (1 + c^2) / 2`` at
+        rest (MuJoCo's documentation, Computation, "Constraint model").
         """
-        m = self._model
+        m, grip = self._model, ground.grip**2
         for geom in self._feet:
-            inverse = float(m.body_invweight0[m.geom_bodyid[geom], 0])
-            stiffness = force * inverse * (1.0 - _SOFT) / (_SOFT * sink)
+            inverse = float(m.body_invweight0[m.geom_bodyid[geom], 0]) * 0.5 * grip * (1.0 + grip)
+            stiffness = force * inverse * (1.0 - _SOFT) / (_SOFT * ground.sink)
             # given to MuJoCo they are divided by the square of the impedance, and by the impedance
             m.geom_solref[geom] = -stiffness * _SOFT**2, -2.0 * np.sqrt(stiffness) * _SOFT
             m.geom_solimp[geom] = _SOFT, _SOFT, 0.001, 0.5, 2.0
@@ -187,9 +189,7 @@ def _compiled(robot: LeggedRobot, ground: LeggedGround) -> mujoco.MjModel:
         spec.body(robot.base.trunk).add_freejoint()
         touch = {"solref": [float(x) for x in _HARD.split()], "solimp": [0.95, 0.995, 0.0005, 0.5, 2.0]}
         slippery, box = [ground.grip, 0.0, 0.0], mujoco.mjtGeom.mjGEOM_BOX
-        spec.worldbody.add_geom(
-            name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0], friction=slippery, **touch
-        )
+        spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0], friction=slippery, **touch)
         for k, (centre, half) in enumerate(ground.boxes()):
             spec.worldbody.add_geom(name=f"step {k}", type=box, pos=centre, size=half, friction=slippery, **touch)
         centres = robot.base.contacts.offsets
