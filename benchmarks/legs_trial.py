@@ -198,8 +198,8 @@ def _messages(record: LeggedRecord | QuadrupedRecord, contacts: str) -> Iterator
 
 def estimated(
     record: LeggedRecord | QuadrupedRecord, condition: Condition
-) -> tuple[list[PayloadEstimate], list[PayloadEvent], float]:
-    """All estimates of a recording, the events, and what the robot weighs [kg]."""
+) -> tuple[list[PayloadEstimate], list[PayloadEvent], float, str]:
+    """All estimates of a recording, the events, what the robot weighs [kg], and what was warned of."""
     legs, settings = RobotModel.from_urdf(record.urdf), OnlineSettings(contact_frames=tuple(record.truth["contact_frames"]))
     estimation = OnlineEstimation(legs, settings)
     assert estimation.base is not None
@@ -213,7 +213,7 @@ def estimated(
             estimate = estimation.step(measurement)
             if estimate is not None:
                 series.append(estimate)
-    return series, estimation.events, estimation.base.mass
+    return series, estimation.events, estimation.base.mass, " ".join(estimation.warnings)
 
 
 def _theta(truth: dict[str, Any], kind: str) -> FloatArray:
@@ -224,7 +224,7 @@ def _theta(truth: dict[str, Any], kind: str) -> FloatArray:
 def judged(task: Task, record: LeggedRecord | QuadrupedRecord) -> Trial:
     """What became of a recording."""
     condition, truth = CONDITIONS[task.condition], record.truth
-    series, events, robot = estimated(record, condition)
+    series, events, robot, warned = estimated(record, condition)
     changes = [(e["t"], _theta(truth, e["kind"])) for e in truth["events"]]
     happened = [t for t, _ in changes if t > START + 0.5]
     begin = START + max(WARM, TARE_TIME if condition.tared else 0.0)
@@ -250,7 +250,7 @@ def judged(task: Task, record: LeggedRecord | QuadrupedRecord) -> Trial:
         task, float(theta[0]), robot, error, last.mass_std, links, com, last.status, bool(abs(error) <= most),
         bool(abs(error - (0.0 if condition.tared else links)) <= most), len(counted), len(ok),
         sum(x > 3.0 for x in off), max(off, default=0.0), false, sum(x >= SEEN for x in late), [x for x in late if x < SEEN],
-        last.reason if any(x in last.reason for x in NAMED) else "",
+        next((x for x in NAMED if x in last.reason + warned), ""),
     )  # fmt: skip
 
 

@@ -132,6 +132,23 @@ def test_an_imu_that_is_tilted_is_named() -> None:
     assert abs(result.final.mass - 3.0) < 3.0 * result.final.mass_std
 
 
+@pytest.mark.parametrize("delay", [0.01, 0.02])
+def test_an_imu_whose_stamps_are_late_is_named_and_put_right(delay: float) -> None:
+    scenario = LeggedScenario(gait="trot", duration=13.0, seed=16, imu_delay=delay, **ROUGH)
+    estimation, result = told(simulate_legged(scenario, start_time=1000.0))
+    assert any("ms late against the joints; its stamps are corrected" in sentence for sentence in result.warnings)
+    assert estimation.base is not None
+    legs, estimator = estimation._free.legs, estimation.estimator
+    assert legs is not None
+    assert legs.delay is not None
+    assert estimator is not None
+    left = float(estimator.theta[legs.delay][0])
+    assert estimation.base.setup.delay + left == pytest.approx(delay, abs=1.5e-3)
+    assert result.final.status == "ok"
+    assert abs(result.final.mass - 3.0) < 3.0 * result.final.mass_std
+    assert not result.events
+
+
 def walked(**settings: Any) -> tuple[LeggedRecord, list[TrunkState]]:
     """A recording, and the trunk at each of its messages."""
     simulation = LeggedSimulation(LeggedScenario(**{**ROUGH, **settings}))

@@ -70,17 +70,15 @@ class OnlineEstimation:
         self._warnings = {note: note for note in notes}
         self._changes = ChangeWatch(self._free, self._log)
         self._observable_std = _OBSERVABLE * self._free.prior_std[PAYLOAD]
-        self._enabled = True
+        self._enabled, self._next_publish = True, -math.inf
         self.latest: PayloadEstimate | None = None
         self.estimator: Estimator | None = None
         self._judgement: Judgement | None = None
         self._floor: FloatArray = np.zeros(0)
-        self._next_publish = -math.inf
         self._front_end: FrontEnd | None = None
         self._noise: float | None = None
-        self._spikes = 0
+        self._spikes, self._still = 0, 0.0
         self._cadence = Cadence(settings.max_gap)
-        self._still = 0.0
         self._ground = GroundContact(settings.sensor_timeout) if self.base else None
         self._set_down: float | None = None
 
@@ -223,8 +221,10 @@ class OnlineEstimation:
         if not due:
             return None
         self._next_publish = max(self._next_publish, rows.sample.t - front_end.period) + 1.0 / self.settings.publish_rate
-        self.latest = self._publish(estimate, rows, t, judgement, front_end.projection)
-        return self.latest
+        self.latest = published = self._publish(estimate, rows, t, judgement, front_end.projection)
+        if self._changes.trial is None and estimate.status == "ok" and (found := self._free.settle_legs(estimator)):
+            self.reset(found)
+        return published
 
     def _on_ground(self, rows: Rows, front_end: FrontEnd, ground: GroundContact) -> bool:
         """Whether a row is used; False while the feet do not carry the robot, or it has just been set down."""
