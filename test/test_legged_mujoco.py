@@ -132,9 +132,9 @@ def test_an_imu_that_is_tilted_is_named() -> None:
     assert abs(result.final.mass - 3.0) < 3.0 * result.final.mass_std
 
 
-@pytest.mark.parametrize("delay", [0.01, 0.02])
-def test_an_imu_whose_stamps_are_late_is_named_and_put_right(delay: float) -> None:
-    scenario = LeggedScenario(gait="trot", duration=13.0, seed=16, imu_delay=delay, **ROUGH)
+@pytest.mark.parametrize(("gait", "delay"), [("trot", 0.01), ("trot", 0.02), ("flying_trot", 0.01)])
+def test_an_imu_whose_stamps_are_late_is_named_and_put_right(gait: str, delay: float) -> None:
+    scenario = LeggedScenario(gait=gait, duration=13.0, seed=16, imu_delay=delay, **ROUGH)
     estimation, result = told(simulate_legged(scenario, start_time=1000.0))
     assert any("ms late against the joints; its stamps are corrected" in sentence for sentence in result.warnings)
     assert estimation.base is not None

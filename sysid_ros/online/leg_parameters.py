@@ -38,13 +38,13 @@ class LegParameters:
         drives: of the legs, None where they are not estimated. effects: free ones beside the payload, in order.
         prior_std: of their parameters, shape (p,).
         dry: where those of the drives stand among all free parameters. radius, delay, placement, bias: the same of these; None
-            where it is not free.
+            where it is not free. frame_index: of the payload's frame on the floating base.
     """
 
     def __init__(self, base: FloatingBase, frame: str, settings: OnlineSettings, known: Sequence[KnownEffect] | None) -> None:
         robot = base.robot
         s = settings
-        self._base, self._late = base, 0.0
+        self._base, self._late, self.frame_index = base, 0.0, robot.frame_id(frame)
         self.effects: list[Effect] = []
         self._prior: list[FloatArray] = []
         torques = None if known is None else TorqueModel(robot, [], known)
@@ -105,8 +105,8 @@ class LegParameters:
         return sentences
 
     def settle(self, estimator: Estimator) -> str:
-        """Correct the IMU's stamps by a delay that is surely larger than expected, so that what is left is one that a slope tells;
-        why all is estimated anew then, empty where it is not."""
+        """Correct the IMU's stamps by a delay that is surely larger than expected, so that what is left is one that a slope
+        tells; why all is estimated anew then, empty where it is not."""
         if self.delay is None or not estimator.noise_known:
             return ""
         theta, variance = estimator.marginal(slice(0, self.delay.stop))
