@@ -22,9 +22,14 @@ from sysid_ros.online.replay import Replay, replay
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.packaged import packaged
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.simulation.gait_sequence import MIXED, GaitSequence
+from sysid_ros.simulation.legged_gait import LEGGED_GAITS
+from sysid_ros.simulation.legged_ground import LeggedGround
 from sysid_ros.simulation.legged_record import LeggedRecord, simulate_legged
 from sysid_ros.simulation.legged_robot import LeggedRobot
 from sysid_ros.simulation.legged_scenario import LeggedScenario
+from sysid_ros.simulation.legged_simulation import LeggedSimulation
+from sysid_ros.simulation.trunk_state import TrunkState
 from sysid_ros.sources import BagSource
 
 pytestmark = pytest.mark.skipif(packaged("go2") is None, reason="example-robot-data is not installed (extra dev)")
@@ -127,6 +132,109 @@ def test_an_imu_that_is_tilted_is_named() -> None:
     assert abs(result.final.mass - 3.0) < 3.0 * result.final.mass_std
 
 
+@pytest.mark.parametrize(("gait", "delay"), [("trot", 0.01), ("trot", 0.02), ("flying_trot", 0.01)])
+def test_an_imu_whose_stamps_are_late_is_named_and_put_right(gait: str, delay: float) -> None:
+    scenario = LeggedScenario(gait=gait, duration=13.0, seed=16, imu_delay=delay, **ROUGH)
+    estimation, result = told(simulate_legged(scenario, start_time=1000.0))
+    assert any("ms late against the joints; its stamps are corrected" in sentence for sentence in result.warnings)
+    assert estimation.base is not None
+    legs, estimator = estimation._free.legs, estimation.estimator
+    assert legs is not None
+    assert legs.delay is not None
+    assert estimator is not None
+    left = float(estimator.theta[legs.delay][0])
+    assert estimation.base.setup.delay + left == pytest.approx(delay, abs=1.5e-3)
+    assert result.final.status == "ok"
+    assert abs(result.final.mass - 3.0) < 3.0 * result.final.mass_std
+    assert not result.events
+
+
+def walked(**settings: Any) -> tuple[LeggedRecord, list[TrunkState]]:
+    """A recording, and the trunk at each of its messages."""
+    simulation = LeggedSimulation(LeggedScenario(**{**ROUGH, **settings}))
+    exact, trunks = [], []
+    for state, _ in simulation.run(None):
+        exact.append(state)
+        trunks.append(simulation.world.trunk)
+    return LeggedRecord([], exact, [], 0.0, simulation.truth(), simulation.urdf), trunks
+
+
+def heading(trunk: TrunkState) -> float:
+    return float(np.arctan2(trunk.rotation[1, 0], trunk.rotation[0, 0]))
+
+
+def test_a_crawl_goes_ahead_and_lifts_one_foot_at_a_time() -> None:
+    record, trunks = walked(gait="crawl", duration=8.0, seed=1)
+    standing = np.array([state.contacts for state in record.exact]).sum(axis=1)
+    assert np.mean(standing >= 3) > 0.9
+    assert np.mean(standing == 3) > 0.2
+    assert np.hypot(*(trunks[-1].position - trunks[0].position)[:2]) > 0.05
+
+
+def test_a_turn_stays_on_the_spot() -> None:
+    _, trunks = walked(gait="turn", duration=4.0, seed=1)
+    assert abs(heading(trunks[-1]) - heading(trunks[0])) > 0.5
+    assert np.hypot(*(trunks[-1].position - trunks[0].position)[:2]) < 0.1
+
+
+@pytest.mark.parametrize("robot", ["go2", "anymal"])
+@pytest.mark.parametrize("sink", [0.005, 0.02])
+def test_feet_sink_into_soft_ground_as_far_as_is_asked(robot: str, sink: float) -> None:
+    if packaged(robot) is None:
+        pytest.skip(f"{robot} is not packaged")
+    hard, soft = (LeggedSimulation(LeggedScenario(robot=robot, duration=1.0, sink=depth)) for depth in (0.0, sink))
+    heights = []
+    for simulation in (hard, soft):
+        for _ in simulation.run(None):
+            pass
+        heights.append(simulation.world.trunk.position[2])
+    assert heights[0] - heights[1] == pytest.approx(sink, rel=0.25)
+
+
+def test_stairs_are_climbed() -> None:
+    ground = LeggedGround(rise=0.04)
+    assert [round(ground.height(x), 3) for x in (0.0, 0.6, -0.6, 1.5, 1.8, 2.7)] == [0.0, 0.04, 0.04, 0.16, 0.12, 0.0]
+    tops = {(round(float(c[0]), 3), round(float(c[2] + h[2]), 3)) for c, h in ground.boxes()}
+    assert all(ground.height(x) == pytest.approx(top) for x, top in tops)
+    _, trunks = walked(gait="trot", duration=7.0, seed=1, stairs=0.04, speed=0.4)
+    assert max(trunk.position[2] for trunk in trunks) > trunks[0].position[2] + 0.03
+
+
+def test_feet_slip_on_slippery_ground() -> None:
+    """What a foot is pushed by along the ground is at most its grip times the force across it."""
+    record, _ = walked(gait="trot", duration=3.0, seed=1, grip=0.25)
+    forces = np.array([state.forces for state in record.exact]).reshape(-1, 3)
+    pressed = forces[forces[:, 2] > 20.0]
+    along = np.hypot(pressed[:, 0], pressed[:, 1]) / pressed[:, 2]
+    assert np.quantile(along, 0.9) < 0.35
+    assert np.quantile(along, 0.9) > 0.15
+
+
+def test_all_gaits_in_turn_begin_and_end_without_a_jump() -> None:
+    rng = np.random.default_rng(3)
+    feet = LeggedRobot.of("go2", (0.0,) * 3, (0.0,) * 3, True).feet
+    gaits, seen, before = GaitSequence(MIXED, feet, rng, 1.0, 0.2), set(), feet
+    for k in range(1, 120_000):
+        places = gaits.places(1e-3 * k, 1e-3, np.zeros(2), np.zeros(2))
+        # feet swing at a few metres a second
+        assert np.abs(places - before).max() < 0.01
+        before = places
+        seen.add(gaits.name)
+    assert seen == set(LEGGED_GAITS)
+
+
+def test_a_load_that_slips_in_a_trot_is_a_change_within_two_steps() -> None:
+    scenario = LeggedScenario(gait="trot", duration=10.0, seed=12, shift_time=6.0, **ROUGH)
+    record = simulate_legged(scenario, start_time=1000.0)
+    assert [e["kind"] for e in record.truth["events"]] == ["pick", "shift"]
+    _, result = told(record)
+    assert [event.kind for event in result.events] == ["change"]
+    assert result.events[0].t - 1000.0 == pytest.approx(6.0, abs=0.4)
+    off = np.abs(result.final.theta - np.array(record.truth["shifted"]["theta"]))
+    assert np.all(off[:3] < 3.0 * result.final.std[:3])
+    assert np.all(result.final.std[1:3] < 0.4 * 3.0 * 0.05)
+
+
 @pytest.mark.parametrize(
     ("settings", "named"),
     [
@@ -134,6 +242,10 @@ def test_an_imu_that_is_tilted_is_named() -> None:
         ({"gait": "fly"}, "gait is fly"),
         ({"imu_rate": 333}, "imu_rate is 333"),
         ({"leg_friction": -1.0}, "leg_friction is -1.0"),
+        ({"grip": 0.0}, "grip is 0.0"),
+        ({"sink": 0.2}, "sink is 0.2"),
+        ({"stairs": -0.1}, "stairs is -0.1"),
+        ({"shift_time": 0.5}, "shift_time is 0.5"),
         ({"lifted_foot": "FR_toe"}, "lifted_foot is FR_toe"),
     ],
 )

@@ -37,6 +37,8 @@ _OPTIONS = (
     click.option(
         "--motion", default="", metavar="FILE", help="A joint trajectory to follow in place of a gait: what 'sysid excite' wrote."
     ),
+    opt.number("--stairs", default=0.0, help="Rise of steps that go up and down; 0: even ground. [m]"),
+    click.option("--shift", "shift_time", type=float, metavar="T", help="The payload slips by 5 cm after T s."),
     click.option("--push", "push_time", type=float, metavar="T", help="A push to the side after T s."),
 )
 

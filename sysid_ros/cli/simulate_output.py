@@ -28,7 +28,7 @@ except ModuleNotFoundError as missing:
 Rows = list[tuple[str, str]]
 Record = TypeVar("Record")
 
-_OPTION_OF = {"pick_time": "--pick", "drop_time": "--drop", "hoist_time": "--hoist"}
+_OPTION_OF = {"pick_time": "--pick", "drop_time": "--drop", "hoist_time": "--hoist", "shift_time": "--shift"}
 
 
 def prepare(bag: Path, json_file: Path | None, force: bool) -> None:

@@ -32,12 +32,14 @@ from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
     "--gait",
     default="stand",
     show_default=True,
-    help="stand, sway (the trunk over planted feet) or trot; in MuJoCo also step and flying_trot.",
+    help="stand, sway (the trunk over planted feet), trot or turn (on the spot); in MuJoCo also step, crawl, flying_trot, mixed.",
 )
 @opt.number("--extent", default=1.0, help="Factor on the sway's amplitudes.")
 @opt.number("--speed", default=0.2, help="Of the trot. [m/s]")
 @opt.number("--slope", default=0.0, help="Of the ground, up to 10. [deg]")
 @opt.number("--slope-heading", default=0.0, help="Ascent: 0 ahead, 90 to the left. [deg]")
+@opt.number("--grip", default=0.8, help="Friction coefficient of the feet.")
+@opt.number("--sink", default=0.0, help="How far a foot that carries a quarter of the robot sinks into soft ground. [m]")
 @click.option("--payload-mass", type=float, metavar="KG", help="Without it nothing is put on the back.")
 @opt.vector("--payload-com", default=(0.03, -0.02, 0.1), help="Centre of mass in the trunk's frame. [m]")
 @opt.vector("--payload-size", help="Edges of the box. [m]")
@@ -89,6 +91,7 @@ def command(
     Examples:
       sysid simulate quadruped --bag stand --payload-mass 3 --pick 4 --drop 8
       sysid simulate quadruped --bag hard --simulator mujoco --robot go2 --gait trot --payload-mass 2 --leg-friction 0.2
+      sysid simulate quadruped --bag climb --simulator mujoco --gait trot --stairs 0.04 --speed 0.4 --payload-mass 2 --shift 5
       sysid simulate quadruped --bag turned --gait sway --hide imu_tilt=0.03 --hide coulomb_friction
       sysid simulate quadruped --bag trot --gait trot --slope 8 --payload-mass 2 --payload-com 0.05 0.02 0.12 --duration 15
 

@@ -17,6 +17,8 @@ from sysid_ros.signals.causal_filters import LowPassBank
 
 _FOLLOWS = 2.0
 """Time in which the vertical follows the accelerometer [s]: some steps."""
+_GAP = 0.5
+"""Between samples from which on they do not follow one another [s]."""
 _TRUSTED = 0.99
 """Part of a row that is from when the feet carried the robot, from which on their velocity is that of the trunk."""
 
@@ -29,7 +31,7 @@ class TrunkRows:
 
     Args:
         base: the robot. channels: of each raw row: the columns of the p free effects, the torque left for them, v, a, tau and
-            how far each joint is from moving, and what is considered. p: see there. payload: where its columns stand.
+            how far each joint is from moving, and what is considered. p: see there. frame: of the payload, its index.
         cutoff_hz, rate: of the low-pass [Hz]. period: between rows [s]. standstill: velocity below which it stands [rad/s].
         stances: takes note of what the feet do. gravity: at the place [m/s^2], by which a free bias is distinguished from a load.
         bias: where it stands among the free parameters, None where it is not free.
@@ -46,7 +48,7 @@ class TrunkRows:
         base: FloatingBase,
         channels: int,
         p: int,
-        payload: slice,
+        frame: int,
         cutoff_hz: float,
         rate: float,
         period: float,
@@ -58,14 +60,12 @@ class TrunkRows:
         delay: slice | None = None,
         moving: Sequence[slice] = (),
     ) -> None:
-        self._p, self._payload, self._bias, self._stances = p, payload, bias, stances
-        self._robot, self._radius, self._delay, self._period = base.robot, radius, delay, period
+        self._p, self._frame, self._bias, self._stances = p, frame, bias, stances
+        self._robot, self._radius, self._delay = base.robot, radius, delay
         self._moving = moving
         self.projection = ContactProjection(base)
-        # the last channel is what the motion of the trunk alone costs
-        self._projected, self._beside = np.zeros((FREE, channels + 1)), np.zeros((base.robot.n + 1, 2))
-        self._raw = np.zeros((base.robot.n, channels + 1))
-        self._moved: tuple[FloatArray, float] = np.zeros((FREE, 11)), 0.0
+        self._projected, self._beside = np.zeros((FREE, channels)), np.zeros((base.robot.n + 1, 2))
+        self._moved: tuple[float, FloatArray] = -np.inf, np.zeros(FREE)
         self.load = np.zeros(10)
         self.bank = LowPassBank(self._projected.shape, cutoff_hz, rate)
         self._beside_bank = LowPassBank(self._beside.shape, cutoff_hz, rate)
@@ -76,14 +76,14 @@ class TrunkRows:
     def push(self, sample: Sample, raw: FloatArray, reported: FloatArray | None) -> None:
         """Take in the raw rows (n, channels) of a sample; ``reported``: feet that stand, see :meth:`ContactProjection.update`."""
         beside, projection = self._beside, self.projection
+        late = self._late(sample) if self._delay is not None else None
         stance = projection.update(sample, raw[:, self._p], reported)
         if self._stances is not None:
             self._stances.add(stance, sample.t)
         if stance.trusted:
-            self._raw[:, :-1] = raw
             if self._delay is not None:
-                self._raw[:, -1] = self._trunk_alone(sample)
-            projection.multiply(self._raw, self._projected)
+                raw[:, self._delay.start] = late
+            projection.multiply(raw, self._projected)
             if self._radius is not None:
                 self._projected[:, self._radius.start] = -projection.by_radius(raw[:, self._p])
             projection.whiten(self._projected)
@@ -104,32 +104,29 @@ class TrunkRows:
         Y, y, tau = np.zeros((self.rows, p)), np.zeros(self.rows), np.zeros(self.rows)
         Y[:FREE], y[:FREE], tau[:FREE] = out[:, :p], out[:, p], out[:, p + 3]
         Y[:FREE] = self._standing.push(Y[:FREE], speed, trust > _TRUSTED)
-        if self._delay is not None:
-            Y[:FREE, self._delay.start] = self._late(out, trust)
         if self._standing.stands:
             for where in self._moving:
                 Y[:, where] = 0.0
         if self._bias is not None and trust > _TRUSTED:
             Y[FREE, self._bias], y[FREE] = vertical, excess
-        considered = np.zeros((self.rows, out.shape[1] - p - 7))
-        considered[:FREE] = out[:, p + 6 : -1]
+        considered = np.zeros((self.rows, out.shape[1] - p - 6))
+        considered[:FREE] = out[:, p + 6 :]
         values = {"Y": Y, "y": y, "speed": speed, "slow": np.zeros(self.rows), "tau": tau, "considered": considered}
         return values | {"acceleration": other[:-1, 1].copy(), "trust": trust}
 
-    def _trunk_alone(self, sample: Sample) -> FloatArray:
-        """Generalised forces that the measured acceleration of the trunk alone costs, shape (n,)."""
-        still, moved = np.zeros_like(sample.v), np.zeros_like(sample.a)
-        moved[:FREE] = sample.a[:FREE]
-        return self._robot.rnea(sample.q, still, moved)
-
-    def _late(self, out: FloatArray, trust: float) -> FloatArray:
-        """What a second of delay of the IMU does to the six rows: ``a(t) = a'(t + d) = a' + d da'/dt``, so that the rows hold
-        ``d`` times the slope of what the trunk's acceleration costs robot and load, shape (6,)."""
-        now = np.column_stack([out[:, -1], out[:, self._payload]])
-        (before, trusted), self._moved = self._moved, (now, trust)
-        if min(trust, trusted) < _TRUSTED:
-            return np.zeros(FREE)
-        return np.asarray((now - before) @ np.append(1.0, self.load) / self._period)
+    def _late(self, sample: Sample) -> FloatArray:
+        """What a second of delay of the IMU does: ``a(t) = a'(t + d) = a' + d da'/dt``, so that the equation holds ``d`` times
+        what the slope of the trunk's acceleration costs robot and load, shape (n,). It is left out where the feet did not carry
+        the robot, as all else: the slope of what is left in would have the edges of that in it."""
+        (t, before), self._moved = self._moved, (sample.t, sample.a[:FREE].copy())
+        if not 0.0 < sample.t - t < _GAP:
+            return np.zeros_like(sample.a)
+        slope, still = np.zeros_like(sample.a), np.zeros_like(sample.v)
+        slope[:FREE] = (sample.a[:FREE] - before) / (sample.t - t)
+        out = self._robot.rnea(sample.q, still, slope)
+        if self.load.any():
+            out = out + self._robot.payload_regressor(sample.q, still, slope, self._frame) @ self.load
+        return np.asarray(out)
 
 
 class GravityRow:
@@ -162,7 +159,7 @@ class GravityRow:
         _observe(sample.v, sample.a, points, load, self._raw)
         self._bank.push(self._raw)
         dt = sample.t - self._t
-        if 0.0 < dt < 0.5:
+        if 0.0 < dt < _GAP:
             turn_direction(self._vertical, sample.v[3:6], dt)
         self._t = sample.t
 

@@ -43,7 +43,7 @@ class TrunkGate:
     """
 
     def __init__(self, base: FloatingBase, settings: OnlineSettings) -> None:
-        self._base, self._settings = base, settings
+        self._base, self._settings, self._delay = base, settings, base.setup.delay
         self.counts: Counter[str] = Counter()
         self.last_texts: dict[str, str] = {}
         self.imu_messages = 0
@@ -179,6 +179,9 @@ class TrunkGate:
                 "are believed. If they are in degrees, make the driver publish rad/s.",
             )
         setup = self._base.setup
+        if setup.delay != self._delay:
+            self._imu = deque((at - (setup.delay - self._delay), *reading) for at, *reading in self._imu)
+            self._delay = setup.delay
         t = (record.stamp or record.receive_time) - setup.delay
         if self._imu and t <= self._imu[-1][0]:
             if self._imu[-1][0] - t < _KEPT:

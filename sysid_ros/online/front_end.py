@@ -77,7 +77,7 @@ class FrontEnd:
             self._raw = np.zeros((n, self._hidden + legs.considered))
             about = (cutoff, self.rate, self.period, standstill, stances, gravity, bias, legs.radius, legs.delay, legs.moving)
             self.push = self._push
-            self._trunk = TrunkRows(base, self._raw.shape[1], p, model.slices[0], *about)
+            self._trunk = TrunkRows(base, self._raw.shape[1], p, legs.frame_index, *about)
             bank, self.rows, self.projection = self._trunk.bank, self._trunk.rows, self._trunk.projection
         self.makes_anew = self.arm is not None
         self.passed = min(2.05 * cutoff * self.period, 1.0)

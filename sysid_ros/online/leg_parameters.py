@@ -7,12 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid_ros.effects import AccelerometerBias, Effect
+from sysid_ros.estimators import Estimator
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.online.leg_drives import LegDrives
 from sysid_ros.online.trunk_errors import FootRadius, ImuDelay, ImuPlacement
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.smoothed_sign import TURNS
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.signals.trunk_channels import TrunkSetup
 from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel
 
@@ -21,6 +23,8 @@ _BIAS = 0.02
 :class:`.StanceLog`."""
 _KNOWN_RADIUS = 1.5e-3
 """By how much feet are pressed together [m]."""
+
+_SYNCHRONISE = "Synchronise the clocks, or stamp messages when they are measured."
 
 
 class LegParameters:
@@ -34,12 +38,13 @@ class LegParameters:
         drives: of the legs, None where they are not estimated. effects: free ones beside the payload, in order.
         prior_std: of their parameters, shape (p,).
         dry: where those of the drives stand among all free parameters. radius, delay, placement, bias: the same of these; None
-            where it is not free.
+            where it is not free. frame_index: of the payload's frame on the floating base.
     """
 
     def __init__(self, base: FloatingBase, frame: str, settings: OnlineSettings, known: Sequence[KnownEffect] | None) -> None:
         robot = base.robot
         s = settings
+        self._base, self._late, self.frame_index = base, 0.0, robot.frame_id(frame)
         self.effects: list[Effect] = []
         self._prior: list[FloatArray] = []
         torques = None if known is None else TorqueModel(robot, [], known)
@@ -92,13 +97,29 @@ class LegParameters:
             if sure[3:].any():
                 place = ", ".join(f"{1e3 * x:.0f}" for x in lever)
                 sentences.append(f"The IMU sits [{place}] mm from its frame; that is counted in. Correct imu_xyz.")
-        if self.delay is not None and self._is_sure(self.delay, theta, std)[0]:
-            late = 1e3 * float(theta[self.delay][0])
-            sentences.append(
-                f"The IMU is {abs(late):.1f} ms {'late' if late > 0.0 else 'early'} against the joints; that is counted in as "
-                "far as a slope can. Synchronise the clocks, or stamp messages when they are measured."
-            )
+        if self._late:
+            sentences.append(f"{self._late_by(self._late)}; its stamps are corrected by that. {_SYNCHRONISE}")
+        elif self.delay is not None and self._is_sure(self.delay, theta, std)[0]:
+            late = self._late_by(float(theta[self.delay][0]))
+            sentences.append(f"{late}; that is counted in as far as a slope can. {_SYNCHRONISE}")
         return sentences
+
+    def settle(self, estimator: Estimator) -> str:
+        """Correct the IMU's stamps by a delay that is surely larger than expected, so that what is left is one that a slope
+        tells; why all is estimated anew then, empty where it is not."""
+        if self.delay is None or not estimator.noise_known:
+            return ""
+        theta, variance = estimator.marginal(slice(0, self.delay.stop))
+        if not self._is_sure(self.delay, theta, np.sqrt(variance))[0]:
+            return ""
+        late = float(theta[self.delay][0])
+        self._base.setup = self._base.setup + TrunkSetup(delay=late)
+        self._late += late
+        return f"{self._late_by(self._late).replace('The', 'the', 1)}, and its stamps are corrected by that from now on"
+
+    @staticmethod
+    def _late_by(seconds: float) -> str:
+        return f"The IMU is {1e3 * abs(seconds):.1f} ms {'late' if seconds > 0.0 else 'early'} against the joints"
 
     def _is_sure(self, where: slice, theta: FloatArray, std: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Which parameters are larger than expected, and surely so."""

@@ -70,17 +70,15 @@ class OnlineEstimation:
         self._warnings = {note: note for note in notes}
         self._changes = ChangeWatch(self._free, self._log)
         self._observable_std = _OBSERVABLE * self._free.prior_std[PAYLOAD]
-        self._enabled = True
+        self._enabled, self._next_publish = True, -math.inf
         self.latest: PayloadEstimate | None = None
         self.estimator: Estimator | None = None
         self._judgement: Judgement | None = None
         self._floor: FloatArray = np.zeros(0)
-        self._next_publish = -math.inf
         self._front_end: FrontEnd | None = None
         self._noise: float | None = None
-        self._spikes = 0
+        self._spikes, self._still = 0, 0.0
         self._cadence = Cadence(settings.max_gap)
-        self._still = 0.0
         self._ground = GroundContact(settings.sensor_timeout) if self.base else None
         self._set_down: float | None = None
 
@@ -223,8 +221,10 @@ class OnlineEstimation:
         if not due:
             return None
         self._next_publish = max(self._next_publish, rows.sample.t - front_end.period) + 1.0 / self.settings.publish_rate
-        self.latest = self._publish(estimate, rows, t, judgement, front_end.projection)
-        return self.latest
+        self.latest = published = self._publish(estimate, rows, t, judgement, front_end.projection)
+        if self._changes.trial is None and estimate.status == "ok" and (found := self._free.settle_legs(estimator)):
+            self.reset(found)
+        return published
 
     def _on_ground(self, rows: Rows, front_end: FrontEnd, ground: GroundContact) -> bool:
         """Whether a row is used; False while the feet do not carry the robot, or it has just been set down."""
@@ -267,18 +267,18 @@ class OnlineEstimation:
         if asked and self._free.tilt is not None and self._free.tilt.told:
             self._warnings["tilt"] = self._free.tilt.told
         status, reason = judgement.status(estimate, self.estimator, float(theta[0]), float(std[0]))
-        if self._free.legs is not None and self._stances is not None:
-            doubt = self._doubt(0.0) / float(std[0])
-            reason = name_imu(self._free.legs, self._stances, self.estimator, status, reason, doubt, self._warnings)
-        self._warnings.pop("inconsistent", None)
-        if status == "inconsistent":
-            self._warnings["inconsistent"] = reason
+        inconsistent = status == "inconsistent"
         if self._changes.trial is not None or self._changes.standstill.told:
             status, reason = self._changes.status(t, status, reason)
         if status == "ok":
             theta, distance = nearest_body(theta, noise, covariance)
             if not distance <= NOT_A_BODY:
                 status, reason = "not_physical", "No body of positive density has these parameters, whatever the noise."
+        if self._free.legs is not None and self._stances is not None:
+            doubt = self._doubt(0.0) / float(std[0])
+            reason = name_imu(self._free.legs, self._stances, self.estimator, status, reason, doubt, self._warnings)
+        self._warnings.pop("inconsistent", None)
+        self._warnings |= {"inconsistent": reason} if inconsistent else {}
         if status != "warming_up" and (self.base is not None or t <= self._log.open_until):
             self._log.refine(t, float(theta[0]))
         if self._set_down is not None and status in ("ok", "no_payload"):

@@ -7,15 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from sysid_ros.simulation.gait_sequence import MIXED
 from sysid_ros.simulation.legged_gait import LEGGED_GAITS
 from sysid_ros.simulation.quadruped_scenario import QuadrupedScenario
 from sysid_ros.simulation.scenario import CONTROL_RATE
 
 OWN = (
     "robot", "leg_friction", "leg_damping", "rotor_inertia", "mass_error", "foot_spheres", "encoder_step", "imu_rate",
-    "imu_delay", "imu_low_pass", "imu_tilt", "imu_lever", "contact_delay", "push_time", "trunk_com", "motion",
+    "imu_delay", "imu_low_pass", "imu_tilt", "imu_lever", "contact_delay", "push_time", "trunk_com", "motion", "stairs",
+    "shift_time",
 )  # fmt: skip
 """Settings that only this simulator has."""
+
+SHIFT = (0.04, 0.03, 0.0)
+"""By how much a load slips, 5 cm [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +31,7 @@ class LeggedScenario(QuadrupedScenario):
     and the ropes of ``hoist_time``.
 
     Attributes:
-        robot: its name among the packaged ones, or the path of its URDF. gait: one of :data:`.LEGGED_GAITS`.
+        robot: its name among the packaged ones, or the path of its URDF. gait: one of :data:`.LEGGED_GAITS`, or 'mixed'.
         leg_friction, leg_damping, rotor_inertia: of the joints on the mean [N m], [N m s/rad], [kg m^2]; each joint has from 0.7
             to 1.3 times as much, and the efforts are the motors'.
         mass_error: standard deviation of each link's mass beside that of the description, as a part of it.
@@ -39,6 +44,8 @@ class LeggedScenario(QuadrupedScenario):
         imu_lever: where it sits beside what the description tells, shape (3,) [m].
         contact_delay: of the messages of the feet [s].
         motion: path of a joint trajectory that is followed instead of a gait, as ``sysid excite`` writes it; empty: none.
+        stairs: rise of steps that go up and down, ahead and behind [m]; 0: the ground is even.
+        shift_time: the load slips to ``SHIFT`` beside its place then [s]; None: never.
         push_time: the trunk is pushed to the side for 0.3 s with a quarter of the weight [s]; None: never.
 
     Raises:
@@ -61,7 +68,9 @@ class LeggedScenario(QuadrupedScenario):
     contact_delay: float = 0.0
     push_time: float | None = None
     motion: str = ""
-    gaits: ClassVar[Sequence[str]] = LEGGED_GAITS
+    stairs: float = 0.0
+    shift_time: float | None = None
+    gaits: ClassVar[Sequence[str]] = (*LEGGED_GAITS, MIXED)
 
     def __post_init__(self) -> None:
         self.check_motion()
@@ -83,6 +92,9 @@ class LeggedScenario(QuadrupedScenario):
         self.require(
             not self.motion or self.gait == "stand", "motion", "left out with a gait: the robot follows one or the other"
         )
+        self.require(0.0 <= self.stairs <= 0.15, "stairs", "from 0 to 0.15 m")
+        shifted = self.shift_time is None or (self.payload_mass is not None and 0.0 <= self.shift_time < self.duration)
+        self.require(shifted, "shift_time", "from 0 s to before the end, of a robot that carries something")
         pushed = self.push_time is None or 0.0 <= self.push_time < self.duration
         self.require(pushed, "push_time", "from 0 s to before the end")
         near = all(map(math.isfinite, self.payload_com)) and max(map(abs, self.payload_com)) <= 0.6

@@ -13,11 +13,12 @@ import numpy as np
 from sysid_ros.floating.standing import inverse
 from sysid_ros.robot.rotation import quaternion, rotation_of
 from sysid_ros.sample import FREE, FloatArray, ImuRecord
-from sysid_ros.simulation.legged_gait import LeggedGait
+from sysid_ros.simulation.gait_sequence import GaitSequence
+from sysid_ros.simulation.legged_ground import LeggedGround
 from sysid_ros.simulation.legged_robot import IMU_LINK, LeggedRobot
-from sysid_ros.simulation.legged_scenario import OWN, LeggedScenario
+from sysid_ros.simulation.legged_scenario import OWN, SHIFT, LeggedScenario
 from sysid_ros.simulation.legged_world import STEP, LeggedWorld
-from sysid_ros.simulation.payload import Payload
+from sysid_ros.simulation.payload import Payload, box
 from sysid_ros.simulation.played_motion import PlayedMotion
 from sysid_ros.simulation.quadruped_scenario import SETTLE_TIME, fallen
 from sysid_ros.simulation.quadruped_state import QuadrupedState
@@ -31,7 +32,6 @@ _DAMPED, _MOST_DAMPED = 0.02, 0.2
 """Damping of the joints' controllers over their stiffness [s], and at most over the inertia of the joint times steps a second:
 with more, a controller that works in steps chatters."""
 _TOUCHES = 1.0
-_GRIP = 0.8
 _PUSH, _PUSHED = 0.25, 0.3
 """Part of the weight that a push has, and how long it lasts [s]."""
 
@@ -64,9 +64,11 @@ class LeggedSimulation(Simulation[QuadrupedState]):
             for name in ("leg_friction", "leg_damping", "rotor_inertia")
         }
         scale = {name: 1.0 + scenario.mass_error * float(np.clip(hidden.normal(), -2.5, 2.5)) for name in _links(self.urdf)}
-        self.world: LeggedWorld = LeggedWorld(self.legged, scale, tuple(self.hidden.values()), scenario.ground.T[:, 2], _GRIP)
+        self._ground = LeggedGround(scenario.grip, scenario.sink, scenario.stairs)
+        drives, normal = tuple(self.hidden.values()), scenario.ground.T[:, 2]
+        self.world: LeggedWorld = LeggedWorld(self.legged, scale, drives, normal, self._ground)
         self.world.shift_trunk(np.array(scenario.trunk_com))
-        self._gait = LeggedGait(scenario.gait, self.legged.feet, motion, scenario.extent, scenario.speed)
+        self._gait = GaitSequence(scenario.gait, self.legged.feet, motion, scenario.extent, scenario.speed)
         self._played = PlayedMotion(Path(scenario.motion), base.legs.joint_names) if scenario.motion else None
         lift = np.abs(self.legged.feet[:, 2]).mean()
         self._stiffness = base.mass * 9.81 / 4.0 * 0.5 * lift / _BENDS
@@ -97,6 +99,21 @@ class LeggedSimulation(Simulation[QuadrupedState]):
 
     def _untie(self) -> None:
         self.world.untie()
+
+    def _shift(self) -> bool:
+        """The load slips to another place."""
+        if self.payload is None or not self.carries:
+            return False
+        self.world.tie(self.shifted)
+        self.events.append((self.t, "shift"))
+        return True
+
+    @property
+    def shifted(self) -> Payload:
+        """The load where it slips to."""
+        s = self.scenario
+        assert s.payload_mass is not None
+        return box(s.payload_mass, np.add(s.payload_com, SHIFT).tolist(), s.payload_size, s.payload_rpy)
 
     def step(self) -> QuadrupedState:
         state = self._physics_step()
@@ -137,7 +154,7 @@ class LeggedSimulation(Simulation[QuadrupedState]):
         t = self.t
         while self._schedule and self._k >= self._schedule[0][0]:
             _, kind = self._schedule.pop(0)
-            _ = self.pick() if kind == "pick" else self.drop()
+            _ = {"pick": self.pick, "drop": self.drop, "shift": self._shift}[kind]()
         world, s = self.world, self.scenario
         trunk, q, v = world.trunk, world.q, world.v
         heading = math.atan2(trunk.rotation[1, 0], trunk.rotation[0, 0])
@@ -164,9 +181,17 @@ class LeggedSimulation(Simulation[QuadrupedState]):
         """Positions that the joints are to hold at t [s], shape (n,), for velocity ahead and tilt of the trunk, shape (2,)."""
         if self._played is not None:
             return self._played.at(t, self.legged.posture)
-        places = self._gait.places(max(t, 0.0), STEP if t > 0.0 else 0.0, ahead, tilt)
+        ground = self._ground_at if self.scenario.stairs > 0.0 else None
+        places = self._gait.places(max(t, 0.0), STEP if t > 0.0 else 0.0, ahead, tilt, ground)
         goal = places + np.outer(self.legged.radius, [0.0, 0.0, 1.0])
         return inverse(self.legged.base, self.legged.leg_joints, self._target, goal, steps=2)
+
+    def _ground_at(self, place: FloatArray) -> float:
+        """Height of the ground at a place in the trunk, shape (2,) [m]."""
+        trunk = self.world.trunk
+        heading = math.atan2(trunk.rotation[1, 0], trunk.rotation[0, 0])
+        ahead = trunk.position[0] + math.cos(heading) * place[0] - math.sin(heading) * place[1]
+        return self._ground.height(float(ahead))
 
     def _held_up(self, q: FloatArray) -> FloatArray:
         """Torques (n,) by which the feet that are to stand hold the empty robot, without which the legs would bend under it."""
@@ -200,7 +225,8 @@ class LeggedSimulation(Simulation[QuadrupedState]):
 
     def _check_stands(self, t: float) -> None:
         trunk = self.world.trunk
-        if not 0.4 * self.legged.height < trunk.position[2] < 2.0 * self.legged.height or trunk.rotation[2, 2] < 0.6:
+        height = trunk.position[2] - self._ground.height(trunk.position[0])
+        if not 0.4 * self.legged.height < height < 2.0 * self.legged.height or trunk.rotation[2, 2] < 0.6:
             raise fallen(self.scenario, t)
 
     def truth(self, start_time: float = 0.0) -> dict[str, Any]:
@@ -218,6 +244,10 @@ class LeggedSimulation(Simulation[QuadrupedState]):
             slope=s.slope,
             slope_heading=s.slope_heading,
             foot_radius=self.legged.radius.tolist(),
+            grip=s.grip,
+            sink=s.sink,
+            links_off=self.world.heavier,
+            shifted=s.shift_time and {"theta": self.shifted.theta.tolist()},
             hidden={name: values.tolist() for name, values in self.hidden.items()},
             noise={name: getattr(s, f"{name}_noise") for name in noise} | {"contact_error": s.contact_error},
             imu={name.removeprefix("imu_"): list(getattr(s, name)) for name in placed},
@@ -234,5 +264,5 @@ def _schedule(scenario: LeggedScenario) -> list[tuple[int, str]]:
     if scenario.payload_mass is None:
         return []
     begin = -SETTLE_TIME if scenario.pick_time is None else scenario.pick_time
-    times = [(begin, "pick"), (scenario.drop_time, "drop")]
-    return [(round(t * CONTROL_RATE), kind) for t, kind in times if t is not None and math.isfinite(t)]
+    times = [(begin, "pick"), (scenario.drop_time, "drop"), (scenario.shift_time, "shift")]
+    return sorted((round(t * CONTROL_RATE), kind) for t, kind in times if t is not None and math.isfinite(t))

@@ -11,6 +11,7 @@ from sysid_ros.exceptions import RobotModelError
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.mjcf import without_log
 from sysid_ros.sample import FREE, FloatArray
+from sysid_ros.simulation.legged_ground import LeggedGround
 from sysid_ros.simulation.legged_robot import LeggedRobot
 from sysid_ros.simulation.payload import Payload
 from sysid_ros.simulation.trunk_state import TrunkState
@@ -19,6 +20,9 @@ STEP = 1e-3
 """Of the physics [s]."""
 _HARD = "0.004 1"
 """Time constant and damping ratio of the contacts [s]: as hard as the step allows, with a margin of two."""
+
+_SOFT = 0.9
+"""Impedance of contacts with soft ground."""
 
 
 class LeggedWorld:
@@ -31,11 +35,12 @@ class LeggedWorld:
         robot: what stands there. scale: factor on the mass and inertia of every link, by name.
         drives: of the joints, dry friction [N m], viscous friction [N m s/rad] and inertia of the rotors [kg m^2], shape (n,)
             each, in the order of the model.
-        normal: of the ground, shape (3,). slippery: Coulomb coefficient of the feet.
+        normal: of the ground, shape (3,). ground: what it is like.
 
     Attributes:
         q, v: of the joints at the begin of the next step, in the order of the model, shape (n,). trunk: the trunk then.
-        scale: as given. acceleration: of the trunk's origin in the last step, in the world, shape (3,) [m/s^2].
+        scale: as given. heavier: by how much all links are, by it [kg].
+        acceleration: of the trunk's origin in the last step, in the world, shape (3,) [m/s^2].
         forces: of the ground on the feet in the last step, in the world, shape (k, 3) [N].
 
     Raises:
@@ -48,15 +53,17 @@ class LeggedWorld:
         scale: dict[str, float],
         drives: tuple[FloatArray, ...],
         normal: FloatArray,
-        slippery: float,
+        ground: LeggedGround,
     ) -> None:
         without_log(mujoco)
         self.scale = scale
-        self._model = model = _compiled(robot, slippery)
+        self._model = model = _compiled(robot, ground)
+        described = float(model.body_mass.sum())
         for name, factor in scale.items():
             body = model.body(name).id
             model.body_mass[body] *= factor
             model.body_inertia[body] *= factor
+        self.heavier = float(model.body_mass.sum()) - described
         model.opt.gravity[:] = -9.81 * normal
         joints = [model.joint(name).id for name in robot.base.legs.joint_names]
         self._at, self._dofs = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
@@ -65,7 +72,9 @@ class LeggedWorld:
         model.dof_armature[self._dofs] = rotor
         self._trunk = model.body(robot.base.trunk).id
         self._feet = [model.geom(f"{name} foot").id for name in robot.base.contact_frames]
-        self._ground = model.geom("ground").id
+        self._ground = {model.geom(name).id for name in ("ground", *(f"step {k}" for k in range(len(ground.boxes()))))}
+        if ground.sink > 0.0:
+            self._soften(robot.base.mass * 9.81 / 4.0, ground)
         self._empty = self._inertial()
         self._data = mujoco.MjData(model)
         mujoco.mj_setConst(model, self._data)
@@ -77,6 +86,22 @@ class LeggedWorld:
         mujoco.mju_quat2Mat(rotation, m.body_iquat[b])
         axes = rotation.reshape(3, 3)
         return inertial_parameters.from_com(float(m.body_mass[b]), m.body_ipos[b], axes @ np.diag(m.body_inertia[b]) @ axes.T)
+
+    def _soften(self, force: float, ground: LeggedGround) -> None:
+        """Let feet sink in under a force [N], as a spring does, damped without an overshoot.
+
+        With the impedance d of a contact, the inverse inertia A that MuJoCo reckons with there and the grip c, a force f that the
+        four edges of the friction pyramid share needs a reference acceleration ``k x = f A (1 - d) / d c^2 (1 + c^2) / 2`` at
+        rest (MuJoCo's documentation, Computation, "Constraint model").
+        """
+        m, grip = self._model, ground.grip**2
+        for geom in self._feet:
+            inverse = float(m.body_invweight0[m.geom_bodyid[geom], 0]) * 0.5 * grip * (1.0 + grip)
+            stiffness = force * inverse * (1.0 - _SOFT) / (_SOFT * ground.sink)
+            # given to MuJoCo they are divided by the square of the impedance, and by the impedance
+            m.geom_solref[geom] = -stiffness * _SOFT**2, -2.0 * np.sqrt(stiffness) * _SOFT
+            m.geom_solimp[geom] = _SOFT, _SOFT, 0.001, 0.5, 2.0
+            m.geom_priority[geom] = 1
 
     def shift_trunk(self, by: FloatArray) -> None:
         """Move the centre of mass of the trunk's own link, shape (3,) [m]."""
@@ -142,14 +167,14 @@ class LeggedWorld:
         for k in range(self._data.ncon):
             contact = self._data.contact[k]
             pair = (int(contact.geom1), int(contact.geom2))
-            if self._ground in pair:
-                other = pair[0] if pair[1] == self._ground else pair[1]
+            if not self._ground.isdisjoint(pair):
+                other = pair[0] if pair[1] in self._ground else pair[1]
                 mujoco.mj_contactForce(self._model, self._data, k, wrench)
-                sign = 1.0 if pair[0] == self._ground else -1.0
+                sign = 1.0 if pair[0] in self._ground else -1.0
                 self.forces[self._feet.index(other)] += sign * contact.frame.reshape(3, 3).T @ wrench[:3]
 
 
-def _compiled(robot: LeggedRobot, slippery: float) -> mujoco.MjModel:
+def _compiled(robot: LeggedRobot, ground: LeggedGround) -> mujoco.MjModel:
     root = ElementTree.fromstring(robot.urdf)
     for link in root.findall("link"):
         for shape in link.findall("collision"):
@@ -163,9 +188,10 @@ def _compiled(robot: LeggedRobot, slippery: float) -> mujoco.MjModel:
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         spec.body(robot.base.trunk).add_freejoint()
         touch = {"solref": [float(x) for x in _HARD.split()], "solimp": [0.95, 0.995, 0.0005, 0.5, 2.0]}
-        spec.worldbody.add_geom(
-            name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0], friction=[slippery, 0, 0], **touch
-        )
+        slippery, box = [ground.grip, 0.0, 0.0], mujoco.mjtGeom.mjGEOM_BOX
+        spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0], friction=slippery, **touch)
+        for k, (centre, half) in enumerate(ground.boxes()):
+            spec.worldbody.add_geom(name=f"step {k}", type=box, pos=centre, size=half, friction=slippery, **touch)
         centres = robot.base.contacts.offsets
         for name, radius, centre in zip(robot.base.contact_frames, robot.radius, centres, strict=True):
             spec.body(name).add_geom(
@@ -173,7 +199,7 @@ def _compiled(robot: LeggedRobot, slippery: float) -> mujoco.MjModel:
                 type=mujoco.mjtGeom.mjGEOM_SPHERE,
                 size=[float(radius), 0.0, 0.0],
                 pos=centre,
-                friction=[slippery, 0.0, 0.0],
+                friction=slippery,
                 condim=3,
                 mass=0.0,
                 contype=2,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,6 +13,9 @@ from sysid_ros.simulation.bullet_world import STEP, BulletWorld
 from sysid_ros.simulation.carried_body import CarriedBody
 from sysid_ros.simulation.quiet_bullet import pybullet
 from sysid_ros.simulation.trunk_state import TrunkState, cross
+
+_ON_A_FOOT = 3.0
+"""Mass by which soft ground is damped [kg], a quarter of the robot's."""
 
 
 class QuadrupedWorld(BulletWorld):
@@ -25,6 +29,7 @@ class QuadrupedWorld(BulletWorld):
     Args:
         urdf: text of the robot's URDF, whose root is the trunk. feet: links that touch, spheres.
         normal: of the plane through the world's origin, shape (3,), upwards. friction: Coulomb coefficient of the feet.
+        stiffness: of the ground under a foot [N/m], which is damped without an overshoot; infinite: it is hard.
 
     Attributes:
         trunk: the trunk at the begin of the next step.
@@ -32,12 +37,17 @@ class QuadrupedWorld(BulletWorld):
         body: what is tied to the trunk.
     """
 
-    def __init__(self, urdf: str, feet: Sequence[str], normal: FloatArray, friction: float = 0.8) -> None:
+    def __init__(
+        self, urdf: str, feet: Sequence[str], normal: FloatArray, friction: float = 0.8, stiffness: float = math.inf
+    ) -> None:
         super().__init__((0.0, 0.0, -9.81), iterations=100)
         client = self._client
         shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=normal.tolist(), physicsClientId=client)
         self._ground = pybullet.createMultiBody(0.0, shape, physicsClientId=client)
         pybullet.changeDynamics(self._ground, -1, lateralFriction=1.0, restitution=0.0, physicsClientId=client)
+        if math.isfinite(stiffness):
+            damping = 2.0 * math.sqrt(_ON_A_FOOT * stiffness)
+            pybullet.changeDynamics(self._ground, -1, contactStiffness=stiffness, contactDamping=damping, physicsClientId=client)
         self._load(urdf, False, lateralFriction=friction, rollingFriction=0.0, spinningFriction=0.0, restitution=0.0)
         self._feet = [self.links[name] for name in feet]
         com = pybullet.getDynamicsInfo(self._robot, -1, physicsClientId=client)

@@ -11,7 +11,9 @@ import numpy as np
 from sysid_ros.robot.rotation import rotation_of
 from sysid_ros.sample import FloatArray
 
-GAITS = ("stand", "sway", "trot")
+GAITS = ("stand", "sway", "trot", "turn")
+WALKS = ("trot", "turn")
+"""Gaits whose feet step: a turn is a trot on the spot."""
 
 _DIFFERENCE = 1e-3
 
@@ -58,12 +60,13 @@ class TrunkMotion:
         self._speed = speed * rng.uniform(0.5, 1.0) * rng.choice([-1.0, 1.0]) if gait == "trot" else 0.0
         self._side = 0.3 * speed * rng.uniform(-1.0, 1.0) if gait == "trot" else 0.0
         self._turn = 0.3 * rng.uniform(-1.0, 1.0) if gait == "trot" else 0.0
+        self._spin = rng.uniform(0.4, 0.8) * rng.choice([-1.0, 1.0]) if gait == "turn" else 0.0
 
     def velocity(self, t: float) -> FloatArray:
         """Wanted velocity over the ground in the trunk's own direction and turning rate, shape (3,) [m/s, m/s, rad/s]."""
         blend = min(max(t / self._BLEND, 0.0), 1.0)
         wave = math.sin(2.0 * math.pi * 0.1 * t)
-        return blend * np.array([self._speed, self._side * wave, self._turn * wave])
+        return blend * np.array([self._speed, self._side * wave, self._turn * wave + self._spin])
 
     def sway(self, t: float) -> FloatArray:
         """Displacement of position [m] and roll, pitch, yaw [rad], shape (6,)."""

@@ -12,7 +12,7 @@ import numpy as np
 from sysid_ros.exceptions import SettingsError
 from sysid_ros.sample import FloatArray
 from sysid_ros.simulation.description import FEET
-from sysid_ros.simulation.quadruped_motion import GAITS
+from sysid_ros.simulation.quadruped_motion import GAITS, WALKS
 from sysid_ros.simulation.scenario import Scenario
 
 SETTLE_TIME = 0.5
@@ -24,7 +24,7 @@ class QuadrupedScenario(Scenario):
     """What is simulated of the quadruped, which carries the payload on its trunk.
 
     Attributes:
-        gait: 'stand', 'sway' or 'trot'. extent: factor on the sway's amplitudes. speed: of the trot [m/s].
+        gait: 'stand', 'sway', 'trot' or 'turn' (on the spot). extent: factor on the sway's amplitudes. speed: of the trot [m/s].
         slope: of the ground [deg]. slope_heading: direction of the ascent, 0 ahead, 90 to the left [deg].
         controller_knows_payload: else the robot leans under a heavy one.
         lifted_foot: a foot that is held in the air all along; empty: none.
@@ -34,6 +34,7 @@ class QuadrupedScenario(Scenario):
         gyro_noise, accelerometer_noise: standard deviations [rad/s], [m/s^2].
         gyro_bias, accelerometer_bias: the IMU shows so much more, shape (3,).
         contact_error: share of messages in which one foot's contact is wrong.
+        grip: Coulomb coefficient of the feet. sink: how far a foot that carries a quarter of the robot sinks in [m].
 
     Raises:
         SettingsError: a value is not allowed.
@@ -59,15 +60,17 @@ class QuadrupedScenario(Scenario):
     gyro_bias: tuple[float, ...] = (0.0, 0.0, 0.0)
     accelerometer_bias: tuple[float, ...] = (0.0, 0.0, 0.0)
     contact_error: float = 0.0
+    grip: float = 0.8
+    sink: float = 0.0
 
     gaits: ClassVar[Sequence[str]] = GAITS
 
     def __post_init__(self) -> None:
         self.check_motion()
         self.require(self.lifted_foot in ("", *FEET), "lifted_foot", f"one of {', '.join(FEET)}")
-        self.require(not (self.lifted_foot and self.gait == "trot"), "lifted_foot", "empty in a trot")
-        hoisted = self.hoist_time is None or (0.0 <= self.hoist_time < self.duration and self.gait != "trot")
-        self.require(hoisted, "hoist_time", "from 0 s to before the end, and not in a trot")
+        self.require(not (self.lifted_foot and self.gait in WALKS), "lifted_foot", "empty in a trot and a turn")
+        hoisted = self.hoist_time is None or (0.0 <= self.hoist_time < self.duration and self.gait not in WALKS)
+        self.require(hoisted, "hoist_time", "from 0 s to before the end, and not in a trot or a turn")
         self.require(2.5 <= self.hoist_duration < math.inf, "hoist_duration", "2.5 s or more")
         x, y, z = self.payload_com
         near = abs(x) <= 0.15 and abs(y) <= 0.08 and 0.0 <= z <= 0.4
@@ -87,6 +90,8 @@ class QuadrupedScenario(Scenario):
         self.require(0.0 <= self.slope <= 10.0, "slope", "from 0 to 10 degrees")
         self.require(math.isfinite(self.slope_heading), "slope_heading", "a finite number of degrees")
         self.require(0.0 <= self.contact_error <= 0.5, "contact_error", "from 0 to 0.5")
+        self.require(0.2 <= self.grip <= 2.0, "grip", "from 0.2 to 2")
+        self.require(0.0 <= self.sink <= 0.05, "sink", "from 0 to 0.05 m")
 
     @property
     def ground(self) -> FloatArray:

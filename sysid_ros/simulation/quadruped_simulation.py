@@ -18,7 +18,7 @@ from sysid_ros.simulation.description import FEET, IMU_LINK, TRUNK, quadruped_de
 from sysid_ros.simulation.payload import Payload
 from sysid_ros.simulation.quadruped import Hoist, QuadrupedWorld
 from sysid_ros.simulation.quadruped_controller import QuadrupedController
-from sysid_ros.simulation.quadruped_motion import Trot, TrunkMotion
+from sysid_ros.simulation.quadruped_motion import WALKS, Trot, TrunkMotion
 from sysid_ros.simulation.quadruped_scenario import SETTLE_TIME, QuadrupedScenario, fallen
 from sysid_ros.simulation.quadruped_state import QuadrupedState
 from sysid_ros.simulation.scenario import CONTROL_RATE
@@ -54,12 +54,13 @@ class QuadrupedSimulation(Simulation[QuadrupedState]):
         motion_seed, noise_seed = np.random.SeedSequence(scenario.seed).spawn(2)
         self._noise = np.random.default_rng(noise_seed)
         self._ground = scenario.ground
-        self.world: QuadrupedWorld = QuadrupedWorld(self.urdf, FEET, self._ground[:, 2])
+        yields = self.base.mass * 9.81 / 4.0 / scenario.sink if scenario.sink > 0.0 else math.inf
+        self.world: QuadrupedWorld = QuadrupedWorld(self.urdf, FEET, self._ground[:, 2], scenario.grip, yields)
         names = self.base.legs.joint_names
         self._to_world = np.array([names.index(name) for name in self.world.joint_names])
         self._to_model = np.array([self.world.joint_names.index(name) for name in names])
         motion = TrunkMotion(scenario.gait, HEIGHT, np.random.default_rng(motion_seed), scenario.extent, scenario.speed)
-        trot = Trot(len(FEET)) if scenario.gait == "trot" else None
+        trot = Trot(len(FEET)) if scenario.gait in WALKS else None
         self._controller = QuadrupedController(self.base, motion, trot, self._ground)
         self._imu_rotation = rotation_of(scenario.imu_rpy)
         self._every = CONTROL_RATE // scenario.rate
@@ -204,6 +205,8 @@ class QuadrupedSimulation(Simulation[QuadrupedState]):
             slope=s.slope,
             slope_heading=s.slope_heading,
             lifted_foot=s.lifted_foot or None,
+            grip=s.grip,
+            sink=s.sink,
             noise={name: getattr(s, f"{name}_noise") for name in noise} | {"contact_error": s.contact_error},
             imu={name.removeprefix("imu_"): list(getattr(s, name)) for name in placed},
         )
