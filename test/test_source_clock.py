@@ -69,14 +69,16 @@ def test_uneven_sampling_that_is_stamped_truly_is_left_as_it_is(walks: bool, see
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_errors_of_stamps_and_uneven_sampling_are_told_apart_by_their_share(seed: int) -> None:
+@pytest.mark.parametrize("stamps", [True, False])
+def test_what_is_more_even_is_believed(stamps: bool, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    uneven, off = 1e-3 * rng.standard_normal((2, 3000))
-    true = 0.01 * np.arange(3000) + uneven
-    cadence, index, times = taken(true + off, *noisy(true, seed))
+    uneven, off = (0.5e-3, 1e-3) if stamps else (1e-3, 0.5e-3)
+    true = 0.01 * np.arange(2000) + uneven * rng.standard_normal(2000)
+    stamped = true + off * rng.standard_normal(2000)
+    cadence, index, times = taken(stamped, *noisy(true, seed))
     assert cadence.clock is not None
-    assert cadence.clock.state[0][SHARE] == pytest.approx(0.5, abs=0.1)
-    assert bends(times, true[index]) == pytest.approx(np.sqrt(0.5) * bends(true + off, true), rel=0.1)
+    assert cadence.clock.state[0][SHARE] == pytest.approx(1.0 if stamps else 0.0, abs=1e-6)
+    assert bends(times, true[index]) == pytest.approx(0.5e-3 * np.sqrt(6.0), rel=0.15)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

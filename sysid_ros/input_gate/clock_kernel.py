@@ -1,11 +1,10 @@
 """The clock that measurements were taken by, found one message after the other, compiled: :func:`own_time` and its steps.
 
-The k-th value was taken at an even time c(k), a stamp s(k) says when it was read, sent or received. Of the difference r = s - c a
-part ``share`` is the stamp's error, the rest is what the sampling itself is uneven by: ``s = c + u + d``, ``E[d | r] = share r``
-with ``share = var d / (var u + var d)``. Which it is the positions tell: each is off the cubic through two neighbours on each
-side by e0 at the stamps and by e1 on the even clock, and ``e0 = share (e0 - e1) + noise`` in all joints at once. So the share is
-a regression, of which what the noise of the positions does to both sides is taken off, and it is 0 with the odds that stamps are
-right as a rule. Even stamps have r = 0 and stay as they are; uneven sampling that is stamped truly has a share of 0.
+The k-th value was taken at an even time c(k), or its stamp s(k) is right; which it is the positions tell. Each is off the cubic
+through two neighbours on each side by e0 at the stamps and by e1 on the clock, in all joints at once, and the log-likelihood of the
+clock over the stamps is ``sum (e0^2 - e1^2) / (2 level)``, less what the noise of the positions does to both by the stencils alone.
+With the odds that stamps are right as a rule it says which is likelier, and the time is ``s - share (s - c)`` with a share of 1 or
+0. Even stamps are the clock and stay as they are.
 
 A driver that polls a slower source is the same case: it repeats a value now and then, which is no step of the clock, and between
 repeats the stamps run along with a sawtooth about the clock.
@@ -48,10 +47,8 @@ _LONGEST: Final = 10.5
 """Steps of the clock over which it is not carried on."""
 _FINEST: Final = 1e-30
 """Least variance of the positions: below it numbers have no digits."""
-_PRIOR: Final = 1.0
-"""Information on a share that is not 0, before any data: its level is as large as the share itself can be."""
-_USUAL: Final = math.log(0.05 / 0.95)
-"""Log odds of stamps that are off at all, before any data; as those of a driver that polls in :mod:`.polled`."""
+_USUAL: Final = math.log(1e-4)
+"""Log odds of a clock that is better than the stamps, before any data."""
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
@@ -97,13 +94,13 @@ def _learn_share(clock: FloatArray, ring: FloatArray, levels: FloatArray, weight
             a += (e0 * x / levels[j] - along) / mixed
             b += (x * x / levels[j] - own) / mixed
     # as much is forgotten as comes in at most: what stands still tells nothing and takes nothing
-    forgotten = min(max(b, 0.0), max(clock[INFORMATION], 0.0) / MEMORY)
-    clock[ALONG] += a - forgotten * share
-    clock[INFORMATION] += b - forgotten
-    precision = max(clock[INFORMATION], 0.0) + _PRIOR
-    mean = min(max(clock[ALONG] / precision, 0.0), 1.0)
-    gain = 0.5 * mean * mean * precision - 0.5 * math.log(precision / _PRIOR) + _USUAL
-    clock[SHARE] = mean / (1.0 + math.exp(-min(gain, 500.0)))
+    information = max(clock[INFORMATION], 0.0)
+    kept = 1.0 - min(max(b, 0.0) / information, 1.0 / MEMORY) if information > 0.0 else 1.0
+    clock[ALONG] = kept * clock[ALONG] + a
+    clock[INFORMATION] = kept * clock[INFORMATION] + b
+    explained = min(clock[ALONG], clock[INFORMATION])  # a position that is farther off than the clock accounts for bends
+    # each value is in five stencils, and a count of its errors once is a fifth of the sum
+    clock[SHARE] = 1.0 if (explained - 0.5 * clock[INFORMATION]) / 5.0 + _USUAL > 0.0 else 0.0
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
