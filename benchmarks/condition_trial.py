@@ -44,6 +44,7 @@ class Condition:
         friction: Coulomb friction as a part of a joint's effort limit, and as much a rad/s viscous. stated: it is in the URDF.
         colour: time constant of the torque noise [s]; 0: white. rod: length on which the payload swings [m]; 0: it is fixed.
         lost, jitter: part of the messages; standard deviation of the stamps [s]. late: of the torque [s].
+        polled: a driver asks for the newest values so many times as often as there are new ones; 0: there is none.
         half: half of the payload is dropped at ``DROP``. again: it is picked up at 3 s as well and dropped at 4.5 s.
         duration: of a run without events, from the start with its payload [s]; 0: one with pick and drop.
         pauses: pick-and-place: moves of two seconds with pauses of half a second. slow: factor on the speed.
@@ -66,6 +67,7 @@ class Condition:
     rod: float = 0.0
     lost: float = 0.0
     jitter: float = 0.0
+    polled: float = 0.0
     late: float = 0.0
     half: bool = False
     again: bool = False
@@ -101,6 +103,7 @@ CONDITIONS: dict[str, Condition] = {
     "AR(1) 0.98": Condition(colour=0.05),
     "loss 1 %": Condition(lost=0.01),
     "jitter": Condition(jitter=2e-4),
+    "polled": Condition(polled=1.02),
     "effort 2 ms late": Condition(late=0.002),
     "half dropped": Condition(half=True),
     "two picks": Condition(again=True),
@@ -309,7 +312,12 @@ def run(name: str, seed: int, settings: OnlineSettings | None = None, keep: bool
     if c.stated:
         model.friction, model.damping = rub.copy(), rub.copy()
     outcome = Outcome(arm, rate, seed, mass)
-    estimates, found, estimation = _estimate(model, settings or OnlineSettings(), t, stamps, shown, tau, kept, c)
+    given, newest = t, np.arange(len(t))
+    if c.polled:
+        given = stamps = np.arange(0.3 / rate, t[-1], 1.0 / (c.polled * rate))
+        newest, kept = np.floor(given * rate).astype(int), np.ones(len(given), dtype=bool)
+    data_of = shown[newest], tau[newest]
+    estimates, found, estimation = _estimate(model, settings or OnlineSettings(), given, stamps, *data_of, kept, c)
     _score(outcome, c, estimates, found, estimation, carried)
     outcome.bound = _bound(columns, v, t, c, model).tolist()
     outcome.early_bound = float(_bound(columns, v, t, c, model, LATENCIES[0])[0])

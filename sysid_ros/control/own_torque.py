@@ -101,7 +101,7 @@ class OwnTorque:
         if acting is None:
             return False
         measurement, learned = Measurement(t, q, v, acting), False
-        first = [measurement] if self._front_end is not None else self._cadence.first(measurement)
+        first = self._cadence.take(measurement)
         if first and self._front_end is None:
             self._front_end = self._make_front_end(first)
         for m in first:

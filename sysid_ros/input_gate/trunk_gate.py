@@ -180,7 +180,7 @@ class TrunkGate:
             )
         setup = self._base.setup
         if setup.delay != self._delay:
-            self._imu = deque((at - (setup.delay - self._delay), *reading) for at, *reading in self._imu)
+            self._imu = deque((at - (setup.delay - self._delay), w, f, place) for at, w, f, place in self._imu)
             self._delay = setup.delay
         t = (record.stamp or record.receive_time) - setup.delay
         if self._imu and t <= self._imu[-1][0]:

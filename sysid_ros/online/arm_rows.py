@@ -8,6 +8,8 @@ import numpy as np
 from numba import njit
 
 from sysid_ros.estimators.estimator import Noise
+from sysid_ros.input_gate.clock_kernel import FIRST, HELD, own_time
+from sysid_ros.input_gate.source_clock import SourceClock
 from sysid_ros.online.row_history import RowHistory
 from sysid_ros.online.rows import Rows
 from sysid_ros.sample import FloatArray, Measurement, Sample
@@ -16,8 +18,6 @@ from sysid_ros.signals.cutoff import acceleration_variance, default_cutoff, posi
 from sysid_ros.torque.compiled_rows import BESIDE
 from sysid_ros.torque.torque_model import TorqueModel
 
-FIRST = 25
-"""Measurements from which rate and noise of the torque are read before anything is estimated."""
 _LONGEST_STEP = 1.0
 """Longest time between measurements while the rate is not known [s]."""
 _SHORTEST_PERIOD = 5e-5
@@ -35,23 +35,35 @@ _NOISE_EVERY = 10
 
 
 class Cadence:
-    """Reads the period between measurements from the first of them, and watches that it stays.
+    """Reads the period between measurements from the first of them, watches that it stays, and puts them at their own times.
 
     Args:
         max_gap: a longer step between measurements breaks the row of them [s].
+        joints: of an arm, whose positions tell the errors of the stamps; 0 for another robot, whose stamps stay as they are.
+
+    Attributes:
+        clock: that the measurements are taken by, None where that is not asked.
     """
 
-    def __init__(self, max_gap: float) -> None:
+    def __init__(self, max_gap: float, joints: int = 0) -> None:
         self._max_gap = max_gap
         self._last_t = -math.inf
+        self.clock = SourceClock(joints) if joints else None
         self.restart()
 
     def restart(self) -> None:
         """Forget the rate; the next measurement is a first one."""
         self._first: list[Measurement] = []
-        self._period = 0.0
+        self._held: list[Measurement] = []
+        self._period = self._usual = 0.0
         self._longest_step = math.inf
         self._since_check, self._checked_t = 0, 0.0
+
+    @property
+    def in_words(self) -> list[str]:
+        """What was found of the stamps, a sentence if anything."""
+        said = self.clock.in_words() if self.clock else ""
+        return [said] if said else []
 
     def follows(self, t: float) -> bool:
         """Take in a stamp [s]. False where it does not follow the ones before: time jumped, there was a gap, or measurements come
@@ -62,17 +74,35 @@ class Cadence:
         self._since_check += 1
         return self._since_check < _CHECK_EVERY or self._keeps_rate(t)
 
-    def first(self, measurement: Measurement) -> list[Measurement]:
-        """Take in one of the first measurements; all of them, once there are enough to know the rate."""
+    def take(self, measurement: Measurement) -> list[Measurement]:
+        """Take in a measurement; those that are known now at the times at which their values were true. None before there are
+        enough of them to know the rate, nor of one that repeats the one before, as of a driver that polls a slower source."""
+        if self._period == 0.0:
+            return self._take_first(measurement)
+        if self.clock is None:
+            return [measurement]
+        state, m = self.clock.state, measurement
+        t = own_time(*state, m.t, m.q, m.tau)
+        if math.isnan(t):
+            self._held.append(m)
+            return []
+        if self._held:
+            held, self._held = self._held, []
+            if state[0][HELD] != 0.0:  # they were no repeats: the robot stands, or its driver hangs
+                return [Measurement(x.t + (t - m.t), x.q, x.v, x.tau) for x in (*held, m)]
+        return [m] if t == m.t else [Measurement(t, m.q, m.v, m.tau)]
+
+    def _take_first(self, measurement: Measurement) -> list[Measurement]:
         self._longest_step = _LONGEST_STEP
         self._first.append(measurement)
         if len(self._first) < FIRST:
             return []
         first, self._first = self._first, []
-        self._period = max(float(np.median(np.diff([m.t for m in first]))), _SHORTEST_PERIOD)
+        self._usual = max(float(np.median(np.diff([m.t for m in first]))), _SHORTEST_PERIOD)
+        self._period = self._usual if self.clock is None else max(self.clock.begin(first), _SHORTEST_PERIOD)
         self._since_check, self._checked_t = 0, measurement.t
         self._longest_step = max(min(self._max_gap, _LONGEST_FILL * self._period), 3.5 * self._period)
-        return first
+        return first if self.clock is None else [known for m in first for known in self.take(m)]
 
     @property
     def period(self) -> float:
@@ -80,7 +110,7 @@ class Cadence:
         return self._period
 
     def _keeps_rate(self, t: float) -> bool:
-        faster = self._since_check * self._period / (t - self._checked_t)
+        faster = self._since_check * self._usual / (t - self._checked_t)
         self._since_check, self._checked_t = 0, t
         return 0.6 < faster < 1.4
 

@@ -78,7 +78,7 @@ class OnlineEstimation:
         self._front_end: FrontEnd | None = None
         self._noise: float | None = None
         self._spikes, self._still = 0, 0.0
-        self._cadence = Cadence(settings.max_gap)
+        self._cadence = Cadence(settings.max_gap, 0 if self.base else robot.n)
         self._ground = GroundContact(settings.sensor_timeout) if self.base else None
         self._set_down: float | None = None
 
@@ -93,7 +93,7 @@ class OnlineEstimation:
         spikes = self._spikes + (self._front_end.derivative.spikes if self._front_end else 0)
         said = f"{spikes} torques fitted neither the one before nor the one after; the middle of these was taken instead."
         told = [sentence for key, sentence in self._warnings.items() if key != "tilt" or "inconsistent" not in self._warnings]
-        return [*told, *([said] if spikes else ()), *(self._stances.warnings if self._stances else ())]
+        return [*told, *([said] if spikes else ()), *self._cadence.in_words, *(self._stances.warnings if self._stances else ())]
 
     @property
     def stance_counts(self) -> dict[str, int]:
@@ -135,15 +135,15 @@ class OnlineEstimation:
             return None
         if not self._cadence.follows(measurement.t):
             self._forget_filters()
-        first = [measurement] if self._front_end is not None else self._cadence.first(measurement)
-        if first and self._front_end is None:
-            self._front_end = self._make_front_end(first)
+        known = self._cadence.take(measurement)
+        if known and self._front_end is None:
+            self._front_end = self._make_front_end(known)
         elif self._front_end is not None and (arm := self._front_end.arm) is not None and arm.too_fast:
             self._noise = arm.noise
             self._spikes += self._front_end.derivative.spikes
-            self._front_end = self._make_front_end(first)
+            self._front_end = self._make_front_end(known)
         published = None
-        for m in first:
+        for m in known:
             for rows in self._front_end.push(m) if self._front_end is not None else ():
                 published = self._take(rows, m.t) or published
         return published
