@@ -1,10 +1,10 @@
 """The clock that measurements were taken by, found one message after the other, compiled: :func:`own_time` and its steps.
 
 The k-th value was taken at an even time c(k), or its stamp s(k) is right; which it is the positions tell. Each is off the cubic
-through two neighbours on each side by e0 at the stamps and by e1 on the clock, in all joints at once, and the log-likelihood of the
-clock over the stamps is ``sum (e0^2 - e1^2) / (2 level)``, less what the noise of the positions does to both by the stencils alone.
-With the odds that stamps are right as a rule it says which is likelier, and the time is ``s - share (s - c)`` with a share of 1 or
-0. Even stamps are the clock and stay as they are.
+through two neighbours on each side by e0 at the stamps and by e1 on the clock, in all joints at once, and the log-likelihood of
+the clock over the stamps is ``sum (e0^2 - e1^2) / (2 level)``, less what the noise of the positions does to both by the stencils
+alone. With the odds that stamps are right as a rule it says which is likelier, and the time is ``s - share (s - c)`` with a share
+of 1 or 0. Even stamps are the clock and stay as they are.
 
 A driver that polls a slower source is the same case: it repeats a value now and then, which is no step of the clock, and between
 repeats the stamps run along with a sawtooth about the clock.
