@@ -1,6 +1,7 @@
 """How fast ``sysid batch`` is beside the same calls in one process, how it scales, and what its processes need.
 
     python benchmarks/fleet_speed.py --bags 2000 [--jobs track,replay] [--fleet FOLDER] [--sample 100] [--json out.json]
+        [--so-far FILE]
 
 Bags of 40 robots are simulated (``--fleet``: of `sysid simulate fleet`, made before). Then, each with processes that are warm:
 
@@ -10,11 +11,14 @@ Bags of 40 robots are simulated (``--fleet``: of `sysid simulate fleet`, made be
 4. the batch on all bags with two workers, while memory is read every second;
 5. a cluster of 100 workers, 10,000 names, see ``fleet_hundred.py``: two cores can't do the work of 100, so workers sleep for the
    processor time of a bag of the sample.
+
+``--so-far``: a file that gets a line of JSON as each part ends, so that a run that is stopped has told what it measured.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import multiprocessing
 import shutil
 import subprocess
@@ -95,6 +99,13 @@ def through(
         return time.perf_counter() - began, counts.seconds, used_by_all() - before
 
 
+def keep(file: Path | None, part: str, bags: int, found: Any) -> None:
+    """A line in a file as a part of the benchmark ends."""
+    if file is not None:
+        with file.open("a") as lines:
+            lines.write(json.dumps({"part": part, "bags": bags, "found": found}) + "\n")
+
+
 def simulated(folder: Path, bags: int) -> Path:
     """A fleet of as many bags, and a few seconds."""
     robots = min(ROBOTS, bags)
@@ -114,8 +125,8 @@ def show(rows: list[tuple[str, int, float, float, int]]) -> None:
     Console(width=130).print(table)
 
 
-def main() -> int:
-    """Run it."""
+def asked() -> argparse.Namespace:
+    """What is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--fleet", type=Path)
     parser.add_argument("--bags", type=int, default=2000)
@@ -123,7 +134,13 @@ def main() -> int:
     parser.add_argument("--jobs", default="track,replay")
     parser.add_argument("--cluster-only", type=float, nargs="+", metavar="SECONDS", help="only the last part, with these times")
     parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
+    parser.add_argument("--so-far", type=Path, metavar="FILE")
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Run it."""
+    options = asked()
     if options.cluster_only:
         with tempfile.TemporaryDirectory(prefix="sysid_fleet_") as alone:
             cluster, a_task = many_workers(options.cluster_only, Path(alone))
@@ -134,16 +151,22 @@ def main() -> int:
         robots, bags = fleet / "robots.yaml", list(islice(find([str(fleet)]), options.bags))
         sample = bags[:: max(1, len(bags) // options.sample)][: options.sample]
         stores = {name: Store(folder / name, create=True) for name in ("one", "two", "all")}
+        so_far, n, watch = options.so_far, len(sample), Watch()
         took, each = calls(sample, robots, jobs)
+        keep(so_far, "calls in one process", n, [took, sum(each)])
         pair, pair_used = side_by_side(sample, robots, jobs)
-        one, two = (through(sample, robots, jobs, w, stores[name]) for w, name in ((1, "one"), (2, "two")))
-        watch = Watch()
+        keep(so_far, "calls in two processes", n, [pair, pair_used])
+        one = through(sample, robots, jobs, 1, stores["one"])
+        keep(so_far, "batch, 1 worker", n, one)
+        two = through(sample, robots, jobs, 2, stores["two"])
+        keep(so_far, "batch, 2 workers", n, two)
         full = through(bags, robots, jobs, 2, stores["all"], watch)
+        keep(so_far, "batch, all bags, 2 workers", len(bags), [*full, *watch.growth()])
         values = [stores[name].read("joints").drop_columns(["covariance"]) for name in ("one", "two")]
         cluster, a_task = many_workers(each, folder)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-    used, n = sum(each), len(sample)
+    used = sum(each)
     show(
         [
             ("calls in one process", n, took, used, 1), ("calls in two processes", n, pair, pair_used, 2),
