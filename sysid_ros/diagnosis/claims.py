@@ -10,11 +10,12 @@ from typing import Protocol
 import numpy as np
 
 from sysid_ros.diagnosis.covariance import Estimates, with_knobs
+from sysid_ros.diagnosis.drift_cause import SIGNATURE, drift_cause
 from sysid_ros.diagnosis.evidence import Evidence, Part, fewest, removed_power, shapley
 from sysid_ros.diagnosis.fit import Fit, visible
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.posterior import SIGNATURE, Posterior, drift_cause, rivals
+from sysid_ros.diagnosis.posterior import Posterior, rivals
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Finding
 from sysid_ros.diagnosis.term import Term

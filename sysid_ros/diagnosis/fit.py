@@ -33,6 +33,8 @@ _MOST = 60
 _KNOWN = 6.0
 """Blocks that are worth as much as what is known of such a ratio before any data: its mean is 1.5 then. Of the parameters of 16
 robots of the level ``real`` 1.4 was the median and 1.9 the mean."""
+_ALONE = 1e-6
+"""Part of what is known of a parameter that the other blocks must tell: less is rounding."""
 _SEEN = 0.012
 """Least part of the nominal residual (rms) that an effect must make on one of its joints."""
 _SEEN_OF_ALL = 0.003
@@ -259,8 +261,9 @@ def scatter_ratios(scores: FloatArray, each: FloatArray, information: FloatArray
     # (M - G)^-1 - M^-1 is M^-1 G M^-1 at least, but for rounding
     expected = np.maximum(np.diagonal(without, axis1=1, axis2=2) - variance, told * variance)
     total = np.maximum(told.sum(axis=0), 1e-300)
-    blocks = total**2 / np.maximum(np.sum(told**2, axis=0), 1e-300)
-    ratio = np.sum(told / np.maximum(expected, 1e-300) * moved, axis=0) / total
+    told = np.where(_ALONE * expected < variance, told, 0.0)  # without it nothing is left that it could be compared with
+    blocks = told.sum(axis=0) ** 2 / np.maximum(np.sum(told**2, axis=0), 1e-300)
+    ratio = np.sum(told / np.maximum(expected, 1e-300) * moved, axis=0) / np.maximum(told.sum(axis=0), 1e-300)
     more = np.maximum((_KNOWN + blocks * ratio) / (_KNOWN + blocks - 2.0) - 1.0, 0.0)
     return np.asarray(1.0 + np.minimum(total, 1.0) * more)
 

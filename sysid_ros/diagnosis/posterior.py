@@ -1,23 +1,23 @@
-"""How probable each cause of the most probable set is, and what it cannot be told from: another effect, time, a temperature."""
+"""How probable each cause of the most probable set is, and which other effects it cannot be told from."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit, Problem
-from sysid_ros.diagnosis.heldout import HeldOut
-from sysid_ros.diagnosis.knobs import refine
+from sysid_ros.diagnosis.knobs import made_anew
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.prepare import SCALES
+from sysid_ros.diagnosis.prepare import SCALES, torques
 from sysid_ros.diagnosis.set_search import SetSearch
 from sysid_ros.diagnosis.sets.link_scales import odds_of_scales
 from sysid_ros.diagnosis.sets.state import State, Weighed
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects import EFFECTS, Depends, named
+from sysid_ros.effects import EFFECTS, named
 from sysid_ros.sample import FloatArray
 
 _DRAWS = 400
@@ -26,17 +26,6 @@ _LEAST = 0.01
 _NAMED = 0.05  # of the probability, from which on a rival is named
 _DISTINCT = 5.0
 """Log-likelihood by which a rival must be worse to be distinct from a finding."""
-_STRONG = 10.0
-"""Difference of the BIC from which evidence is very strong (Kass, Raftery 1995)."""
-_CLOSE = 10.0
-"""Likelihood on the fitted rows by which one may be worse and still be the better of the two on held-out ones."""
-_AS_WELL = 1.01
-"""Error on held-out data, over that of the other, up to which one predicts as well."""
-SIGNATURE = "the ribbon of the residual against the speed narrows or widens with the temperature of the joint"
-RECORD_NEXT = (
-    "To tell a drift of friction with time from one with temperature: the same motion after a cold start and again warm, with a "
-    "pause in which the joints cool down."
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +44,19 @@ class Posterior:
         return Posterior(probability, nothing, {same.get(t, t): others for t, others in self.instead.items()}, self.scales)
 
 
-def posterior_of(search: SetSearch, state: State, *others: State) -> Posterior:
+def posterior_of(search: SetSearch, state: State, *others: State, anew: Callable[[Fit], Fit] = lambda fit: fit) -> Posterior:
     """How probable each term of a set is: against the sets without it, with another in its place, or without all of its effect.
+
+    What depends on torques and stands in for a cause is weighed with columns of the torques that there are without that cause:
+    with those that the cause has a part in, a gain is a payload that is a little heavier.
 
     The stretches are drawn again and again with the weights of the Bayesian bootstrap (pseudo-BMA+, Yao, Vehtari, Simpson,
     Gelman 2018): what a few of them decide is not sure. And where a term's parameters scatter from stretch to stretch more than
     the noise explains, its rows tell as many times less: the likelihood is tempered by that ratio (Holmes, Walker 2017), as its
     interval is widened. What stays in the model is asked without that: there it costs nothing.
+
+    Args:
+        others: sets that are rivals, too. anew: a fit with columns of its own torques.
     """
     rng = np.random.default_rng(0)
     weights = rng.dirichlet(np.ones(search.left_out.of_each.stretches), _DRAWS) * search.left_out.of_each.stretches
@@ -86,6 +81,8 @@ def posterior_of(search: SetSearch, state: State, *others: State) -> Posterior:
                 continue  # likely, were it not that physics forbids it
             less = search.state(lawful, state.scale)
             more, usual = compared(lawful, less.likelihood, less.narrowed)
+        if any(search.pool[i].on_torques for i in new) and np.mean(more + usual > _LEAST) > _LEAST:
+            more = more - _stale(search, members, state.scale, anew)
         for i in set(state.members) - set(members):
             rivals[i].append(_Rival(search.pool[new[0]].id if len(new) == 1 else "", more, usual))
     probability: dict[Term, float] = {}
@@ -102,6 +99,26 @@ def posterior_of(search: SetSearch, state: State, *others: State) -> Posterior:
             if rival.name and named(rival.name) is not term.kind:
                 instead[term][rival.name] = instead[term].get(rival.name, 0.0) + float(s)
     return Posterior(probability, nothing, instead, odds_of_scales(search.at_scales(state.members, range(len(SCALES))), weights))
+
+
+def on_own_torques(
+    problem: Problem, library: Library, fit: Fit, links: Sequence[FloatArray], nominal: Sequence[FloatArray]
+) -> Fit:
+    """A fit with columns of its own torques, of rows and of a library that stay as they are; torques as
+    :func:`.made_anew` has them."""
+    rows, own = copy(problem), copy(library)
+    own.band = copy(library.band)
+    own.update(*torques(own, fit, links, nominal))
+    return made_anew(rows, own, fit, links, nominal)
+
+
+def _stale(search: SetSearch, members: Sequence[int], scale: int, anew: Callable[[Fit], Fit]) -> float:
+    """Log-likelihood of a set that it owes to columns of the torques of another one."""
+    before = search.problem.scale
+    fit = search.fit(members, scale)
+    stale = max(fit.loglik - anew(fit).loglik, 0.0)
+    search.problem.scale = before
+    return stale
 
 
 def _scatter(search: SetSearch, state: State) -> dict[int, float]:
@@ -179,122 +196,3 @@ def _as_likely(problem: Problem, fit: Fit, terms: Sequence[Term], others: Sequen
     rest = [t for t in fit.terms if t not in terms]
     trial = problem.fit([*rest, *others], fit.noise, inexact=fit.inexact)
     return trial.loglik > fit.loglik - _DISTINCT
-
-
-@dataclass(frozen=True)
-class DriftCause:
-    """A drift of friction over one thing, against the same drift over the other.
-
-    Attributes:
-        over: "time" or "temperature", as it was fitted. joints: how many were compared.
-        delta_bic: by which the other is worse; both have as many parameters.
-        delta_heldout: the same on held-out data, where nothing is fitted: twice the difference of the likelihoods.
-        error, error_of_other: on held-out data of the joints that drift, in units of the noise.
-        reference: temperature of the friction that is stated, a joint [degrees Celsius]; empty over time.
-    """
-
-    over: str
-    joints: int
-    delta_bic: float
-    delta_heldout: float
-    error: float
-    error_of_other: float
-    reference: dict[str, float]
-
-    @property
-    def other(self) -> str:
-        """What it was compared with."""
-        return "time" if self.over == "temperature" else "temperature"
-
-    @property
-    def decided(self) -> bool:
-        """True where the recordings tell the two apart."""
-        return (
-            self.delta_bic + self.delta_heldout > _STRONG
-            and self.delta_bic > -2.0 * _CLOSE * self.joints
-            and self.error <= _AS_WELL * self.error_of_other
-        )
-
-    def in_words(self) -> str:
-        """For an engineer."""
-        numbers = (
-            f"ΔBIC {self.delta_bic:.0f}; on data that were not fitted the error is {self.error:.2f} times the noise with "
-            f"{self.over}, {self.error_of_other:.2f} times with {self.other}"
-        )
-        said = {"time": "time", "temperature": "the recorded temperature"}
-        text = (
-            f"{said[self.over].capitalize()} explains the drift better than {said[self.other]} ({numbers})."
-            if self.decided
-            else f"These recordings don't tell whether it follows time or the recorded temperature ({numbers})."
-        )
-        if not self.reference:
-            return text
-        at = ", ".join(f"{value:g} ({joint})" for joint, value in self.reference.items())
-        return f"{text} Fc and b are those at {at} degrees Celsius."
-
-    def as_dict(self) -> dict[str, Any]:
-        """As it stands in diagnosis.json."""
-        return {
-            "over": self.over,
-            "against": self.other,
-            "delta_bic": self.delta_bic,
-            "delta_heldout": self.delta_heldout,
-            "heldout_error": {self.over: self.error, self.other: self.error_of_other},
-            "decided": self.decided,
-            "reference": self.reference,
-        }
-
-
-def drift_cause(
-    problem: Problem, library: Library, fit: Fit, held: HeldOut, terms: Sequence[Term], floor: FloatArray
-) -> DriftCause | None:
-    """What a drift of friction follows, None where it is none, or no temperature of its joints is known.
-
-    Args:
-        terms: of the drift, all over the same thing. floor: noise of each joint on held-out data, shape (n,) [N m].
-    """
-    if not all(_may_follow_temperature(t) for t in terms):
-        return None
-    trial, joints = _swapped(problem, library, fit, terms)
-    if not joints:
-        return None
-    held.add(trial.terms)
-    errors = [held.rms(held.residual(x))[joints] / np.maximum(floor[joints], 1e-12) for x in (fit, trial)]
-    own, other = (float(np.sqrt(np.mean(e**2))) for e in errors)
-    names = fit.terms[0].effect.robot.joint_names
-    return DriftCause(
-        over=terms[0].form or "time",
-        joints=len(joints),
-        delta_bic=2.0 * (fit.loglik - trial.loglik),
-        delta_heldout=_worse_elsewhere(fit, trial, held, joints),
-        error=own,
-        error_of_other=other,
-        reference={names[t.joints[0]]: float(t.effect.settings["reference"]) for t in terms if "reference" in t.effect.settings},
-    )
-
-
-def _may_follow_temperature(term: Term) -> bool:
-    return Depends.TEMPERATURE in term.effect.depends_on
-
-
-def _swapped(problem: Problem, library: Library, fit: Fit, terms: Sequence[Term]) -> tuple[Fit, list[int]]:
-    """The fit with drifts over time in place of those over temperature and the other way round, and their joints."""
-    swapped: dict[Term, Term] = {}
-    for term in terms:
-        joint = term.joints[0]
-        others = [t for t in library.local_options(term.id, joint) if t.form != term.form]
-        if others:
-            knobs = {k.name: term.effect.settings[k.name] for k in term.effect.knobs}
-            settings = {**others[0].effect.settings, **knobs}
-            swapped[term] = library.local(term.id, joint, **settings)
-    if not swapped:
-        return fit, []
-    trial = problem.fit([swapped.get(t, t) for t in fit.terms], fit.noise, inexact=fit.inexact)
-    return refine(problem, library, trial, list(swapped.values())), [t.joints[0] for t in swapped]
-
-
-def _worse_elsewhere(fit: Fit, trial: Fit, held: HeldOut, joints: list[int]) -> float:
-    """Twice the likelihood of held-out rows that a trial loses."""
-    noise = fit.noise.along(held.prepared.band)[:, joints]
-    own, other = (held.residual(x)[:, joints] for x in (fit, trial))
-    return float(np.sum((other**2 - own**2) / noise))

@@ -11,10 +11,10 @@ import numpy as np
 from sysid_ros.blackbox.ceiling import ceiling
 from sysid_ros.blackbox.hybrid import Hybrid
 from sysid_ros.diagnosis.claims import Judged, claims
+from sysid_ros.diagnosis.drift_cause import RECORD_NEXT
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut, dates_in_words
 from sysid_ros.diagnosis.leftover import Leftover, leftovers
-from sysid_ros.diagnosis.posterior import RECORD_NEXT
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, RankedUrdf, Rest, TorqueRmse
 from sysid_ros.effects.wording import listed
 from sysid_ros.robot.robot_model import RobotModel

@@ -163,24 +163,24 @@ class ComplianceScreen:
     def terms(self, fit: Fit) -> list[Term]:
         """At most one term of each effect and joint."""
         out = []
-        causes = sum(t.p for t in fit.terms)
-        for joint, (index, columns_of_all) in fit.blocks.items():
-            X = columns_of_all[:, index < causes]  # inexact links are free within narrow bounds only
+        for joint, (index, X) in fit.blocks.items():
             settings, columns = self._options(joint)
             root = 1.0 / np.sqrt(fit.variance[:, joint, None])
             kinds = list(dict.fromkeys(kind for kind, _ in settings))
             present = {t.kind for t in fit.terms if t.row == joint}
             missing = [x for x in dict.fromkeys(kind.companion for kind in kinds) if x and EFFECTS[x] not in present]
-            beside = np.concatenate([X, *(self._library.local(x, joint).columns for x in missing)], axis=1)
-            basis = _orthonormal(beside * root)
+            beside = np.concatenate([np.zeros((len(root), 0)), *(self._library.local(x, joint).columns for x in missing)], axis=1)
             z = fit.residual[:, joint] * root[:, 0]
             power = float(z @ z)
-            z = z - basis @ (basis.T @ z)
-            C = columns * root
-            C -= basis @ (basis.T @ C)
-            size = np.maximum(np.sum(C**2, axis=0), 1e-30)
-            theta = (C.T @ z) / size
-            drop = theta**2 * size + (power - float(z @ z) if missing else 0.0)
+            M, C, known = beside * root, columns * root, X * root
+            # what is there gives way as far as all rows and what is known of the links let it
+            of_beside, of_each = known.T @ M, known.T @ C
+            eased, eased_each = (fit.inverse[np.ix_(index, index)] @ x for x in (of_beside, of_each))
+            size, cross = np.sum(C**2, axis=0) - np.sum(of_each * eased_each, axis=0), M.T @ C - eased.T @ of_each
+            inverse = np.linalg.pinv(M.T @ M - of_beside.T @ eased, hermitian=True)
+            size = np.maximum(size - np.sum(cross * (inverse @ cross), axis=0), 1e-30)
+            theta = (C.T @ z - cross.T @ inverse @ (M.T @ z)) / size
+            drop = theta**2 * size + float(z @ M @ inverse @ M.T @ z)
             gain = 0.5 * len(z) * np.log(power / np.maximum(power - drop, 1e-9 * power))
             made_for = np.array([s["around"] for _, s in settings])
             gain[(theta < _AS_MADE_FOR[0] * made_for) | (theta > _AS_MADE_FOR[1] * made_for)] = 0.0

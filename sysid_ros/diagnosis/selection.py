@@ -12,7 +12,7 @@ from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.heldout import HeldOut, no_worse
 from sysid_ros.diagnosis.knobs import made_anew, refine
 from sysid_ros.diagnosis.library import Library, SetPrior
-from sysid_ros.diagnosis.posterior import Posterior, posterior_of
+from sysid_ros.diagnosis.posterior import Posterior, on_own_torques, posterior_of
 from sysid_ros.diagnosis.prepare import before_gains, torques
 from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, event, forms, met, proposal, refined
 from sysid_ros.diagnosis.set_search import SetSearch
@@ -125,8 +125,7 @@ class Selection:
         whole = self.fit
         for kind in dict.fromkeys(t.kind for t in whole.terms if t.row is None):
             if self._first(kind, self._keys()):
-                rest = [t for t in whole.terms if t.kind is not kind]
-                self.fit = self.problem.fit(rest, whole.noise, inexact=whole.inexact)
+                self.fit = self.problem.fit([t for t in whole.terms if t.kind is not kind], whole.noise, inexact=whole.inexact)
                 self.pool += [t for p in self.proposals(without=kind) for t in p.terms]
                 self.fit = whole
 
@@ -167,6 +166,7 @@ class Selection:
     def _judged(self, held: HeldOut) -> Posterior:
         asked = self._asked(held)
         rows: list[Rows] = [(self.problem, lambda term: term), (held.prepared.problem, lambda term: held.terms[term])]
+        anew = partial(on_own_torques, self.problem, self.library, links=self._links, nominal=self._nominal)
         while True:
             for again in (True, False):
                 state, self.fit, search = self._climbed(rows, asked)
@@ -175,7 +175,7 @@ class Selection:
                     break
                 asked = self._asked(held)
             same = dict(zip(before, self.fit.terms, strict=True))
-            posterior = posterior_of(search, state).of(same)
+            posterior = posterior_of(search, state, anew=anew).of(same)
             asked = [t for x in asked if posterior.nothing.get(t := same.get(x, x), 0.0) < 0.5]
             if all(p < 0.5 for p in posterior.nothing.values()):
                 break
@@ -185,7 +185,8 @@ class Selection:
             return posterior
         terms, self.fit = self.fit.terms, simpler
         search, plain = self._search(rows, list(dict.fromkeys([*terms, *asked])), simpler.noise)
-        return posterior_of(search, plain, search.state([search.pool.index(t) for t in terms], state.scale))
+        whole = search.state([search.pool.index(t) for t in terms], state.scale)
+        return posterior_of(search, plain, whole, anew=anew)
 
     def _stale(self, held: HeldOut | None = None) -> bool:
         """Make columns anew that depend on torques; True where a term may be there only for another set's."""
@@ -219,8 +220,7 @@ class Selection:
                 out |= {best.term.exact_key: best.term for best in self._best_options(scorer, name, j)}
         # the columns of a deflection are those of one size: no other size of it stands in for it
         sized = {t.key for t in self.fit.terms if t.effect.deflection}
-        for term in [*(t for t in self.pool if t.key not in sized), *self.fit.terms]:
-            out[term.exact_key] = term
+        out |= {t.exact_key: t for t in [*(t for t in self.pool if t.key not in sized), *self.fit.terms]}
         asked = [t for t in out.values() if held is None or t.instant is None or t in self.fit.terms]
         if held is not None:
             held.add(asked)

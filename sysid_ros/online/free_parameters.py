@@ -128,10 +128,6 @@ class FreeParameters:
         least = np.array([mass] + [mass * size] * 3 + [mass * size**2] * 6)
         return np.asarray(np.maximum(prior, least))
 
-    def settle_legs(self, estimator: Estimator) -> str:
-        """Why all is estimated anew, as of :meth:`.LegParameters.settle`; empty where it is not."""
-        return self.legs.settle(estimator) if self.legs is not None else ""
-
     def settle_tilt(self, estimator: Estimator) -> bool:
         """Ask whether the base is tilted; True where gravity was turned because it is, so that rows of before do not hold.
         Not to be asked once it is known to be level, see ``tilt_is_open``."""

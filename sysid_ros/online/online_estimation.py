@@ -222,8 +222,9 @@ class OnlineEstimation:
             return None
         self._next_publish = max(self._next_publish, rows.sample.t - front_end.period) + 1.0 / self.settings.publish_rate
         self.latest = published = self._publish(estimate, rows, t, judgement, front_end.projection)
-        if self._changes.trial is None and estimate.status == "ok" and (found := self._free.settle_legs(estimator)):
-            self.reset(found)
+        legs = self._free.legs if self._changes.trial is None and estimate.status == "ok" else None
+        if legs is not None and (why := legs.settle(estimator)):
+            self.reset(why)
         return published
 
     def _on_ground(self, rows: Rows, front_end: FrontEnd, ground: GroundContact) -> bool:
