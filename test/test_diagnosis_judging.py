@@ -164,6 +164,7 @@ def gears_that_build_up(seed: int) -> Recording:
     return Recording("gears", t, q, None, tau + rubs + 0.1 * rng.normal(size=q.shape))
 
 
+@pytest.mark.slow
 def test_friction_that_builds_up_makes_no_other_robot() -> None:
     """What follows a reversal is the joint's own, whoever's robot it is: as nobody's, it was held against the URDF."""
     heavier = robot(ARM).with_links(robot(ARM).pi)

@@ -110,6 +110,7 @@ def test_standing_on_legs_that_rub_is_never_sure_and_wrong() -> None:
     assert result.final.mass_std > 0.05
 
 
+@pytest.mark.slow
 def test_feet_that_nobody_tells_are_estimated() -> None:
     scenario = LeggedScenario(gait="sway", duration=8.0, seed=14, foot_spheres=False, **ROUGH)
     estimation, result = told(simulate_legged(scenario, start_time=1000.0))
@@ -132,7 +133,14 @@ def test_an_imu_that_is_tilted_is_named() -> None:
     assert abs(result.final.mass - 3.0) < 3.0 * result.final.mass_std
 
 
-@pytest.mark.parametrize(("gait", "delay"), [("trot", 0.01), ("trot", 0.02), ("flying_trot", 0.01)])
+@pytest.mark.parametrize(
+    ("gait", "delay"),
+    [
+        ("trot", 0.01),
+        pytest.param("trot", 0.02, marks=pytest.mark.slow),
+        pytest.param("flying_trot", 0.01, marks=pytest.mark.slow),
+    ],
+)
 def test_an_imu_whose_stamps_are_late_is_named_and_put_right(gait: str, delay: float) -> None:
     scenario = LeggedScenario(gait=gait, duration=13.0, seed=16, imu_delay=delay, **ROUGH)
     estimation, result = told(simulate_legged(scenario, start_time=1000.0))
@@ -210,6 +218,7 @@ def test_feet_slip_on_slippery_ground() -> None:
     assert np.quantile(along, 0.9) > 0.15
 
 
+@pytest.mark.slow
 def test_all_gaits_in_turn_begin_and_end_without_a_jump() -> None:
     rng = np.random.default_rng(3)
     feet = LeggedRobot.of("go2", (0.0,) * 3, (0.0,) * 3, True).feet
@@ -223,6 +232,7 @@ def test_all_gaits_in_turn_begin_and_end_without_a_jump() -> None:
     assert seen == set(LEGGED_GAITS)
 
 
+@pytest.mark.slow
 def test_a_load_that_slips_in_a_trot_is_a_change_within_two_steps() -> None:
     scenario = LeggedScenario(gait="trot", duration=10.0, seed=12, shift_time=6.0, **ROUGH)
     record = simulate_legged(scenario, start_time=1000.0)

@@ -15,9 +15,9 @@ from sysid_ros.diagnosis.evidence import Evidence, Part, fewest, removed_power, 
 from sysid_ros.diagnosis.fit import Fit, visible
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.posterior import Posterior, rivals
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Finding
+from sysid_ros.diagnosis.sets.posterior import Posterior, rivals
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import Parameter, named
 from sysid_ros.effects.parameter import by_delta_method

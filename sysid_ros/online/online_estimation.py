@@ -185,10 +185,10 @@ class OnlineEstimation:
         due = rows.sample.t >= self._next_publish
         if self._ground is not None and not self._on_ground(rows, front_end, self._ground):
             return self._held(rows, self._ground) if due and self._ground.lifted else None
-        fastest, friction = max(rows.speed.tolist()), self._free.friction
+        fastest, friction, legs = max(rows.speed.tolist()), self._free.friction, self._free.legs
         self._still = self._still + front_end.period if fastest < self.settings.standstill_velocity else 0.0
         hold = self._still > _STANDS and self.base is None
-        if self._free.legs is not None:
+        if legs is not None:
             self._free.carry(estimator, front_end)
         if self._free.tilt is not None and self._free.tilt.told:
             self._free.tilt.load = estimator.theta[PAYLOAD]
@@ -222,8 +222,7 @@ class OnlineEstimation:
             return None
         self._next_publish = max(self._next_publish, rows.sample.t - front_end.period) + 1.0 / self.settings.publish_rate
         self.latest = published = self._publish(estimate, rows, t, judgement, front_end.projection)
-        legs = self._free.legs if self._changes.trial is None and estimate.status == "ok" else None
-        if legs is not None and (why := legs.settle(estimator)):
+        if legs and self._changes.trial is None and estimate.status == "ok" and (why := legs.settle(estimator)):
             self.reset(why)
         return published
 
