@@ -14,12 +14,12 @@ from robots import robot, urdf
 from sysid_ros.effects import Payload
 from sysid_ros.effects.base_tilt import tilted_gravity
 from sysid_ros.estimators import ESTIMATORS
-from sysid_ros.online.link_inexactness import link_inexactness
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.payload_estimate import NOT_A_BODY, PayloadEstimate, nearest_body
 from sysid_ros.online.small_tilt import SmallTilt
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.link_inexactness import link_inexactness
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement, Sample
 from sysid_ros.signals.cutoff import default_cutoff, position_noise

@@ -15,10 +15,10 @@ from unsimulated import unsimulated as unsimulated
 from sysid_ros.diagnosis import diagnose
 from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.covariance import with_knobs
-from sysid_ros.diagnosis.fit import BlockScatter
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.selection import Selection
+from sysid_ros.diagnosis.sets.block_scatter import BlockScatter
 from sysid_ros.diagnosis.sets.posterior import Posterior, rivals
 from sysid_ros.effects import Motion, TorqueSaturation
 from sysid_ros.exceptions import ModelFileError

@@ -20,7 +20,7 @@ from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.sets.link_scales import odds_of_scales
 from sysid_ros.diagnosis.sets.state import Weighed
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.robot.inertial_parameters import by_centre, from_com
+from sysid_ros.robot.inertial_parameters import by_centre, by_moments, from_com
 
 
 @cache
@@ -38,9 +38,25 @@ def test_a_centre_of_mass_moves_with_its_inertia(seed: int) -> None:
         np.testing.assert_allclose(by_centre(body)[:, k], (sides[0] - sides[1]) / 2e-6, rtol=1e-6, atol=1e-9)
 
 
+def test_principal_moments_are_those_about_the_centre_of_mass() -> None:
+    rng = np.random.default_rng(0)
+    mass, com, axes = 2.0, rng.normal(size=3), np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    moments = np.array([0.1, 0.2, 0.25])
+    body = from_com(mass, com, axes @ np.diag(moments) @ axes.T)
+    for k, part in enumerate(0.1 * np.eye(3)):
+        more = from_com(mass, com, axes @ np.diag(moments * (1.0 + part)) @ axes.T)
+        np.testing.assert_allclose(0.1 * by_moments(body)[:, k], more - body, atol=1e-12)
+    assert not by_moments(np.zeros(10)).any()
+
+
 def test_inexact_links_are_bodies_that_move() -> None:
     model = robot(ARM)
-    basis, n = inexact_links(model), model.n
+    links, n = inexact_links(model), model.n
+    basis = links.basis
+    assert links.scaled_by.tolist() == [1] * n + [2] * 3 * n + [1] * (len(links.std) - 4 * n)
+    moments = basis[:, 4 * n :].reshape(n, 10, -1)
+    assert moments.any()
+    assert not moments[:, :4].any()
     for j, body in enumerate(model.pi.reshape(-1, 10)):
         own = basis[10 * j : 10 * j + 10]
         np.testing.assert_allclose(own[:, j], body)

@@ -13,9 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sysid_ros.diagnosis.fit import BlockScatter, Fit, Problem
+from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import SCALES
+from sysid_ros.diagnosis.sets.block_scatter import BlockScatter
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.estimators.symmetric import inverse_of, scaled_to_one
 from sysid_ros.robot.robot_model import RobotModel

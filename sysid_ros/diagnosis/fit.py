@@ -17,7 +17,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 from sysid_ros.diagnosis.band import Band, RowNoise
 from sysid_ros.diagnosis.term import Term
@@ -26,15 +25,6 @@ from sysid_ros.sample import FloatArray
 
 Block = tuple[NDArray[np.intp], FloatArray]
 """Which parameters load a joint, and their columns there, shape (K, m_j)."""
-_BLOCK = 1.5
-"""Length of a block [s]: longer than what whitening leaves of a correlation."""
-_MOST = 60
-"""More blocks tell no more, and cost time."""
-_KNOWN = 6.0
-"""Blocks that are worth as much as what is known of such a ratio before any data: its mean is 1.5 then. Of the parameters of 16
-robots of the level ``real`` 1.4 was the median and 1.9 the mean."""
-_ALONE = 1e-6
-"""Part of what is known of a parameter that the other blocks must tell: less is rounding."""
 _SEEN = 0.012
 """Least part of the nominal residual (rms) that an effect must make on one of its joints."""
 _SEEN_OF_ALL = 0.003
@@ -109,15 +99,24 @@ class Problem:
     Args:
         band: the frequency domain. y: torque that the nominal model leaves, shape (K, n).
         nuisance: columns of what no model gets exactly right, shape (K, n, c). nuisance_std: their usual size, shape (c,).
-        considered: how many of them, the first ones, are no links': their size is always the usual one.
+        scaled_by: which of the two scales the size of each follows, 1 or 2; 0 of what is no link's and always has its usual
+            size, the first ones, shape (c,).
 
     Attributes:
         y: rows, corrected for what some causes change of the measured torque. measured: without that.
-        scale: by how much more or less than usual masses, the first quarter of what no model gets right, and places are inexact.
+        scale: by how much more or less than usual masses and places are inexact. considered: how many have their usual size.
     """
 
-    def __init__(self, band: Band, y: FloatArray, nuisance: FloatArray, nuisance_std: FloatArray, considered: int = 0) -> None:
-        self.band, self.y, self.measured, self.considered = band, y, y, considered
+    def __init__(
+        self,
+        band: Band,
+        y: FloatArray,
+        nuisance: FloatArray,
+        nuisance_std: FloatArray,
+        scaled_by: NDArray[np.intp],
+    ) -> None:
+        self.band, self.y, self.measured = band, y, y
+        self._scaled_by, self.considered = scaled_by, int(np.sum(scaled_by == 0))
         self.active = np.flatnonzero(band.active)
         self.nuisance, self.usual_prior, self.scale = nuisance, 1.0 / nuisance_std**2, (1.0, 1.0)
 
@@ -137,9 +136,8 @@ class Problem:
 
     def prior_of(self, scale: tuple[float, float]) -> FloatArray:
         """The same with masses and places that are so inexact."""
-        links = np.arange(len(self.usual_prior) - self.considered)
-        sizes = np.maximum(np.where(links < len(links) // 4, *scale), _EXACT)
-        return np.asarray(self.usual_prior / np.concatenate([np.ones(self.considered), sizes]) ** 2)
+        sizes = np.maximum([1.0, *scale], _EXACT)
+        return np.asarray(self.usual_prior / sizes[self._scaled_by] ** 2)
 
     def blocks(self, terms: Sequence[Term], inexact: bool) -> tuple[dict[int, Block], int]:
         """Columns of each active joint, and the number of parameters."""
@@ -201,71 +199,6 @@ class Problem:
             both, own = np.linalg.slogdet(scaled)[1], np.linalg.slogdet(scaled[:count, :count])[1]
             loglik -= 0.5 * float(both - own - 2.0 * np.sum(np.log(scale[count:])) - np.sum(np.log(self.prior)))
         return Fit(tuple(terms), theta, inverse, noise, loglik, residual, blocks, variance, inexact)
-
-
-class BlockScatter:
-    """Scores of the parameters of a fit, block by block.
-
-    Args:
-        band: of the rows. count: number of parameters m.
-    """
-
-    def __init__(self, band: Band, count: int) -> None:
-        self._band = band
-        length = max(_BLOCK, band.seconds / _MOST)
-        lengths = [max(1, round((where.stop - where.start) * band.motions[i].period / length)) for i, where, _ in band.slices]
-        self._first = np.concatenate([[0], np.cumsum(lengths)])
-        self._scores = np.zeros((int(self._first[-1]), count))
-        self._information = np.zeros((int(self._first[-1]), count, count))
-
-    def add(self, columns: FloatArray, residual: FloatArray, index: NDArray[np.intp]) -> None:
-        """Count in one joint.
-
-        Args:
-            columns: whitened, shape (K, p). residual: whitened, shape (K,). index: which parameters the columns belong to.
-        """
-        begin = 0
-        for s, (_, _, count) in enumerate(self._band.slices):
-            rows = slice(begin, begin + count)
-            begin += count
-            x, r = (fft.idct(part, axis=0, norm="ortho") for part in (columns[rows], residual[rows]))
-            parts = np.array_split(np.arange(count), self._first[s + 1] - self._first[s])
-            for b, part in enumerate(parts, int(self._first[s])):
-                self._scores[b, index] += x[part].T @ r[part]
-                self._information[b][np.ix_(index, index)] += x[part].T @ x[part]
-
-    def ratios(self, information: FloatArray) -> FloatArray:
-        """Variance with the scatter over the variance without, at least 1, shape (m,).
-
-        Args:
-            information: of all rows and before any data, shape (m, m).
-        """
-        return scatter_ratios(self._scores, self._information, information)
-
-
-def scatter_ratios(scores: FloatArray, each: FloatArray, information: FloatArray) -> FloatArray:
-    """As :meth:`BlockScatter.ratios` gives it, for scores of any blocks, shape (blocks, m).
-
-    Each block counts as much as it tells of a parameter. A ratio is known from so many blocks as a variance is from so many
-    values: the mean of its scaled inverse chi-squared distribution makes the parameter's variance that of Student's. What is
-    known of a parameter before any data does not scatter.
-
-    Args:
-        each: information of each block, shape (blocks, m, m). information: as :meth:`BlockScatter.ratios` has it.
-    """
-    whole = inverse_of(information)
-    variance = np.maximum(np.diag(whole), 1e-300)
-    without = inverse_of(information - each)
-    moved = np.einsum("bij,bj->bi", without, scores) ** 2
-    told = np.maximum(np.einsum("ij,bjk,ki->bi", whole, each, whole, optimize=True), 0.0) / variance
-    # (M - G)^-1 - M^-1 is M^-1 G M^-1 at least, but for rounding
-    expected = np.maximum(np.diagonal(without, axis1=1, axis2=2) - variance, told * variance)
-    total = np.maximum(told.sum(axis=0), 1e-300)
-    told = np.where(_ALONE * expected < variance, told, 0.0)  # without it nothing is left that it could be compared with
-    blocks = told.sum(axis=0) ** 2 / np.maximum(np.sum(told**2, axis=0), 1e-300)
-    ratio = np.sum(told / np.maximum(expected, 1e-300) * moved, axis=0) / np.maximum(told.sum(axis=0), 1e-300)
-    more = np.maximum((_KNOWN + blocks * ratio) / (_KNOWN + blocks - 2.0) - 1.0, 0.0)
-    return np.asarray(1.0 + np.minimum(total, 1.0) * more)
 
 
 def allowed(problem: Problem, fit: Estimated, term: Term) -> bool:

@@ -4,6 +4,7 @@ torques, on what the links weigh or on how late the efforts are, made anew."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -202,7 +203,8 @@ class _Deflection:
             moved = {**self.settings, name: self.settings[name] * (1.0 + _PROBE)}
             other = self._library.whole(self._old.id, self._old.joints, **moved)
             steps.append((other.columns[..., 0] * moved["around"] - whole) / np.log1p(_PROBE))
-        rest = Problem(self._problem.band, self._problem.y - whole, self._problem.nuisance, self._problem.prior**-0.5)
+        rest = copy(self._problem)
+        rest.y = self._problem.y - whole
         slope = replace(self.term, columns=np.stack(steps, axis=-1))
         step = rest.fit([*others, slope], self.fit.noise, 2, self.fit.inexact).theta_of(slope)
         step *= min(1.0, _LONGEST / float(np.max(np.abs(step))))

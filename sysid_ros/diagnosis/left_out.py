@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from sysid_ros.diagnosis.band import RowNoise
-from sysid_ros.diagnosis.fit import scatter_ratios
+from sysid_ros.diagnosis.sets.block_scatter import scatter_ratios
 from sysid_ros.diagnosis.sets.stretches import Indices, Rows, Stretches
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.estimators.symmetric import inverse_of

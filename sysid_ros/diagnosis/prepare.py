@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.effects import Acts, Motion
-from sysid_ros.robot.inertial_parameters import by_centre
+from sysid_ros.robot.inertial_parameters import by_centre, by_moments
+from sysid_ros.robot.link_inexactness import principal_directions
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
@@ -26,6 +29,11 @@ _TURNS = np.geomspace(0.004, 0.15, 18)
 differ."""
 INEXACT = 0.02
 """What no URDF's masses are better than, as a part."""
+MOMENTS = 5.0
+"""Parts of a moment of inertia about the centre of mass for each part of a mass: a URDF's are those of a body without motors and
+cables, or of a solid one."""
+_MOMENTS_SEEN = 1e-3
+"""Part of the variance of the torque by all moments that those make which are left out."""
 ARM = 0.1
 """Length of which that part is what no URDF's centres of mass are better than [m]."""
 _MASSES, _PLACES = (0.3, 1.0, 4.0), (0.05, 0.3, 1.0, 4.0)
@@ -75,26 +83,46 @@ def assemble(robot: RobotModel, found: Sequence[Motion], nominal: Sequence[Float
     """The problem of motions whose nominal torque is known."""
     band = Band(found)
     y = band.rows([m.tau - t for m, t in zip(found, nominal, strict=True)])
-    basis = inexact_links(robot)
-    columns = band.rows([m.regressor @ basis for m in found])
-    return Prepared(tuple(found), tuple(nominal), band, Problem(band, y, columns, np.full(basis.shape[1], INEXACT)))
+    links = inexact_links(robot)
+    columns = band.rows([m.regressor @ links.basis for m in found])
+    return Prepared(tuple(found), tuple(nominal), band, Problem(band, y, columns, links.std, links.scaled_by))
 
 
-def inexact_links(robot: RobotModel) -> FloatArray:
-    """What the nuisance parameters change of the links' inertials, shape (10 n, 4 n): all ten of each link by a factor, then the
-    centre of mass of each by three lengths in units of :data:`ARM`."""
+class InexactLinks(NamedTuple):
+    """What no model's links get exactly right.
+
+    Attributes:
+        basis: change of the links' inertials by each parameter, shape (10 n, c). std: of the parameters, shape (c,).
+        scaled_by: which of the two sizes of :data:`SCALES` each of them follows, 1 (masses) or 2 (places), shape (c,).
+    """
+
+    basis: FloatArray
+    std: FloatArray
+    scaled_by: NDArray[np.intp]
+
+
+def inexact_links(robot: RobotModel, floats: bool = False) -> InexactLinks:
+    """All ten inertials of each link by a factor, the centre of mass of each by three lengths in units of :data:`ARM`, and the
+    principal moments of inertia about it, in the directions that make torque.
+
+    Args:
+        floats: on a floating base; the moments of its many small links make no torque to speak of, and are left out.
+    """
     n = robot.n
-    basis = np.zeros((10 * n, 4 * n))
+    basis, moments = np.zeros((10 * n, 4 * n)), np.zeros((10 * n, 3 * n))
     for j in range(n):
         own = slice(10 * j, 10 * j + 10)
         basis[own, j] = robot.pi[own]
         basis[own, n + 3 * j : n + 3 * j + 3] = ARM * by_centre(robot.pi[own])
-    return basis
+        moments[own, 3 * j : 3 * j + 3] = MOMENTS * by_moments(robot.pi[own])
+    moments = moments @ principal_directions(robot, moments, left_out=_MOMENTS_SEEN) if not floats else moments[:, :0]
+    scaled_by = np.repeat([1, 2, 1], [n, 3 * n, moments.shape[1]])
+    return InexactLinks(np.concatenate([basis, moments], axis=1), np.full(len(scaled_by), INEXACT), scaled_by)
 
 
 def links_off(robot: RobotModel, fit: Fit) -> FloatArray:
     """By how much a fit has the links inexact, shape (10 n,)."""
-    basis = inexact_links(robot)
+    basis = inexact_links(robot).basis
     return np.asarray(basis @ fit.theta[-basis.shape[1] :]) if fit.inexact else np.zeros(len(basis))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import fft, interpolate, optimize, signal
 
 from sysid_ros.diagnosis.evidence import Evidence
-from sysid_ros.diagnosis.fit import scatter_ratios
+from sysid_ros.diagnosis.sets.block_scatter import scatter_ratios
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.whittle import Noise

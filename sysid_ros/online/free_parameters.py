@@ -14,10 +14,10 @@ from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.online.friction_correction import FrictionCorrection
 from sysid_ros.online.front_end import FrontEnd
 from sysid_ros.online.leg_parameters import LegParameters
-from sysid_ros.online.link_inexactness import link_inexactness
 from sysid_ros.online.rows import Rows
 from sysid_ros.online.small_tilt import SmallTilt
 from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.link_inexactness import link_inexactness
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Measurement, Sample
 from sysid_ros.torque.model_file import ModelFile

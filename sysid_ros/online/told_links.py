@@ -11,8 +11,8 @@ import numpy as np
 from sysid_ros.estimators import Estimator
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
 from sysid_ros.online.front_end import FrontEnd
-from sysid_ros.online.link_inexactness import principal_directions
 from sysid_ros.online.rows import Rows
+from sysid_ros.robot.link_inexactness import principal_directions
 from sysid_ros.sample import FloatArray
 
 _SPAN = 10.0

@@ -295,3 +295,21 @@ def by_centre(body: FloatArray) -> FloatArray:
         change = 2.0 * body[1 + k] * np.eye(3) - both - both.T
         out[4:, k] = [change[i, j] for i, j in _TENSOR]
     return out
+
+
+def by_moments(body: FloatArray) -> FloatArray:
+    """Change of a body's ten parameters (10,) by each of its principal moments of inertia about its centre of mass, each by its
+    whole, shape (10, 3)."""
+    out = np.zeros((10, 3))
+    if body[0] <= 0.0:
+        return out
+    inertia = np.empty((3, 3))
+    for value, (i, j) in zip(body[4:], _TENSOR, strict=True):
+        inertia[i, j] = inertia[j, i] = value
+    first = body[1:4]
+    inertia += (np.outer(first, first) - first @ first * np.eye(3)) / body[0]
+    moments, axes = np.linalg.eigh(inertia)
+    for k, moment in enumerate(moments):
+        change = moment * np.outer(axes[:, k], axes[:, k])
+        out[4:, k] = [change[i, j] for i, j in _TENSOR]
+    return out

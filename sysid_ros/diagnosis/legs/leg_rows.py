@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid_ros.diagnosis.band import CUTOFF, Band
 from sysid_ros.diagnosis.fit import Problem
@@ -18,7 +19,7 @@ from sysid_ros.diagnosis.legs.corrected import Corrected, bags_of, leg_model, pl
 from sysid_ros.diagnosis.legs.leg_mixing import mixing
 from sysid_ros.diagnosis.legs.leg_noise import Gait, NoiseOfEach
 from sysid_ros.diagnosis.library import Library, Places
-from sysid_ros.diagnosis.prepare import INEXACT, Prepared, inexact_links
+from sysid_ros.diagnosis.prepare import Prepared, inexact_links
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS, TRUNK_EFFECTS, Effect, Motion, Scope
 from sysid_ros.floating.floating_base import FloatingBase
@@ -77,26 +78,25 @@ class LegLibrary(Library):
         links = [(where, e.nominal) for e, where in zip(model.free, model.slices, strict=True) if e.replaces_links]
         rest = [b.y - sum((b.Y[:, :, where] @ theta for where, theta in links), 0.0) for b in bags]
         nominal = tuple(b.tau - x for b, x in zip(bags, rest, strict=True))
-        nuisance, std, considered = self._nuisance(model)
-        problem = Problem(band, band.rows(rest), nuisance, std, considered)
+        problem = Problem(band, band.rows(rest), *self._nuisance(model))
         self.prepared = Prepared(tuple(found), nominal, band, problem, tuple(b.name for b in bags))
 
-    def _nuisance(self, model: TorqueModel) -> tuple[FloatArray, FloatArray, int]:
-        """Columns of what is never known exactly, shape (K, n, c), its size (c,), and how many of them are no links'."""
+    def _nuisance(self, model: TorqueModel) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+        """Columns of what is never known exactly, shape (K, n, c), its size (c,), and what that follows."""
         torque, columns, std = standing_torque(self._base.mass), [], []
         for effect, where in zip(model.free, model.slices, strict=True):
             size = effect.usual_on_legs(torque)
             if np.any(size):
                 columns.append(self._columns[:, :, where])
                 std.append(size + np.zeros(effect.p))
-        basis = inexact_links(self.robot)
+        links = inexact_links(self.robot, floats=True)
         heavy = [10 * j + k for _, j, _ in self._links() for k in range(10)]
         own = np.concatenate([self._columns[:, :, where] for _, _, where in self._links()], axis=2)
         considered = sum(x.shape[2] for x in columns)
         return (
-            np.concatenate([*columns, own @ basis[heavy]], axis=2),
-            np.concatenate([*std, np.full(basis.shape[1], INEXACT)]),
-            considered,
+            np.concatenate([*columns, own @ links.basis[heavy]], axis=2),
+            np.concatenate([*std, links.std]),
+            np.concatenate([np.zeros(considered, dtype=np.intp), links.scaled_by]),
         )
 
     def _links(self) -> list[tuple[type[Effect], int, slice]]:

@@ -37,9 +37,11 @@ def link_inexactness(robot: RobotModel, mass: float, com: float, floats: bool = 
     return directions @ principal_directions(robot, directions, floats)
 
 
-def principal_directions(robot: RobotModel, directions: FloatArray, floats: bool = False) -> FloatArray:
+def principal_directions(
+    robot: RobotModel, directions: FloatArray, floats: bool = False, left_out: float | None = None
+) -> FloatArray:
     """How directions of the error of the links, (10 n, k), are rotated, and some left out: shape (k, c), see
-    :func:`link_inexactness`."""
+    :func:`link_inexactness`. Args: left_out: part of the variance that those may make which are left out."""
     q, v, a = _motion(robot, floats)
     rows = slice(0, FREE) if floats else slice(None)
     torque = np.einsum("tjk,kc->tjc", robot.regressor_along(q, v, a)[:, rows], directions)
@@ -49,7 +51,8 @@ def principal_directions(robot: RobotModel, directions: FloatArray, floats: bool
     torque /= np.maximum(usual, 1e-3 * max(float(usual.max()), 1e-9))[:, None]
     _, size, turned = np.linalg.svd(torque.reshape(-1, directions.shape[1]), full_matrices=False)
     part = np.cumsum(size[::-1] ** 2)[::-1] / max(float(np.sum(size**2)), 1e-300)
-    return np.asarray(np.ascontiguousarray(turned[part > (_LEFT_OUT_FLOATING if floats else _LEFT_OUT)].T))
+    least = (_LEFT_OUT_FLOATING if floats else _LEFT_OUT) if left_out is None else left_out
+    return np.asarray(np.ascontiguousarray(turned[part > least].T))
 
 
 def _motion(robot: RobotModel, floats: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
