@@ -20,7 +20,8 @@ from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.sets.link_scales import odds_of_scales
 from sysid_ros.diagnosis.sets.state import Weighed
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.robot.inertial_parameters import by_centre, by_moments, from_com
+from sysid_ros.robot.inertial_parameters import by_centre, from_com
+from sysid_ros.robot.link_inexactness import by_moments
 
 
 @cache

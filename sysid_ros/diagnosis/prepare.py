@@ -14,8 +14,8 @@ from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.effects import Acts, Motion
-from sysid_ros.robot.inertial_parameters import by_centre, by_moments
-from sysid_ros.robot.link_inexactness import principal_directions
+from sysid_ros.robot.inertial_parameters import by_centre
+from sysid_ros.robot.link_inexactness import by_moments, principal_directions
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray

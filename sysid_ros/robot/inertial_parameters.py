@@ -23,7 +23,7 @@ _SMALLEST = 1e-9
 _FARTHEST = 0.5  # m, of the centre of mass from which the search begins
 _RADIUS = 0.05  # m, of gyration of the body from which the search begins
 _ITERATIONS = 60
-_TENSOR = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+TENSOR = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 
 
 def inertia_matrix(theta: FloatArray) -> FloatArray:
@@ -37,7 +37,7 @@ def from_com(mass: float, com: FloatArray, inertia_com: FloatArray) -> FloatArra
     theorem)."""
     com = np.asarray(com, dtype=float)
     origin = np.asarray(inertia_com, dtype=float) + mass * (com @ com * np.eye(3) - np.outer(com, com))
-    return np.concatenate(([mass], mass * com, [origin[i, j] for i, j in _TENSOR]))
+    return np.concatenate(([mass], mass * com, [origin[i, j] for i, j in TENSOR]))
 
 
 def to_com(theta: FloatArray) -> tuple[float, FloatArray, FloatArray]:
@@ -72,7 +72,7 @@ def from_pseudo_inertia(matrix: FloatArray) -> FloatArray:
     """Theta of shape (10,) from a pseudo-inertia of shape (4, 4)."""
     sigma = matrix[:3, :3]
     inertia = np.trace(sigma) * np.eye(3) - sigma
-    return np.concatenate(([matrix[3, 3]], matrix[:3, 3], [inertia[i, j] for i, j in _TENSOR]))
+    return np.concatenate(([matrix[3, 3]], matrix[:3, 3], [inertia[i, j] for i, j in TENSOR]))
 
 
 def is_physical(theta: FloatArray) -> bool:
@@ -112,7 +112,7 @@ def body_of(theta: FloatArray, covariance: FloatArray) -> tuple[float, FloatArra
         square += com[i] * com[i]
     for i in range(3):
         for j in range(i + 1):
-            # the six of the tensor stand as in _TENSOR
+            # the six of the tensor stand as in TENSOR
             inertia[i, j] = theta[4 + i * (i + 1) // 2 + j] + mass * com[i] * com[j]
             inertia[i, i] -= mass * square if i == j else 0.0
             inertia[j, i] = inertia[i, j]
@@ -293,23 +293,5 @@ def by_centre(body: FloatArray) -> FloatArray:
     for k, axis in enumerate(np.eye(3)):
         both = np.outer(axis, body[1:4])
         change = 2.0 * body[1 + k] * np.eye(3) - both - both.T
-        out[4:, k] = [change[i, j] for i, j in _TENSOR]
-    return out
-
-
-def by_moments(body: FloatArray) -> FloatArray:
-    """Change of a body's ten parameters (10,) by each of its principal moments of inertia about its centre of mass, each by its
-    whole, shape (10, 3)."""
-    out = np.zeros((10, 3))
-    if body[0] <= 0.0:
-        return out
-    inertia = np.empty((3, 3))
-    for value, (i, j) in zip(body[4:], _TENSOR, strict=True):
-        inertia[i, j] = inertia[j, i] = value
-    first = body[1:4]
-    inertia += (np.outer(first, first) - first @ first * np.eye(3)) / body[0]
-    moments, axes = np.linalg.eigh(inertia)
-    for k, moment in enumerate(moments):
-        change = moment * np.outer(axes[:, k], axes[:, k])
-        out[4:, k] = [change[i, j] for i, j in _TENSOR]
+        out[4:, k] = [change[i, j] for i, j in TENSOR]
     return out

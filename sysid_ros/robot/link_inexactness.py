@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid_ros.robot.inertial_parameters import by_centre
+from sysid_ros.robot.inertial_parameters import TENSOR, by_centre, to_com
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FREE, FloatArray
 
@@ -79,4 +79,18 @@ def _directions(pi: FloatArray, mass: float, com: float) -> FloatArray:
         rows = out[10 * j : 10 * j + 10]
         rows[:, 4 * j] = mass * link
         rows[:, 4 * j + 1 : 4 * j + 4] = com * by_centre(link)
+    return out
+
+
+def by_moments(body: FloatArray) -> FloatArray:
+    """Change of a body's ten parameters (10,) by each of its principal moments of inertia about its centre of mass, each by its
+    whole, shape (10, 3)."""
+    out = np.zeros((10, 3))
+    if body[0] <= 0.0:
+        return out
+    inertia = to_com(body)[2]
+    moments, axes = np.linalg.eigh(inertia)
+    for k, moment in enumerate(moments):
+        change = moment * np.outer(axes[:, k], axes[:, k])
+        out[4:, k] = [change[i, j] for i, j in TENSOR]
     return out
