@@ -10,7 +10,7 @@ from sysid_ros.sample import FloatArray
 
 M, P, PERIOD = 7, 17, 0.01
 NOISE = 0.1
-EMPTY = np.zeros(10)
+EMPTY, NONE, WHITE = np.zeros(10), np.zeros(M), (np.full(M, NOISE**2), np.full(M, NOISE**2))
 
 
 def rows(seed: int, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -24,7 +24,7 @@ def rows(seed: int, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 def found_after(Y: FloatArray, y: FloatArray, theta: FloatArray, empty: FloatArray = EMPTY) -> int | None:
     test = PutDown()
     for k in range(len(Y)):
-        if test.found(Y[k], y[k], theta, empty, np.full(M, NOISE**2), PERIOD):
+        if test.found((Y[k], y[k]), theta, empty, WHITE, NONE, PERIOD):
             return k + 1
     return None
 
@@ -67,8 +67,8 @@ def test_coloured_noise_counts_by_its_long_run() -> None:
         noise[0] = white[0]
         for k in range(1, len(white)):
             noise[k] = keep * noise[k - 1] + np.sqrt(1.0 - keep**2) * white[k]
-        test, variance = PutDown(), np.full(M, NOISE**2 * (1.0 + keep) / (1.0 - keep))
-        false += any(test.found(Y[k], Y[k] @ theta + noise[k], theta, EMPTY, variance, PERIOD) for k in range(len(Y)))
+        test, variance = PutDown(), (WHITE[0] * (1.0 + keep) / (1.0 - keep), WHITE[1])
+        false += any(test.found((Y[k], Y[k] @ theta + noise[k]), theta, EMPTY, variance, NONE, PERIOD) for k in range(len(Y)))
     assert false == 0
 
 
@@ -78,8 +78,23 @@ def test_a_row_that_is_no_number_says_nothing_and_a_restart_forgets() -> None:
     test, after = PutDown(), found_after(Y, y, theta)
     assert after is not None
     for k in range(after - 1):
-        assert not test.found(Y[k], y[k], theta, EMPTY, np.full(M, NOISE**2), PERIOD)
-    assert not test.found(Y[0], np.full(M, np.nan), theta, EMPTY, np.full(M, NOISE**2), PERIOD)
-    assert not test.found(Y[0], y[0], theta, EMPTY, np.full(M, np.nan), PERIOD)
+        assert not test.found((Y[k], y[k]), theta, EMPTY, WHITE, NONE, PERIOD)
+    assert not test.found((Y[0], np.full(M, np.nan)), theta, EMPTY, WHITE, NONE, PERIOD)
+    assert not test.found((Y[0], y[0]), theta, EMPTY, (np.full(M, np.nan), WHITE[1]), NONE, PERIOD)
     test.restart()
-    assert not test.found(Y[after - 1], y[after - 1], theta, EMPTY, np.full(M, NOISE**2), PERIOD)
+    assert not test.found((Y[after - 1], y[after - 1]), theta, EMPTY, WHITE, NONE, PERIOD)
+
+
+def test_noise_that_cancels_over_a_long_run_does_not_within_a_beat() -> None:
+    """A beat of ten rows: its mean is nothing, but half of it looks like a load that is gone."""
+    Y, theta, _ = rows(3, 1000)
+    Y[:] = Y[0]
+    beat = np.sign(np.sin(2.0 * np.pi * (np.arange(len(Y)) + 0.5) / 10.0))[:, None] * (Y[0, :, :10] @ theta[:10])
+    y, small = Y @ theta - 1.5 * beat, WHITE[0] / 100.0
+    seen = [PutDown(), PutDown()]
+    single = 5.0 * np.mean((1.5 * beat) ** 2, axis=0)  # five rows after the low-pass say what one does
+    found = [
+        any(t.found((Y[k], y[k]), theta, EMPTY, (small, s), NONE, PERIOD) for k in range(1000))
+        for t, s in zip(seen, (small, single), strict=True)
+    ]
+    assert found == [True, False]

@@ -125,9 +125,9 @@ class ChangeWatch:
         if not carries or hold or not front_end.makes_anew:
             self._put_down.restart()
         elif extra is not None and estimator.noise_known and estimate.status != "not_finite":
-            white = estimator.row_variance / front_end.passed  # what is small over a long run cancels only there
-            variance = np.maximum(estimator.noise_variance, white) + self._free.extra_colour * extra
-            gone = self._put_down.found(rows.Y, rows.y, estimate.theta, self.tare.theta, variance, front_end.period)
+            noise = estimator.noise_variance, estimator.row_variance / front_end.passed
+            about = estimate.theta, self.tare.theta, noise, self._free.extra_colour * extra
+            gone = self._put_down.found((rows.Y, rows.y), *about, front_end.period)
         if estimate.status != "not_finite" and (jumped or gone or estimator.misfits):
             return self.changed(rows, hold, estimator, front_end, estimate, jumped, known, gone)
         if not hold:

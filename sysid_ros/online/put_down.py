@@ -21,7 +21,7 @@ class PutDown:
 
         l = sum_j ((y - Y theta)_j^2 - (y - Y theta + Y_p (theta_p - empty))_j^2) / (2 R_j),
 
-    with the long-run variance R, by which rows of coloured noise add up, makes ``S <- max(S + l, 0)``. S above ``h`` is expected
+    with the variance R by which rows of coloured noise add up, makes ``S <- max(S + l, 0)``. S above ``h`` is expected
     once in ``exp(h)`` rows at most where nothing has changed (Lorden 1971), and no test with as few false alarms is faster in the
     worst case (Moustakides 1986).
     """
@@ -34,15 +34,24 @@ class PutDown:
         self._sum = 0.0
 
     def found(
-        self, Y: FloatArray, y: FloatArray, theta: FloatArray, empty: FloatArray, variance: FloatArray, period: float
+        self,
+        rows: tuple[FloatArray, FloatArray],
+        theta: FloatArray,
+        empty: FloatArray,
+        noise: tuple[FloatArray, FloatArray],
+        hidden: FloatArray,
+        period: float,
     ) -> bool:
         """Whether, with the rows Y (m, p), y (m,), it has become likelier than not that what is carried was put down.
 
         Args:
             theta: parameters as they are known, the payload's first, shape (p,). empty: those that count as nothing, shape (10,).
-            variance: of the mean of many rows, for one of them, shape (m,). period: between rows [s].
+            noise: over a long run, and of single rows as if they were white, shape (m,) each; noise that is small over a long run
+                only cancels there. hidden: variance of what dry friction hides in the mean of many rows, for one of them, shape
+                (m,). period: between rows [s].
         """
-        self._sum = max(self._sum + _likelier(Y, y, theta, empty, variance), 0.0)
+        variance = np.maximum(*noise) + hidden
+        self._sum = max(self._sum + _likelier(*rows, theta, empty, variance), 0.0)
         return self._sum > math.log(_SELDOM / period)
 
 
