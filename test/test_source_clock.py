@@ -105,6 +105,20 @@ def test_a_driver_that_polls_a_slower_source(source: float, seed: int) -> None:
     assert f"slower source of {1.0 / source:.3g}"[:-1] in " ".join(cadence.in_words)
 
 
+@pytest.mark.parametrize("late", [0.0, 1e-4])
+def test_the_sawtooth_of_a_driver_that_polls_does_not_move_the_clock(late: float) -> None:
+    """250 Hz, polled 1.02 times as often by a driver that is up to ``late`` [s] late itself: a line drawn after each stamp would
+    follow the sawtooth of 4 ms and bend the motion by 4 us, ten times a second."""
+    rng = np.random.default_rng(0)
+    stamps = np.arange(0.0012, 14.0, 0.004 / 1.02)
+    stamps += late * rng.uniform(size=len(stamps))
+    newest = np.floor(stamps / 0.004).astype(int)
+    grid = 0.004 * np.arange(newest[-1] + 1)
+    q, tau = noisy(grid, 0)
+    _, index, times = taken(stamps, q[newest], tau[newest])
+    assert bends(times, grid[newest[index]]) < 0.1e-6 + 0.01 * late
+
+
 def test_a_robot_that_stands_still_to_the_last_bit_is_not_polled() -> None:
     t = 0.01 * np.arange(1500)
     q = motion(np.minimum(t, 5.0), 0)
