@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from test_sample_times import motion, polled
 
+from sysid_ros.estimators import JumpRule, Problem, VariableForgetting
 from sysid_ros.input_gate.clock_kernel import SHARE
 from sysid_ros.online.arm_rows import Cadence
 from sysid_ros.online.online_estimation import OnlineEstimation
@@ -104,6 +105,20 @@ def test_a_driver_that_polls_a_slower_source(source: float, seed: int) -> None:
     assert f"slower source of {1.0 / source:.3g}"[:-1] in " ".join(cadence.in_words)
 
 
+@pytest.mark.parametrize("late", [0.0, 1e-4])
+def test_the_sawtooth_of_a_driver_that_polls_does_not_move_the_clock(late: float) -> None:
+    """250 Hz, polled 1.02 times as often by a driver that is up to ``late`` [s] late itself: a line drawn after each stamp would
+    follow the sawtooth of 4 ms and bend the motion by 4 us, ten times a second."""
+    rng = np.random.default_rng(0)
+    stamps = np.arange(0.0012, 14.0, 0.004 / 1.02)
+    stamps += late * rng.uniform(size=len(stamps))
+    newest = np.floor(stamps / 0.004).astype(int)
+    grid = 0.004 * np.arange(newest[-1] + 1)
+    q, tau = noisy(grid, 0)
+    _, index, times = taken(stamps, q[newest], tau[newest])
+    assert bends(times, grid[newest[index]]) < 0.1e-6 + 0.01 * late
+
+
 def test_a_robot_that_stands_still_to_the_last_bit_is_not_polled() -> None:
     t = 0.01 * np.arange(1500)
     q = motion(np.minimum(t, 5.0), 0)
@@ -140,3 +155,33 @@ def test_the_payload_of_an_arm_that_is_polled(seed: int) -> None:
     assert latest.mass == pytest.approx(2.0, rel=0.005)
     assert not estimation.events
     assert "slower source of 94.3" in " ".join(estimation.warnings)
+
+
+@pytest.mark.parametrize("source", [0.0352, 0.0401])
+def test_the_clock_is_first_believed_once(source: float) -> None:
+    stamps, q, tau, _ = polled(source, 1.0 / 30.0, 0)
+    cadence, turned, periods = Cadence(0.25, q.shape[1]), 0, []
+    for k in range(len(stamps)):
+        assert cadence.follows(float(stamps[k]))
+        cadence.take(Measurement(float(stamps[k]), q[k].copy(), None, tau[k].copy()))
+        turned += cadence.turned
+        periods.append(cadence.period)
+    assert turned == 1
+    assert abs(periods[-1] - source) < 0.4 * abs(periods[0 if periods[0] else 24] - source)  # known better by then
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_noise_is_not_learned_from_rows_whose_times_were_wrong(known: bool) -> None:
+    """While the clock is not believed yet the rows hold the edges of a sawtooth; what is known by then stays."""
+    robot = RobotModel.from_urdf(arm_description())
+    changes, cadence = OnlineEstimation(robot, OnlineSettings())._changes, Cadence(0.25, robot.n)
+    about = np.full(10, 1.0), np.full(robot.n, 1e-3), 0.01, 60.0, JumpRule(slice(0, 10), np.full(10, np.inf), 0.0)
+    estimator, rng = VariableForgetting(Problem(*about)), np.random.default_rng(0)
+    for _ in range(300 if known else 50):
+        estimator.update(rng.standard_normal((robot.n, 10)), rng.standard_normal(robot.n))
+    assert estimator.noise_known == known
+    before = estimator.theta
+    assert not changes.unlearn(estimator, cadence)
+    cadence.turned = True
+    assert changes.unlearn(estimator, cadence) != known
+    np.testing.assert_array_equal(estimator.theta, before if known else np.zeros(10))

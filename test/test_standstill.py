@@ -90,7 +90,7 @@ def test_a_long_stand_keeps_nothing_and_stamps_that_jump_back_end_it() -> None:
         zero = np.zeros(n)
         sample = Sample(t, zero, zero, zero, zero)
         rows = Rows(np.ones((n, 10)), np.full(n, jump), zero, zero, zero, zero, np.zeros((n, 0)), sample)
-        watch.add(rows, quiet, nothing, np.full(n, 0.1), 0.1)
+        watch.add(rows, quiet, nothing, np.full(n, 0.1), 0.1, np.zeros(10))
 
     for k in range(3000):
         row(0.01 * k, 20.0 if k > 50 else 0.0)
@@ -111,3 +111,24 @@ def test_friction_that_creeps_while_the_arm_stands_is_no_change() -> None:
     standing = [e for e in estimates(crept) if e.t > begins]
     assert len(standing) > 50
     assert {e.status for e in standing} == {"no_payload"}
+
+
+@pytest.mark.parametrize("tared", [False, True])
+def test_what_friction_would_hide_of_any_payload_shows_of_the_one_that_is_known(tared: bool) -> None:
+    """The torques change by what is carried, 1.5 of the standard deviations of what friction may hide a joint: ten parameters
+    more would not be worth that; but where what is carried counts as nothing, nothing was put down."""
+    n, rng = MODEL.n, np.random.default_rng(3)
+    carries = VariableForgetting(
+        Problem(np.full(10, 1e-3), np.full(n, 1e-6), 0.01, 60.0, JumpRule(slice(0, 10), np.full(10, np.inf), 0.0))
+    )
+    load, columns, zero = rng.standard_normal(10), rng.standard_normal((n, 10)), np.zeros(n)
+    carries.shift(slice(0, 10), load)
+    # of 0.2 of variance, 0.4 (1 - exp(-0.2)) may change within 0.1 s
+    columns *= (1.5 * np.sqrt(0.4 * (1.0 - np.exp(-0.2))) / np.abs(columns @ load))[:, None]
+    watch = Standstill(np.full(10, 100.0))
+    for k in range(30):
+        sample = Sample(0.01 * k, zero, zero, zero, zero)
+        y = columns @ load if k < 15 else zero
+        rows = Rows(columns, y, zero, zero, zero, zero, np.zeros((n, 0)), sample)
+        watch.add(rows, True, carries, np.full(n, 0.2), 0.1, load if tared else np.zeros(10))
+    assert bool(watch.told) != tared

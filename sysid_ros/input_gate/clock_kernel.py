@@ -10,7 +10,8 @@ A driver that polls a slower source is the same case: it repeats a value now and
 repeats the stamps run along with a sawtooth about the clock.
 
 The clock is the line through the stamps over their count, by least squares with a memory that grows to a limit (Morrison 1969,
-chapters 9 and 10: expanding, then fading memory). A constant difference between clock and stamps is not seen and bends no motion.
+chapters 9 and 10: expanding, then fading memory). The sawtooth of a driver that polls is taken off
+before. A constant difference between clock and stamps is not seen and bends no motion.
 """
 
 from __future__ import annotations
@@ -23,8 +24,9 @@ from numba import njit
 
 from sysid_ros.sample import FloatArray
 
-# entries of `clock`, shape (16,)
+# entries of `clock`, shape (20,)
 COUNT, AT, PERIOD, OFF, VARIANCE, ROW, SEEN, ALONG, INFORMATION, SHARE, OFFSET, SHIFT, POWER, HELD, REPEATED, FORMER = range(16)
+BEAT, BEATS, BEGAN, POLL = 16, 17, 18, 19
 # rows of `ring`, shape (5, 2 + 2 n): stamp, time of the clock, positions, torques, the newest last
 STAMP, CLOCK, VALUES = 0, 1, 2
 
@@ -45,6 +47,10 @@ _TAILS: Final = 4.0
 """Degrees of freedom of the stamps' distribution about the clock."""
 _LONGEST: Final = 10.5
 """Steps of the clock over which it is not carried on."""
+_BEATS: Final = 20.0
+"""Beats over which the driver's own step is learned."""
+_SHORTEST: Final = 3.0
+"""Values of the shortest beat with a shape: of shorter ones the next has another length as often as not."""
 _FINEST: Final = 1e-30
 """Least variance of the positions: below it numbers have no digits."""
 _USUAL: Final = math.log(1e-4)
@@ -160,6 +166,26 @@ def _steps(clock: FloatArray, ring: FloatArray, levels: FloatArray, t: float, q:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _sawtooth(clock: FloatArray, t: float, before: float) -> float:
+    """By how much the stamp t of a new value is late, about the mean of a beat, where the source is polled: by a step of the
+    driver less one of the source more from value to value between two repeats. The line would follow that, and bend the motion.
+    ``before``: stamp of the value before."""
+    if clock[HELD] > 0.0:
+        if clock[BEAT] > 1.0:
+            own = (before - clock[BEGAN]) / (clock[BEAT] - 1.0)
+            clock[POLL] += (own - clock[POLL]) / min(clock[REPEATED] + 1.0, _BEATS)
+        clock[BEATS] = clock[BEAT] if clock[BEATS] >= 0.0 else 0.0  # of the first beat the beginning was not seen
+        clock[BEAT] = 0.0
+    place = clock[BEAT]
+    clock[BEAT] += 1.0
+    if place == 0.0:
+        clock[BEGAN] = t
+    if clock[BEATS] < _SHORTEST or place > 1.5 * clock[BEATS]:
+        return 0.0
+    return float((place - 0.5 * (clock[BEATS] - 1.0)) * (clock[POLL] - clock[PERIOD]))
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def _tick(clock: FloatArray, ring: FloatArray, levels: FloatArray, t: float, q: FloatArray) -> None:
     """Carry the clock on to a new value q with the stamp t."""
     count = clock[COUNT]
@@ -171,7 +197,7 @@ def _tick(clock: FloatArray, ring: FloatArray, levels: FloatArray, t: float, q: 
     else:
         k = min(count + BEFORE, MEMORY)
         clock[AT] += steps * clock[PERIOD]
-        late = t - clock[AT]
+        late = t - clock[AT] - _sawtooth(clock, t, ring[4, STAMP])
         clock[AT] += late * 2.0 * (2.0 * k - 1.0) / (k * (k + 1.0))
         clock[PERIOD] += late * 6.0 / (k * (k + 1.0))
         clock[VARIANCE] += ((t - clock[AT]) ** 2 - clock[VARIANCE]) / min(count + FIRST, MEMORY)
@@ -187,7 +213,7 @@ def own_time(
     ``clock[HELD]`` counts these. It is -1 where there are more of them than that explains.
 
     Args:
-        clock: shape (16,); ``PERIOD`` [s] and ``VARIANCE`` [s^2] as the first stamps show them, all else zero at first.
+        clock: shape (20,); ``PERIOD`` [s] and ``VARIANCE`` [s^2] as the first stamps show them, all else zero at first.
         ring: shape (5, 2 + 2 n). levels: variances of the positions' noise, shape (n,). weights: room, shape (2, 5).
         t: stamp [s]. q, tau: shape (n,).
     """

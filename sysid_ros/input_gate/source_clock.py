@@ -25,7 +25,7 @@ class SourceClock:
     """
 
     def __init__(self, n: int) -> None:
-        self.state = np.zeros(16), np.zeros((5, 2 + 2 * n)), np.zeros(n), np.zeros((2, 5))
+        self.state = np.zeros(20), np.zeros((5, 2 + 2 * n)), np.zeros(n), np.zeros((2, 5))
         self._usual = 0.0
 
     def begin(self, first: Sequence[Measurement]) -> float:
@@ -40,6 +40,7 @@ class SourceClock:
             steps = np.diff(at)
             period = float(np.median(steps))
         clock[[kernel.COUNT, kernel.OFF, kernel.FORMER, kernel.ROW, kernel.OFFSET, kernel.SHIFT, kernel.HELD]] = 0.0
+        clock[[kernel.BEAT, kernel.BEATS, kernel.BEGAN, kernel.POLL]] = 0.0, -1.0, first[0].t, 0.0
         clock[kernel.PERIOD] = period
         clock[kernel.VARIANCE] = 0.5 * (float(np.median(np.abs(steps - period))) / 0.6745) ** 2
         return period

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from sysid_ros.estimators.estimator import Noise
-from sysid_ros.input_gate.clock_kernel import FIRST, HELD, own_time
+from sysid_ros.input_gate.clock_kernel import FIRST, HELD, SHARE, own_time
 from sysid_ros.input_gate.source_clock import SourceClock
 from sysid_ros.online.row_history import RowHistory
 from sysid_ros.online.rows import Rows
@@ -42,13 +42,15 @@ class Cadence:
         joints: of an arm, whose positions tell the errors of the stamps; 0 for another robot, whose stamps stay as they are.
 
     Attributes:
-        clock: that the measurements are taken by, None where that is not asked.
+        clock: that the measurements are taken by, None where that is not asked. turned: the newest measurement is the first that
+            shows it to be better than the stamps, so that those before were at wrong times.
     """
 
     def __init__(self, max_gap: float, joints: int = 0) -> None:
         self._max_gap = max_gap
         self._last_t = -math.inf
         self.clock = SourceClock(joints) if joints else None
+        self.turned = self._turned_once = False
         self.restart()
 
     def restart(self) -> None:
@@ -83,6 +85,9 @@ class Cadence:
             return [measurement]
         state, m = self.clock.state, measurement
         t = own_time(*state, m.t, m.q, m.tau)
+        self.turned = bool(state[0][SHARE] > 0.0) and not self._turned_once
+        if self.turned:
+            self._turned_once, self._period = True, max(self.clock.period, _SHORTEST_PERIOD)
         if math.isnan(t):
             self._held.append(m)
             return []

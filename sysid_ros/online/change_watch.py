@@ -7,10 +7,12 @@ import copy
 import numpy as np
 
 from sysid_ros.estimators import Estimate, Estimator
+from sysid_ros.online.arm_rows import Cadence
 from sysid_ros.online.change_trial import ChangeTrial, Verdict
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
 from sysid_ros.online.front_end import FrontEnd
 from sysid_ros.online.payload_events import EventLog
+from sysid_ros.online.put_down import PutDown
 from sysid_ros.online.rows import Rows
 from sysid_ros.online.standstill import Standstill
 from sysid_ros.online.tare import Tare
@@ -43,6 +45,7 @@ class ChangeWatch:
         self.tare = Tare()
         self.trial: ChangeTrial | None = None
         self.standstill = Standstill(self._prior_std**2)
+        self._put_down = PutDown()
         self.rows_so_far = RowsSoFar(free)
 
     def take_tare(
@@ -63,10 +66,20 @@ class ChangeWatch:
         self.tare = Tare(taken=True)
         return told.estimator, told.mass
 
+    def unlearn(self, estimator: Estimator | None, cadence: Cadence) -> bool:
+        """Forget all rows where their times turn out to have been wrong before the noise is known, which would be learned from
+        them for minutes to come; whether that is so."""
+        if not cadence.turned or estimator is None or estimator.noise_known:
+            return False
+        estimator.reset()
+        self.rows_so_far.clear()
+        self.standstill.clear()
+        return True
+
     def stand(self, rows: Rows, quiet: bool, estimator: Estimator, front_end: FrontEnd) -> None:
         """Look whether the torques of an arm that hardly moves have changed."""
         hidden = self._free.hidden_variance(rows, estimator) if quiet and estimator.noise_known else None
-        self.standstill.add(rows, quiet, estimator, hidden, front_end.memory)
+        self.standstill.add(rows, quiet, estimator, hidden, front_end.memory, self.tare.theta)
 
     def take_on_trial(
         self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd, trial: ChangeTrial
@@ -98,13 +111,38 @@ class ChangeWatch:
             return "inconsistent", f"{what}. That began {since} ago; what was carried before is held."
         return "warming_up", f"Something changed {since} ago; whether it is a body is not known yet. Keep moving."
 
+    def watch(
+        self, rows: Rows, hold: bool, extra: FloatArray | None, estimator: Estimator, front_end: FrontEnd, estimate: Estimate,
+        jumped: bool, known: bool, carries: bool,
+    ) -> Estimate:  # fmt: skip
+        """After a row, while no trial is open: look whether something has changed; the estimate then.
+
+        Args:
+            extra: variance of the row beside its noise, shape (n,). estimate: of the row. jumped: the estimator found a jump.
+            known: it knew the noise before the row. carries: that something is carried has been told.
+        """
+        gone = False
+        if not carries or hold or not front_end.makes_anew:
+            self._put_down.restart()
+        elif extra is not None and estimator.noise_known and estimate.status != "not_finite":
+            noise = estimator.noise_variance, estimator.row_variance / front_end.passed
+            about = estimate.theta, self.tare.theta, noise, self._free.extra_colour * extra
+            gone = self._put_down.found((rows.Y, rows.y), *about, front_end.period)
+        if estimate.status != "not_finite" and (jumped or gone or estimator.misfits):
+            return self.changed(rows, hold, estimator, front_end, estimate, jumped, known, gone)
+        if not hold:
+            self.rows_so_far.rows.append(rows)
+        return estimate
+
     def changed(
-        self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd, estimate: Estimate, jumped: bool, known: bool
-    ) -> Estimate:
+        self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd, estimate: Estimate, jumped: bool, known: bool,
+        gone: bool = False,
+    ) -> Estimate:  # fmt: skip
         """After a row that shows a jump, or one of a run that does not fit: look what has changed; the estimate then.
 
         Args:
-            estimate: of the row. jumped: the estimator found a jump. known: it knew the noise before the row.
+            estimate: of the row. jumped: the estimator found a jump. known: it knew the noise before the row. gone: rows since a
+                while say that nothing is carried any more.
         """
         period = front_end.period
         if not front_end.makes_anew:
@@ -113,7 +151,7 @@ class ChangeWatch:
                 t = rows.sample.t - front_end.delay - estimator.found_after * period
                 self._log.add(t, mass, mass + float(estimator.last_jump[0]))
             return estimate
-        if not jumped and estimator.misfits * period < _UNEXPLAINED * front_end.memory:
+        if not (jumped or gone) and estimator.misfits * period < _UNEXPLAINED * front_end.memory:
             return estimate
         if not jumped:
             estimator.undo_misfits()
@@ -138,6 +176,7 @@ class ChangeWatch:
         """Let the estimator forget what is carried, and learn it from the rows since the change: when that was [s], and what the
         estimator says of the last of them. ``before``: as it was before the change."""
         prior_variance = self._free.prior_std[PAYLOAD] ** 2
+        self._put_down.restart()
         t, since = front_end.since_change(before.theta, before.row_variance, prior_variance)
         estimator.forget()
         self.rows_so_far.clear()

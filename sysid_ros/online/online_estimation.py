@@ -138,7 +138,7 @@ class OnlineEstimation:
         known = self._cadence.take(measurement)
         if known and self._front_end is None:
             self._front_end = self._make_front_end(known)
-        elif self._front_end is not None and (arm := self._front_end.arm) is not None and arm.too_fast:
+        elif (f := self._front_end) and (arm := f.arm) and (self._changes.unlearn(self.estimator, self._cadence) or arm.too_fast):
             self._noise = arm.noise
             self._spikes += self._front_end.derivative.spikes
             self._front_end = self._make_front_end(known)
@@ -203,11 +203,9 @@ class OnlineEstimation:
                 extra = friction.hidden_variance(rows.slow, rows.speed, *estimator.marginal(self._free.friction_slice))
             estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
             estimator.compensate(rows.noise, hold, extra)
-            jumped = estimator.jumps != jumps
-            if estimate.status != "not_finite" and (jumped or estimator.misfits):
-                estimate = self._changes.changed(rows, hold, estimator, front_end, estimate, jumped, known)
-            elif not hold:
-                self._changes.rows_so_far.rows.append(rows)
+            told = self.latest is not None and self.latest.status == "ok"
+            about = estimator, front_end, estimate, estimator.jumps != jumps, known, told
+            estimate = self._changes.watch(rows, hold, extra, *about)
         self._outliers += estimate.status == "outlier"
         quiet = hold or (friction is not None and fastest < self.settings.low_velocity)
         if quiet or self._changes.standstill.lasts:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 import numpy as np
+from scipy import special
 
 from sysid_ros.estimators import Estimator
 from sysid_ros.online.rows import Rows
@@ -12,8 +13,10 @@ from sysid_ros.sample import FloatArray
 
 _CREEPS = 0.5
 """Time constant with which dry friction at standstill changes by itself [s]."""
-_LIKELIER = 3.0
-"""Logarithm of how much likelier a change of the payload must make what is seen: 20 to 1."""
+_CHANGES = 0.05
+"""Chance that what is carried changes while the arm stops, before any data."""
+_DOUBTED = 0.05
+"""Chance of a change from which on what is known is doubted: an interval of 95 % promises to be wrong no more often."""
 _SHOWS = 0.3
 """What has changed shows, once the arm has moved for so long [s]."""
 
@@ -26,8 +29,10 @@ class Standstill:
     by the variance ``S(t) + S(t - T) - 2 exp(-T / _CREEPS) sqrt(S(t) S(t - T))``: nearly all of S where the arm stops in between,
     a part where it has stood all the time. Let d be the change of what is left, ``D`` that variance, that of the noise of both
     rows and that of what the change of the columns makes of the errors of all parameters: ``d ~ N(0, D)`` where nothing happened,
-    and where the payload changed its own covariance ``Y P0 Y'`` beside, with that of the prior. Where the second is much
-    likelier, what is carried is not known until the arm moves.
+    and where something else is carried since, its own covariance ``Y P0 Y'`` beside, with that of the prior. Where nothing is,
+    which is what becomes of a load as a rule, ``d + Y_p (theta_p - empty)`` is what happened to the rest: that has no parameter
+    to fit, and shows where any other payload would be hidden. Both are as usual. Where a change is not as improbable as an
+    interval of 95 % takes it to be, what is carried is not known until the arm moves.
 
     Args:
         prior_variance: of the payload's ten parameters, shape (10,).
@@ -44,12 +49,15 @@ class Standstill:
         self.told = ""
         self.lasts = False
 
-    def add(self, rows: Rows, quiet: bool, estimator: Estimator, hidden: FloatArray | None, apart: float) -> None:
+    def add(
+        self, rows: Rows, quiet: bool, estimator: Estimator, hidden: FloatArray | None, apart: float, empty: FloatArray
+    ) -> None:
         """Take in a row.
 
         Args:
             quiet: whether the arm hardly moves, and the noise is known. estimator: that knows the parameters and the noise.
             hidden: variance of what dry friction may hide, shape (n,) [(N m)^2]. apart: how long before is compared with [s].
+            empty: parameters of what counts as nothing, shape (10,).
         """
         t = rows.sample.t
         if not quiet or hidden is None:
@@ -68,23 +76,29 @@ class Standstill:
             return
         was, could = self._before.popleft()
         if not self.told:
-            self._compare(rows, hidden, was, could, estimator)
+            self._compare(rows, hidden, was, could, estimator, empty)
 
     def clear(self) -> None:
         """Rows to come are not those of before; what has happened is told on."""
         self._before.clear()
 
-    def _compare(self, rows: Rows, hidden: FloatArray, was: Rows, could: FloatArray, estimator: Estimator) -> None:
+    def _compare(
+        self, rows: Rows, hidden: FloatArray, was: Rows, could: FloatArray, estimator: Estimator, empty: FloatArray
+    ) -> None:
         apart = rows.sample.t - was.sample.t
+        load, P = slice(0, self._prior_variance.size), estimator.noise_covariance()
         columns, considered = rows.Y - was.Y, rows.considered - was.considered
         change = rows.y - was.y - columns @ estimator.theta
         keeps = np.exp(-apart / _CREEPS)
         friction = np.maximum(hidden + could - 2.0 * keeps * np.sqrt(hidden * could), 0.0)
-        moved = columns @ estimator.noise_covariance() @ columns.T + considered @ considered.T
-        alone = np.diag(2.0 * estimator.row_variance + friction) + moved
-        payload = rows.Y[:, : self._prior_variance.size]
-        both = alone + (payload * self._prior_variance) @ payload.T
-        if _logarithm(change, both) - _logarithm(change, alone) > _LIKELIER:
+        beside = np.diag(2.0 * estimator.row_variance + friction) + considered @ considered.T
+        alone = beside + columns @ P @ columns.T
+        payload = rows.Y[:, load]
+        another = alone + (payload * self._prior_variance) @ payload.T
+        columns[:, load] -= payload
+        gone = change + payload @ (estimator.theta[load] - empty)
+        changed = np.logaddexp(_logarithm(change, another), _logarithm(gone, beside + columns @ P @ columns.T)) - np.log(2.0)
+        if changed - _logarithm(change, alone) + special.logit(_CHANGES) > special.logit(_DOUBTED):
             self.told = (
                 f"The torques changed by {np.abs(change).max():.2g} N m within {apart:.2g} s while the arm stood, or nearly so. "
                 "Whether that is the payload or friction shows when it moves."
