@@ -19,7 +19,7 @@ from sysid_ros.online.small_tilt import SmallTilt
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.link_inexactness import link_inexactness
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.sample import FloatArray, Measurement, Sample
+from sysid_ros.sample import FREE, FloatArray, Measurement, Sample
 from sysid_ros.torque.model_file import ModelFile
 from sysid_ros.torque.torque_model import TorqueModel
 
@@ -154,6 +154,19 @@ class FreeParameters:
         self.legs.carry(load)
         self.legs.know(theta, variance)
         front_end.carry(load)
+
+    def repeated_covariance(self, estimator: Estimator, front_end: FrontEnd, floor: FloatArray) -> FloatArray:
+        """What every step of a robot on legs repeats makes of the payload's covariance, shape (10, 10); nothing of an arm's.
+
+        The white noise of the sensors is new in every step. What single rows show beside it, of impacts and of what the model has
+        not, is the same in the next step: it is no better known from many than from one. ``floor``: as of :meth:`noise_density`,
+        of the rows.
+        """
+        if self._base is None or not estimator.noise_known:
+            return np.zeros((10, 10))
+        density = np.maximum(estimator.row_variance / front_end.passed - floor, 0.0)
+        density[FREE:] = 0.0
+        return estimator.repeated_covariance(PAYLOAD, density, _STEP / front_end.period)
 
     def extra_variance(self, rows: Rows, estimator: Estimator, passed: float) -> FloatArray | None:
         """Variance of the rows beside their noise, shape (n,): what dry friction hides; and of rows soon after a change as if

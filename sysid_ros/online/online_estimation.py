@@ -250,11 +250,9 @@ class OnlineEstimation:
     ) -> PayloadEstimate:
         assert self.estimator is not None
         theta: FloatArray = self.estimator.theta[PAYLOAD] - self._changes.tare.theta
-        if self._changes.tare.taken:
-            noise, model = self._changes.tare.covariances(self.estimator)
-        else:
-            noise, sensitivity = self.estimator.covariance_parts(PAYLOAD)
-            model = sensitivity @ sensitivity.T
+        noise, model = self._changes.tare.covariances(self.estimator)
+        if self.base is not None and self._front_end is not None:
+            noise += self._free.repeated_covariance(self.estimator, self._front_end, self._floor)
         covariance = noise + model
         if self.base is not None:
             covariance[0, 0] += self._doubt(float(theta[0])) ** 2

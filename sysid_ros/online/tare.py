@@ -29,10 +29,10 @@ class Tare:
     taken: bool = False
 
     @classmethod
-    def of(cls, estimator: Estimator) -> Tare:
-        """What the estimator has now."""
+    def of(cls, estimator: Estimator, repeated: FloatArray) -> Tare:
+        """What the estimator has now; ``repeated``: covariance beside that which it knows of, shape (10, 10)."""
         noise, sensitivity = estimator.covariance_parts(PAYLOAD)
-        return cls(estimator.theta[PAYLOAD], noise, sensitivity, True)
+        return cls(estimator.theta[PAYLOAD], noise + repeated, sensitivity, True)
 
     def covariances(self, estimator: Estimator) -> tuple[FloatArray, FloatArray]:
         """Of the tared payload: what noise and what considered errors make, shape (10, 10) each."""
