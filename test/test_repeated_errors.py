@@ -7,6 +7,9 @@ import pytest
 
 from sysid_ros.estimators import JumpRule, Problem, make_estimator
 from sysid_ros.estimators.variable_forgetting import VariableForgetting
+from sysid_ros.floating.contact_projection import Stance
+from sysid_ros.floating.stance_log import StanceLog
+from sysid_ros.online.tare import Tare
 from sysid_ros.sample import FloatArray
 
 PERIOD, STEP = 0.01, 25
@@ -64,3 +67,22 @@ def test_where_nothing_repeats_there_is_none() -> None:
     nothing = estimator.repeated_covariance(slice(0, 2), np.zeros(2), STEP)
     assert nothing.shape == (2, 2)
     assert not nothing.any()
+
+
+def test_a_tare_may_have_had_what_is_repeated_too() -> None:
+    estimator = make_estimator("variable", Problem(np.full(10, 10.0), np.full(2, 1e-4), PERIOD, 1e6, RULE))
+    repeated = 0.04 * np.eye(10)
+    plain, taken = Tare().covariances(estimator)[0], Tare.of(estimator, repeated)
+    np.testing.assert_allclose(Tare().covariances(estimator, repeated)[0] - plain, repeated)
+    np.testing.assert_allclose(taken.covariances(estimator, repeated)[0] - 2.0 * plain, repeated)
+    np.testing.assert_allclose(taken.covariances(estimator, 3.0 * repeated)[0] - 2.0 * plain, 2.0 * repeated)
+
+
+def test_a_robot_steps_for_a_step_after_a_foot_has_landed() -> None:
+    log, feet = StanceLog(("left", "right")), np.ones(2, dtype=np.bool_)
+    for k in range(400):
+        feet[0] = not 100 <= k < 150
+        log.add(Stance(feet, feet.copy(), np.zeros((2, 3)), np.zeros(3), True, False, False, False), k * PERIOD)
+        if k < 150:
+            assert log.stepping == 0.0
+    assert log.stepping == pytest.approx(STEP / 400)
