@@ -134,6 +134,16 @@ class Estimator(ABC):
         """Of some of the parameters: covariance without the considered errors, (k, k), and sensitivity to these, (k, c)."""
         return self.noise_covariance()[where, where], self.sensitivity[where]
 
+    def repeated_covariance(self, where: slice, density: FloatArray, step: float) -> FloatArray:
+        """Covariance of some of the parameters that errors make which return as they were, and so do not average out, (k, k);
+        here none, as of an estimator that does not know from how many rows it learned.
+
+        Args:
+            density: of these errors within a step, as the long-run variance of a row, shape (m,). step: rows until they return.
+        """
+        size = len(range(*where.indices(self.p)))
+        return np.zeros((size, size))
+
     def marginal(self, where: slice) -> tuple[FloatArray, FloatArray]:
         """Some of the parameters, and their variance but for what the considered errors make, shapes (k,)."""
         return self.theta[where], np.array(self.noise_covariance().diagonal()[where])

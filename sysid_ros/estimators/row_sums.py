@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sysid_ros.estimators.update_state import UpdateState
+from sysid_ros.estimators.update_state import NOISE, UpdateState
 from sysid_ros.sample import FloatArray
 
 _LEAST = 1e-3
@@ -23,7 +23,7 @@ class RowSums:
             beginning, and its ``rows`` are ``[A_i | b_i | C_i]`` of each row.
 
     Attributes:
-        known: ``[L | h | H]``, shape (p, p + 1 + c).
+        known: ``[L | h | H]``, shape (p, p + 1 + c). span: updates that the sums are of.
     """
 
     def __init__(self, prior_variance: FloatArray, state: UpdateState) -> None:
@@ -37,16 +37,28 @@ class RowSums:
         L = self._invert(now.P, np.sqrt(self._prior_variance))
         self.known = np.hstack([L, L @ np.column_stack([now.theta, -now.S])])
         now.rows[:] = 0.0
+        self.span = 0.0
 
     def consider(self, state: UpdateState) -> None:
         """Go on with a state of another number of considered errors; what the ones before did is forgotten."""
         self._state = state
         self.known = np.hstack([self.known[:, : self._p + 1], np.zeros((self._p, state.S.shape[1]))])
 
-    def forget(self, epsilon: float) -> None:
-        """``P <- P + eps (P - P P0^-1 P)``, in place: a part eps of the information is exchanged for the prior around theta."""
+    def forget(self, epsilon: float, updates: int) -> None:
+        """``P <- P + eps (P - P P0^-1 P)``, in place: a part eps of the information is exchanged for the prior around theta;
+        after so many updates since the last time."""
         now = self._state
+        self.span = (self.span + updates) * (1.0 - epsilon)
         _forget_towards_prior(now.P, self._prior_variance, epsilon, now.theta, now.S, self.known, now.rows)
+
+    def repeated(self, where: slice, density: FloatArray, step: float) -> FloatArray:
+        """As of :meth:`.Estimator.repeated_covariance`. An error e(t) of row i that is white within a step, of the density d_i,
+        and the same in all of N steps, moves theta by ``P sum_i N / r_i sum_step y_i e``: the covariance of that is
+        ``N P (sum_i d_i / r_i^2 A_i) P``, that of one step alone however large N is."""
+        now = self._state
+        information = np.tensordot(density / now.levels[NOISE] ** 2, now.rows[:, :, : self._p], 1)
+        P = now.P[where]
+        return np.asarray(self.span / step * (P @ information @ P.T))
 
     def solve(self, variance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Estimate (p,), covariance (p, p) and sensitivity (p, c) for rows of this noise, shape (m,)."""

@@ -150,7 +150,7 @@ class VariableForgetting(Estimator):
     def _forget_a_little(self) -> None:
         self.row_variance = self._state.levels[SPREAD]  # that of a deep copy is no view of its levels
         if self.noise.known and not self._settling:  # before, theta is that of rows weighed with the least noise: it is no centre
-            self._sums.forget(self._epsilon)
+            self._sums.forget(self._epsilon, self.FORGET_EVERY)
 
     def compensate(self, noise: Noise, hold: bool, extra_variance: FloatArray | None) -> None:
         if noise is not None and self._taken > 0:
@@ -174,10 +174,8 @@ class VariableForgetting(Estimator):
 
     def _learn_colour(self) -> None:
         """Read the long-run variance from the blocks that are full."""
-        known_anew = False
-        for block in reversed(self._blocks.pop_full(self.noise.variance)):
-            known_anew = self.noise.add_block(*block)
-        if known_anew:
+        known_anew = [self.noise.add_block(*block) for block in reversed(self._blocks.pop_full(self.noise.variance))]
+        if known_anew and known_anew[-1]:
             self._weigh_anew()
 
     def _learn_early(self, Y: FloatArray, tau: FloatArray, extra: FloatArray) -> None:
@@ -238,6 +236,9 @@ class VariableForgetting(Estimator):
     def covariance_parts(self, where: slice) -> tuple[FloatArray, FloatArray]:
         return self._P[where, where].copy(), self._sensitivity[where].copy()
 
+    def repeated_covariance(self, where: slice, density: FloatArray, step: float) -> FloatArray:
+        return self._sums.repeated(where, density, step)
+
     def marginal(self, where: slice) -> tuple[FloatArray, FloatArray]:
         return self._theta[where], self._P.diagonal()[where]
 
@@ -282,8 +283,7 @@ class VariableForgetting(Estimator):
         """Start the block that jumped again, the others from what they are known to; all while the noise is not known."""
         if self.noise.known:
             block = self._jump.block
-            self._P[block, :] = 0.0
-            self._P[:, block] = 0.0
+            self._P[block, :] = self._P[:, block] = 0.0
             self._P[block, block] = np.diag(self._prior_variance[block])
         else:
             self._theta[:], self._P[:] = 0.0, np.diag(self._prior_variance)

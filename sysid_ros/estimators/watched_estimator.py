@@ -47,6 +47,9 @@ class WatchedEstimator(Estimator):
         self._watch.reset()
         self._see()
 
+    def repeated_covariance(self, where: slice, density: FloatArray, step: float) -> FloatArray:
+        return self._watch.repeated_covariance(where, density, step)
+
     def widen(self, factor: float) -> None:
         self._watch.widen(factor)
         self._see()

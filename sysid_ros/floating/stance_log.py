@@ -17,6 +17,8 @@ _USUAL = 0.1
 """Bias of an accelerometer that is nothing unusual [m/s^2]."""
 _TOGETHER, _MOST = 100, 300
 """Rows whose excess over gravity is averaged, some steps of a gait, and averages that are kept."""
+STEP = 0.25
+"""A robot on legs takes about a step in so long [s]."""
 _SHARE = 0.02
 """Share of the samples from which on a warning is given."""
 
@@ -31,6 +33,16 @@ def _compare(reported: NDArray[np.bool_], loaded: NDArray[np.bool_], t: float, a
             wrong[i] += 1.0
 
 
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _lands(loaded: NDArray[np.bool_], before: NDArray[np.bool_]) -> bool:
+    """Whether a foot is loaded that was not ``before``, which is brought up to date."""
+    lands = False
+    for i in range(loaded.size):
+        lands = lands or (loaded[i] and not before[i])
+        before[i] = loaded[i]
+    return lands
+
+
 class StanceLog:
     """Counts over the samples of a floating base.
 
@@ -39,14 +51,16 @@ class StanceLog:
 
     Attributes:
         samples: all. untrusted: the feet did not carry the robot; the rows are left out. slipping: feet that stand moved against
-            each other. stretched: a leg that may stand was. inferred: no message reported the stance.
+            each other. stretched: a leg that may stand was. inferred: no message reported the stance. steps: within a step's time
+            since a foot landed.
         wrong: of each foot, samples in which its contact was reported wrong, shape (k,).
     """
 
     def __init__(self, feet: tuple[str, ...], gravity: float = 9.81, bias_is_free: bool = False) -> None:
         self._feet = feet
         self._agreed: FloatArray = np.full(len(feet), -np.inf)
-        self.samples = self.untrusted = self.slipping = self.stretched = self.inferred = 0
+        self._loaded, self._landed = np.ones(len(feet), dtype=np.bool_), -np.inf
+        self.samples = self.untrusted = self.slipping = self.stretched = self.inferred = self.steps = 0
         self.wrong: FloatArray = np.zeros(len(feet))
         self._gravity, self.bias_is_free = gravity, bias_is_free
         self._seconds: list[float] = []
@@ -59,6 +73,9 @@ class StanceLog:
         self.slipping += stance.slips
         self.stretched += stance.stretched
         self.inferred += not stance.reported
+        if _lands(stance.loaded, self._loaded):
+            self._landed = t
+        self.steps += 0.0 <= t - self._landed < STEP
         if stance.reported:
             _compare(stance.stands, stance.loaded, t, self._agreed, self.wrong)
 
@@ -108,6 +125,11 @@ class StanceLog:
                 "what is measured then is left out. Stand with bent knees."
             )
         return sentences + self._doubts_gravity()
+
+    @property
+    def stepping(self) -> float:
+        """Part of the time in which it steps."""
+        return self.steps / max(self.samples, 1)
 
     @property
     def excess(self) -> float:

@@ -58,8 +58,10 @@ class ChangeWatch:
         if front_end is not None and self.trial is None and not estimator.misfits:
             told = self.rows_so_far.tell(front_end, floor)
         if told is None or front_end is None:
-            self.tare = Tare.of(estimator)
-            return estimator, (float(self.tare.theta[0]), float(np.sqrt(estimator.covariance()[0, 0])))
+            repeated = self._free.repeated_covariance(estimator, front_end, floor) if front_end else np.zeros((10, 10))
+            self.tare = Tare.of(estimator, repeated)
+            variance = float(estimator.covariance()[0, 0] + repeated[0, 0])
+            return estimator, (float(self.tare.theta[0]), float(np.sqrt(variance)))
         front_end.settle_links(self._free.error_directions(), told.mean, told.root)
         self.rows_so_far.clear()
         self.standstill.clear()

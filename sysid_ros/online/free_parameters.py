@@ -11,6 +11,7 @@ from sysid_ros.estimators import Estimator, JumpRule, Problem, make_estimator
 from sysid_ros.exceptions import RobotModelError, SettingsError
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase
+from sysid_ros.floating.stance_log import STEP
 from sysid_ros.online.friction_correction import FrictionCorrection
 from sysid_ros.online.front_end import FrontEnd
 from sysid_ros.online.leg_parameters import LegParameters
@@ -19,7 +20,7 @@ from sysid_ros.online.small_tilt import SmallTilt
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.link_inexactness import link_inexactness
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.sample import FloatArray, Measurement, Sample
+from sysid_ros.sample import FREE, FloatArray, Measurement, Sample
 from sysid_ros.torque.model_file import ModelFile
 from sysid_ros.torque.torque_model import TorqueModel
 
@@ -30,8 +31,6 @@ LEAST_JUMP = (0.03, 5e-3, 5e-3, 5e-3) + (math.inf,) * 6
 """Change of mass [kg] or first moment [kg m] of which one must be exceeded to count as a change of the payload."""
 _STAYS = 0.5
 """For so long dry friction at standstill is wrong by the same torque [s]."""
-_STEP = 0.25
-"""A robot on legs takes about a step in so long [s]: what an impact does to the rows has passed in the next one."""
 _LEVEL = 1e-4
 """What a base is tilted by that is level, as a part of the prior standard deviation."""
 _CARRIED = 0.16
@@ -155,6 +154,19 @@ class FreeParameters:
         self.legs.know(theta, variance)
         front_end.carry(load)
 
+    def repeated_covariance(self, estimator: Estimator, front_end: FrontEnd, floor: FloatArray) -> FloatArray:
+        """What every step of a robot on legs repeats makes of the payload's covariance, shape (10, 10); nothing of an arm's.
+
+        The white noise of the sensors is new in every step. What single rows show beside it, of impacts and of what the model has
+        not, is the same in the next step: it is no better known from many than from one. A robot that stands or sways takes none,
+        and its motion does not return as it was. ``floor``: as of :meth:`noise_density`, of the rows.
+        """
+        if self._base is None or not estimator.noise_known or front_end.stepping == 0.0:
+            return np.zeros((10, 10))
+        density = np.maximum(estimator.row_variance / front_end.passed - floor, 0.0)
+        density[FREE:] = 0.0
+        return estimator.repeated_covariance(PAYLOAD, density, STEP / (front_end.stepping * front_end.period))
+
     def extra_variance(self, rows: Rows, estimator: Estimator, passed: float) -> FloatArray | None:
         """Variance of the rows beside their noise, shape (n,): what dry friction hides; and of rows soon after a change as if
         what single rows show were white, because noise whose long-run variance is small cancels only in the long run.
@@ -215,7 +227,7 @@ class FreeParameters:
         """Such an estimator, which knows whether the base is tilted; so many considered errors are parameters behind its own."""
         s, prior_std = self._settings, np.append(self.prior_std, np.ones(considered))
         # an arm's rows are made anew after a change, see RowHistory
-        jump = JumpRule(PAYLOAD, np.array(LEAST_JUMP), front_end.memory if self._base else 0.0, _STEP if self._base else 0.0)
+        jump = JumpRule(PAYLOAD, np.array(LEAST_JUMP), front_end.memory if self._base else 0.0, STEP if self._base else 0.0)
         part = 1.0 if self._base is None else front_end.passed
         problem = Problem(prior_std, floor, front_end.period, s.forgetting_time, jump, part, self.extra_colour)
         estimator = make_estimator(s.estimator, problem)

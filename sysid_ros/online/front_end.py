@@ -56,7 +56,7 @@ class FrontEnd:
         noise: float = 0.0,
         legs: LegParameters | None = None,
     ) -> None:
-        self._model = model
+        self._model, self._stances = model, stances
         self.rate = 1.0 / period
         cutoff = min(cutoff_hz or default_cutoff(self.rate, noise), 0.4 * self.rate)
         self._every = max(1, round(self.rate / update_rate))
@@ -97,6 +97,11 @@ class FrontEnd:
             if self._tick >= 0 and self._tick % self._every == 0:
                 due.append(Rows(**self._trunk.due(), sample=sample))
         return due
+
+    @property
+    def stepping(self) -> float:
+        """Part of the time in which a robot on legs steps; 0 of an arm."""
+        return self._stances.stepping if self._stances else 0.0
 
     def carry(self, load: FloatArray) -> None:
         """Take in the ten parameters of what is carried, of a floating base."""

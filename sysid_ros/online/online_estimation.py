@@ -248,11 +248,10 @@ class OnlineEstimation:
     ) -> PayloadEstimate:
         assert self.estimator is not None
         theta: FloatArray = self.estimator.theta[PAYLOAD] - self._changes.tare.theta
-        if self._changes.tare.taken:
-            noise, model = self._changes.tare.covariances(self.estimator)
-        else:
-            noise, sensitivity = self.estimator.covariance_parts(PAYLOAD)
-            model = sensitivity @ sensitivity.T
+        repeated = None
+        if self.base is not None and self._front_end is not None:
+            repeated = self._free.repeated_covariance(self.estimator, self._front_end, self._floor)
+        noise, model = self._changes.tare.covariances(self.estimator, repeated)
         covariance = noise + model
         if self.base is not None:
             covariance[0, 0] += self._doubt(float(theta[0])) ** 2

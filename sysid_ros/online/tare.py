@@ -18,25 +18,34 @@ class Tare:
     Noise of both adds up. Errors of the links are the same in both, so that what they do to the difference is the difference of
     what they do: ``(S - S_0) z``. On the motion of the tare it is nothing; on another one what is left of it.
 
+    What every step of a gait repeats is in part the same in both, and goes with the tare; how much of it, from nothing to all, is
+    not known. With a correlation c that lies anywhere from 0 to 1 two errors of the variance R differ by ``2 (1 - c) R``, on the
+    mean R.
+
     Attributes:
-        theta: shape (10,). noise: its covariance without the considered errors, shape (10, 10). sensitivity: to those, shape
-            (10, c). taken: False of the one that nobody asked for.
+        theta: shape (10,). noise: its covariance without the considered errors and what is repeated, shape (10, 10). sensitivity:
+            to those errors, shape (10, c). repeated: covariance of what is, shape (10, 10). taken: False of the one that nobody
+            asked for.
     """
 
     theta: FloatArray = field(default_factory=lambda: np.zeros(10))
     noise: FloatArray = field(default_factory=lambda: np.zeros((10, 10)))
     sensitivity: FloatArray = field(default_factory=lambda: np.zeros((10, 0)))
+    repeated: FloatArray = field(default_factory=lambda: np.zeros((10, 10)))
     taken: bool = False
 
     @classmethod
-    def of(cls, estimator: Estimator) -> Tare:
-        """What the estimator has now."""
+    def of(cls, estimator: Estimator, repeated: FloatArray) -> Tare:
+        """What the estimator has now; ``repeated``: covariance of what every step repeats, shape (10, 10)."""
         noise, sensitivity = estimator.covariance_parts(PAYLOAD)
-        return cls(estimator.theta[PAYLOAD], noise, sensitivity, True)
+        return cls(estimator.theta[PAYLOAD], noise, sensitivity, repeated, True)
 
-    def covariances(self, estimator: Estimator) -> tuple[FloatArray, FloatArray]:
-        """Of the tared payload: what noise and what considered errors make, shape (10, 10) each."""
+    def covariances(self, estimator: Estimator, repeated: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """Of the tared payload: what noise and what considered errors make, shape (10, 10) each; ``repeated``: what every step
+        repeats makes now, as noise does."""
         noise, sensitivity = estimator.covariance_parts(PAYLOAD)
         if self.taken and sensitivity.shape == self.sensitivity.shape:
             sensitivity -= self.sensitivity
+        if repeated is not None:
+            noise += 0.5 * (self.repeated + repeated) if self.taken else repeated
         return noise + self.noise, sensitivity @ sensitivity.T
