@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sysid_ros.online.put_down import PutDown
+from sysid_ros.online.put_down import SELDOM, with_row
 from sysid_ros.sample import FloatArray
 
 M, P, PERIOD = 7, 17, 0.01
+FOUND = float(np.log(SELDOM / PERIOD))
 NOISE = 0.1
 EMPTY, NONE, WHITE = np.zeros(10), np.zeros(M), (np.full(M, NOISE**2), np.full(M, NOISE**2))
 
@@ -22,11 +23,16 @@ def rows(seed: int, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def found_after(Y: FloatArray, y: FloatArray, theta: FloatArray, empty: FloatArray = EMPTY) -> int | None:
-    test = PutDown()
-    for k in range(len(Y)):
-        if test.found((Y[k], y[k]), theta, empty, WHITE, NONE, PERIOD):
-            return k + 1
-    return None
+    each = sums(Y, y, theta, empty, WHITE)
+    return int(np.argmax(each > FOUND)) + 1 if np.any(each > FOUND) else None
+
+
+def sums(Y: FloatArray, y: FloatArray, theta: FloatArray, empty: FloatArray, noise: tuple[FloatArray, FloatArray]) -> FloatArray:
+    """After each row, shape (count,)."""
+    out = [0.0]
+    for columns, row in zip(Y, y, strict=True):
+        out.append(with_row(out[-1], columns, row, theta, empty, *noise, NONE))
+    return np.array(out[1:])
 
 
 @pytest.mark.parametrize("part", [1.0, 1.5])
@@ -67,22 +73,19 @@ def test_coloured_noise_counts_by_its_long_run() -> None:
         noise[0] = white[0]
         for k in range(1, len(white)):
             noise[k] = keep * noise[k - 1] + np.sqrt(1.0 - keep**2) * white[k]
-        test, variance = PutDown(), (WHITE[0] * (1.0 + keep) / (1.0 - keep), WHITE[1])
-        false += any(test.found((Y[k], Y[k] @ theta + noise[k]), theta, EMPTY, variance, NONE, PERIOD) for k in range(len(Y)))
+        variance = WHITE[0] * (1.0 + keep) / (1.0 - keep), WHITE[1]
+        false += bool(np.any(sums(Y, Y @ theta + noise, theta, EMPTY, variance) > FOUND))
     assert false == 0
 
 
-def test_a_row_that_is_no_number_says_nothing_and_a_restart_forgets() -> None:
+def test_a_row_that_is_no_number_says_nothing() -> None:
     Y, theta, noise = rows(2, 200)
     y = Y @ np.concatenate([EMPTY, theta[10:]]) + noise
-    test, after = PutDown(), found_after(Y, y, theta)
-    assert after is not None
-    for k in range(after - 1):
-        assert not test.found((Y[k], y[k]), theta, EMPTY, WHITE, NONE, PERIOD)
-    assert not test.found((Y[0], np.full(M, np.nan)), theta, EMPTY, WHITE, NONE, PERIOD)
-    assert not test.found((Y[0], y[0]), theta, EMPTY, (np.full(M, np.nan), WHITE[1]), NONE, PERIOD)
-    test.restart()
-    assert not test.found((Y[after - 1], y[after - 1]), theta, EMPTY, WHITE, NONE, PERIOD)
+    before = float(sums(Y, y, theta, EMPTY, WHITE)[5])
+    assert before > 0.0
+    assert with_row(before, Y[0], np.full(M, np.nan), theta, EMPTY, *WHITE, NONE) == before
+    assert with_row(before, Y[0], y[0], theta, EMPTY, np.full(M, np.nan), WHITE[1], NONE) == before
+    assert with_row(before, Y[0], y[0], theta, EMPTY, *WHITE, NONE) != before
 
 
 def test_noise_that_cancels_over_a_long_run_does_not_within_a_beat() -> None:
@@ -91,10 +94,6 @@ def test_noise_that_cancels_over_a_long_run_does_not_within_a_beat() -> None:
     Y[:] = Y[0]
     beat = np.sign(np.sin(2.0 * np.pi * (np.arange(len(Y)) + 0.5) / 10.0))[:, None] * (Y[0, :, :10] @ theta[:10])
     y, small = Y @ theta - 1.5 * beat, WHITE[0] / 100.0
-    seen = [PutDown(), PutDown()]
     single = 5.0 * np.mean((1.5 * beat) ** 2, axis=0)  # five rows after the low-pass say what one does
-    found = [
-        any(t.found((Y[k], y[k]), theta, EMPTY, (small, s), NONE, PERIOD) for k in range(1000))
-        for t, s in zip(seen, (small, single), strict=True)
-    ]
+    found = [bool(np.any(sums(Y, y, theta, EMPTY, (small, x)) > FOUND)) for x in (small, single)]
     assert found == [True, False]

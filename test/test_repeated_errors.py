@@ -72,10 +72,10 @@ def test_where_nothing_repeats_there_is_none() -> None:
 def test_a_tare_may_have_had_what_is_repeated_too() -> None:
     estimator = make_estimator("variable", Problem(np.full(10, 10.0), np.full(2, 1e-4), PERIOD, 1e6, RULE))
     repeated = 0.04 * np.eye(10)
-    plain, taken = Tare().covariances(estimator)[0], Tare.of(estimator, repeated)
-    np.testing.assert_allclose(Tare().covariances(estimator, repeated)[0] - plain, repeated)
-    np.testing.assert_allclose(taken.covariances(estimator, repeated)[0] - 2.0 * plain, repeated)
-    np.testing.assert_allclose(taken.covariances(estimator, 3.0 * repeated)[0] - 2.0 * plain, 2.0 * repeated)
+    plain, taken = Tare().tared(estimator)[1], Tare.of(estimator, repeated)
+    np.testing.assert_allclose(Tare().tared(estimator, repeated)[1] - plain, repeated)
+    np.testing.assert_allclose(taken.tared(estimator, repeated)[1] - 2.0 * plain, repeated)
+    np.testing.assert_allclose(taken.tared(estimator, 3.0 * repeated)[1] - 2.0 * plain, 2.0 * repeated)
 
 
 def test_a_robot_steps_for_a_step_after_a_foot_has_landed() -> None:

@@ -174,14 +174,12 @@ def test_the_clock_is_first_believed_once(source: float) -> None:
 def test_noise_is_not_learned_from_rows_whose_times_were_wrong(known: bool) -> None:
     """While the clock is not believed yet the rows hold the edges of a sawtooth; what is known by then stays."""
     robot = RobotModel.from_urdf(arm_description())
-    changes, cadence = OnlineEstimation(robot, OnlineSettings())._changes, Cadence(0.25, robot.n)
+    changes = OnlineEstimation(robot, OnlineSettings())._changes
     about = np.full(10, 1.0), np.full(robot.n, 1e-3), 0.01, 60.0, JumpRule(slice(0, 10), np.full(10, np.inf), 0.0)
     estimator, rng = VariableForgetting(Problem(*about)), np.random.default_rng(0)
     for _ in range(300 if known else 50):
         estimator.update(rng.standard_normal((robot.n, 10)), rng.standard_normal(robot.n))
     assert estimator.noise_known == known
     before = estimator.theta
-    assert not changes.unlearn(estimator, cadence)
-    cadence.turned = True
-    assert changes.unlearn(estimator, cadence) != known
+    assert changes.unlearn(estimator) != known
     np.testing.assert_array_equal(estimator.theta, before if known else np.zeros(10))

@@ -79,7 +79,7 @@ class OwnTorque:
         estimator = self._estimator
         if estimator is None or not estimator.noise_known:
             return None
-        return estimator.theta[PAYLOAD], estimator.covariance_parts(PAYLOAD)[0]
+        return estimator.parts(PAYLOAD)[:2]
 
     def interrupt(self) -> None:
         """The next state does not follow the one before."""
@@ -150,7 +150,7 @@ class OwnTorque:
             self._shaken = rows.noise[0][:, :, PAYLOAD]
         extra = self._free.extra_variance(rows, estimator, front_end.passed)
         assert extra is not None
-        extra = self._stays * extra + _shaken(self._shaken, estimator.theta[PAYLOAD], estimator.covariance_parts(PAYLOAD)[0])
+        extra = self._stays * extra + _shaken(self._shaken, *estimator.parts(PAYLOAD)[:2])
         estimate = estimator.update(np.column_stack([rows.Y, late]), rows.y, hold, extra, rows.considered)
         estimator.compensate(_with_late(rows.noise), hold, extra)
         if estimate.status == "not_finite":

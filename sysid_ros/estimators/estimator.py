@@ -130,9 +130,9 @@ class Estimator(ABC):
         """What unit considered errors do to theta, shape (p, c); c = 0 where none are considered."""
         return self._sensitivity.copy()
 
-    def covariance_parts(self, where: slice) -> tuple[FloatArray, FloatArray]:
-        """Of some of the parameters: covariance without the considered errors, (k, k), and sensitivity to these, (k, c)."""
-        return self.noise_covariance()[where, where], self.sensitivity[where]
+    def parts(self, where: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Some of the parameters, (k,), covariance without the considered errors, (k, k), and sensitivity to these, (k, c)."""
+        return self.theta[where], self.noise_covariance()[where, where], self.sensitivity[where]
 
     def repeated_covariance(self, where: slice, density: FloatArray, step: float) -> FloatArray:
         """Covariance of some of the parameters that errors make which return as they were, and so do not average out, (k, k);

@@ -233,8 +233,8 @@ class VariableForgetting(Estimator):
             self._interrupt_noise()
             self._begin_again()
 
-    def covariance_parts(self, where: slice) -> tuple[FloatArray, FloatArray]:
-        return self._P[where, where].copy(), self._sensitivity[where].copy()
+    def parts(self, where: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return self._theta[where].copy(), self._P[where, where].copy(), self._sensitivity[where].copy()
 
     def repeated_covariance(self, where: slice, density: FloatArray, step: float) -> FloatArray:
         return self._sums.repeated(where, density, step)

@@ -146,8 +146,8 @@ class ChangeTrial:
 
     def _distance(self, estimator: Estimator, tare: Tare) -> tuple[float, FloatArray, FloatArray]:
         """Squared distance of what is estimated from the nearest body, by its covariance; estimate and covariance."""
-        noise, model = tare.covariances(estimator)
-        theta, covariance = estimator.theta[PAYLOAD] - tare.theta, noise + model
+        theta, noise, model = tare.tared(estimator)
+        covariance = noise + model
         return float(project_into(theta, covariance + _MATTERS, np.empty(10))), theta, covariance
 
     def _possible(self, estimator: Estimator, tare: Tare) -> bool:
@@ -163,8 +163,8 @@ class ChangeTrial:
 
     def _is_nothing(self, estimator: Estimator, tare: Tare) -> bool:
         """Whether nothing is carried: no force makes that of a body."""
-        noise, model = tare.covariances(estimator)
-        theta, covariance = estimator.theta[PAYLOAD] - tare.theta, noise + model + _MATTERS
+        theta, noise, model = tare.tared(estimator)
+        covariance = noise + model + _MATTERS
         known = bool(np.all(np.sqrt(noise.diagonal()[:4]) <= 3.0 * np.array(LEAST_JUMP[:4])))
         return known and float(theta @ np.linalg.solve(covariance, theta)) <= _NO_BODY
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import copy
+import math
 
 import numpy as np
 
 from sysid_ros.estimators import Estimate, Estimator
-from sysid_ros.online.arm_rows import Cadence
 from sysid_ros.online.change_trial import ChangeTrial, Verdict
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
 from sysid_ros.online.front_end import FrontEnd
 from sysid_ros.online.payload_events import EventLog
-from sysid_ros.online.put_down import PutDown
+from sysid_ros.online.put_down import SELDOM, with_row
 from sysid_ros.online.rows import Rows
 from sysid_ros.online.standstill import Standstill
 from sysid_ros.online.tare import Tare
@@ -45,7 +45,7 @@ class ChangeWatch:
         self.tare = Tare()
         self.trial: ChangeTrial | None = None
         self.standstill = Standstill(self._prior_std**2)
-        self._put_down = PutDown()
+        self._put_down = 0.0
         self.rows_so_far = RowsSoFar(free)
 
     def take_tare(
@@ -68,10 +68,10 @@ class ChangeWatch:
         self.tare = Tare(taken=True)
         return told.estimator, told.mass
 
-    def unlearn(self, estimator: Estimator | None, cadence: Cadence) -> bool:
+    def unlearn(self, estimator: Estimator | None) -> bool:
         """Forget all rows where their times turn out to have been wrong before the noise is known, which would be learned from
         them for minutes to come; whether that is so."""
-        if not cadence.turned or estimator is None or estimator.noise_known:
+        if estimator is None or estimator.noise_known:
             return False
         estimator.reset()
         self.rows_so_far.clear()
@@ -125,11 +125,12 @@ class ChangeWatch:
         """
         gone = False
         if not carries or hold or not front_end.makes_anew:
-            self._put_down.restart()
+            self._put_down = 0.0
         elif extra is not None and estimator.noise_known and estimate.status != "not_finite":
             noise = estimator.noise_variance, estimator.row_variance / front_end.passed
-            about = estimate.theta, self.tare.theta, noise, self._free.extra_colour * extra
-            gone = self._put_down.found((rows.Y, rows.y), *about, front_end.period)
+            about = estimate.theta, self.tare.theta, *noise, self._free.extra_colour * extra
+            self._put_down = with_row(self._put_down, rows.Y, rows.y, *about)
+            gone = self._put_down > math.log(SELDOM / front_end.period)
         if estimate.status != "not_finite" and (jumped or gone or estimator.misfits):
             return self.changed(rows, hold, estimator, front_end, estimate, jumped, known, gone)
         if not hold:
@@ -178,7 +179,7 @@ class ChangeWatch:
         """Let the estimator forget what is carried, and learn it from the rows since the change: when that was [s], and what the
         estimator says of the last of them. ``before``: as it was before the change."""
         prior_variance = self._free.prior_std[PAYLOAD] ** 2
-        self._put_down.restart()
+        self._put_down = 0.0
         t, since = front_end.since_change(before.theta, before.row_variance, prior_variance)
         estimator.forget()
         self.rows_so_far.clear()

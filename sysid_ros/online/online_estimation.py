@@ -136,9 +136,10 @@ class OnlineEstimation:
         if not self._cadence.follows(measurement.t):
             self._forget_filters()
         known = self._cadence.take(measurement)
+        anew = self._cadence.turned and self._changes.unlearn(self.estimator)
         if known and self._front_end is None:
             self._front_end = self._make_front_end(known)
-        elif (f := self._front_end) and (arm := f.arm) and (self._changes.unlearn(self.estimator, self._cadence) or arm.too_fast):
+        elif self._front_end is not None and (arm := self._front_end.arm) is not None and (anew or arm.too_fast):
             self._noise = arm.noise
             self._spikes += self._front_end.derivative.spikes
             self._front_end = self._make_front_end(known)
@@ -247,11 +248,14 @@ class OnlineEstimation:
         self, estimate: Estimate, rows: Rows, t: float, judgement: Judgement, projection: ContactProjection | None
     ) -> PayloadEstimate:
         assert self.estimator is not None
-        theta: FloatArray = self.estimator.theta[PAYLOAD] - self._changes.tare.theta
         repeated = None
         if self.base is not None and self._front_end is not None:
             repeated = self._free.repeated_covariance(self.estimator, self._front_end, self._floor)
-        noise, model = self._changes.tare.covariances(self.estimator, repeated)
+        if self._changes.tare.taken or repeated is not None:
+            theta, noise, model = self._changes.tare.tared(self.estimator, repeated)
+        else:
+            theta, noise, sensitivity = self.estimator.parts(PAYLOAD)
+            model = sensitivity @ sensitivity.T
         covariance = noise + model
         if self.base is not None:
             covariance[0, 0] += self._doubt(float(theta[0])) ** 2

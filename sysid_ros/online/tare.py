@@ -37,15 +37,15 @@ class Tare:
     @classmethod
     def of(cls, estimator: Estimator, repeated: FloatArray) -> Tare:
         """What the estimator has now; ``repeated``: covariance of what every step repeats, shape (10, 10)."""
-        noise, sensitivity = estimator.covariance_parts(PAYLOAD)
-        return cls(estimator.theta[PAYLOAD], noise, sensitivity, repeated, True)
+        theta, noise, sensitivity = estimator.parts(PAYLOAD)
+        return cls(theta, noise, sensitivity, repeated, True)
 
-    def covariances(self, estimator: Estimator, repeated: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
-        """Of the tared payload: what noise and what considered errors make, shape (10, 10) each; ``repeated``: what every step
-        repeats makes now, as noise does."""
-        noise, sensitivity = estimator.covariance_parts(PAYLOAD)
+    def tared(self, estimator: Estimator, repeated: FloatArray | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The tared payload, shape (10,), and the covariances that noise and that considered errors make, shape (10, 10) each;
+        ``repeated``: what every step repeats makes now, as noise does."""
+        theta, noise, sensitivity = estimator.parts(PAYLOAD)
         if self.taken and sensitivity.shape == self.sensitivity.shape:
             sensitivity -= self.sensitivity
         if repeated is not None:
             noise += 0.5 * (self.repeated + repeated) if self.taken else repeated
-        return noise + self.noise, sensitivity @ sensitivity.T
+        return theta - self.theta, noise + self.noise, sensitivity @ sensitivity.T
