@@ -248,9 +248,8 @@ class OnlineEstimation:
         self, estimate: Estimate, rows: Rows, t: float, judgement: Judgement, projection: ContactProjection | None
     ) -> PayloadEstimate:
         assert self.estimator is not None
-        repeated = None
-        if self.base is not None and self._front_end is not None:
-            repeated = self._free.repeated_covariance(self.estimator, self._front_end, self._floor)
+        front_end = self._front_end if self.base is not None else None
+        repeated = self._free.repeated_covariance(self.estimator, front_end, self._floor) if front_end is not None else None
         if self._changes.tare.taken or repeated is not None:
             theta, noise, model = self._changes.tare.tared(self.estimator, repeated)
         else:
