@@ -18,7 +18,7 @@ from sysid_ros.diagnosis.covariance import with_knobs
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.diagnosis.sets.block_scatter import BlockScatter
+from sysid_ros.diagnosis.sets.block_scatter import BlockScatter, scatter_ratios
 from sysid_ros.diagnosis.sets.posterior import Posterior, rivals
 from sysid_ros.effects import Motion, TorqueSaturation
 from sysid_ros.exceptions import ModelFileError
@@ -59,6 +59,15 @@ def held(band: Band, noise: Callable[[np.random.Generator], FloatArray], columns
 def slowly(band: Band, rng: np.random.Generator, count: int, hertz: float = 1.0) -> FloatArray:
     """Rows of random motions below a frequency, shape (K, count)."""
     return np.asarray(rng.normal(size=(len(band.f), count)) * (band.f < hertz)[:, None])
+
+
+def test_a_block_that_alone_tells_of_a_parameter_says_nothing_of_its_scatter() -> None:
+    """A recording of one block: without it nothing is known of the first parameter, and of the second what its prior says."""
+    one = np.array([[[9.0e3, 6.0e5], [6.0e5, 4.5e7]]])
+    scores, prior = np.array([[-2.7, 3.1e3]]), np.diag([0.0, 5.0e5])
+    found = scatter_ratios(scores, one, one[0] + prior)
+    assert 1.0 <= found[0] <= 1.5 + 1e-9  # the mean of what is known of such a ratio before any data
+    assert np.isfinite(found).all()
 
 
 def test_intervals_hold_the_truth_where_noise_is_what_its_weights_say(band: Band) -> None:

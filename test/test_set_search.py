@@ -258,12 +258,15 @@ def test_a_body_is_weighed_against_links_that_are_all_more_inexact(carried: bool
 
 
 def test_masses_and_places_are_inexact_each_by_itself() -> None:
+    """Moments of inertia follow the masses."""
     train, _ = rows()
     problem, n = train.problem, robot(ARM).n
     of_masses, of_places = problem.prior_of((4.0, 0.05)), problem.prior_of((0.05, 4.0))
     usual = problem.prior_of((1.0, 1.0))
-    np.testing.assert_allclose(of_masses / usual, [*[1 / 16] * n, *[400] * 3 * n])
-    np.testing.assert_allclose(of_places / usual, [*[400] * n, *[1 / 16] * 3 * n])
+    moments = len(usual) - 4 * n
+    assert moments > 0
+    np.testing.assert_allclose(of_masses / usual, [*[1 / 16] * n, *[400] * 3 * n, *[1 / 16] * moments])
+    np.testing.assert_allclose(of_places / usual, [*[400] * n, *[1 / 16] * 3 * n, *[400] * moments])
     every = range(len(SCALES))
     assert all(i in scales_beside(k) for k in every for i in every if k in scales_beside(i))
     reached, grown = {0}, {0}
