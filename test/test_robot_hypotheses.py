@@ -14,9 +14,7 @@ from test_diagnosis import ARM, record
 from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.cli.main import run
-from sysid_ros.diagnosis.channel_faults import EffortFactors, fault_of_factors
-from sysid_ros.diagnosis.robot_hypotheses import _Trial, _usual, _with, judge
-from sysid_ros.diagnosis.robot_kernels import CoarseRows, RobotKernels
+from sysid_ros.diagnosis.robot_hypotheses import judge
 from sysid_ros.diagnosis.robot_likelihood import halves, probabilities
 from sysid_ros.effects import JointSign, TorqueSign
 from sysid_ros.sample import FloatArray
@@ -53,26 +51,6 @@ def test_a_wrong_sign_is_told_from_a_joint_that_counts_backwards() -> None:
         assert fault.joints == (2,)
         assert fault.probability is not None
         assert fault.probability > 0.9
-
-
-def test_what_a_joint_has_of_its_own_makes_no_factor_and_no_dead_channel_likely() -> None:
-    """Of a joint without links' torque any factor says the same, and so does a dead channel, but for what they cost before."""
-    healthy, model = record(None, 1), robot(ARM)
-    quiet = healthy.tau.copy()
-    quiet[:, 3] = 1e-3 * np.random.default_rng(0).normal(size=len(quiet))
-    rows = CoarseRows.of(model, [replace(healthy, tau=quiet)])
-    assert rows is not None
-    rows = rows.every(4)
-    kernels, half = RobotKernels(model, rows), halves(rows.q)
-    silent = np.arange(model.n) == 3
-    dead = _Trial(rows, kernels, 0.0, 0.0, silent, _usual(rows.tau))
-    found = [dead.likelihood(half).whole[0].sum()]
-    for factor in (0.1, 10.0):
-        factors = np.where(silent, factor, 1.0)
-        undone = _with(model, dead, fault_of_factors(EffortFactors(factors, 0.1 * factors, ~silent, 0.0), 1), 0.0)
-        np.testing.assert_allclose(undone.usual * factors, dead.usual)
-        found.append(undone.likelihood(half).whole[0].sum())
-    np.testing.assert_allclose(found, found[0], atol=0.5)
 
 
 @pytest.mark.slow

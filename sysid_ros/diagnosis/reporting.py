@@ -15,6 +15,7 @@ from sysid_ros.diagnosis.drift_cause import RECORD_NEXT
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut, dates_in_words
 from sysid_ros.diagnosis.leftover import Leftover, leftovers
+from sysid_ros.diagnosis.prepare import inexact_links
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, RankedUrdf, Rest, TorqueRmse
 from sysid_ros.effects.wording import listed
 from sysid_ros.robot.robot_model import RobotModel
@@ -154,7 +155,7 @@ def _tolerated(robot: RobotModel, fit: Fit) -> tuple[str, ...]:
     """What was taken for the inexactness that every URDF has, in a sentence."""
     if not fit.inexact:
         return ()
-    part = fit.theta[-4 * robot.n :][: robot.n]
+    part = fit.theta[-len(inexact_links(robot).std) :][: robot.n]
     stated = [f"{robot.body_names[k]} {100.0 * part[k]:+.1f} %" for k in np.argsort(-np.abs(part)) if abs(part[k]) > _STATED]
     if not stated:
         return ()

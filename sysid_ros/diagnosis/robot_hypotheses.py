@@ -49,7 +49,7 @@ _FAULTS = 3
 """Most faults that are looked for beside one another."""
 _INEXACT = 0.03
 """What even a right URDF leaves of a torque, in a first comparison."""
-_LEAST = 1e-5
+_LEAST = 1e-3
 """Least size of an effort that is compared, of the largest."""
 _COARSE, _TRIED = 3, 2
 """Each of so many rows for a first comparison, and how many hypotheses are compared on all of them."""
@@ -135,8 +135,6 @@ class _Trial:
 
     Attributes:
         rows: as they are then. scale: log of what the faults publish of 1 N m, over all joints. silent: joints without a signal.
-        usual: usual effort of each joint, shape (n,): of the published one, in the unit of the rows, so that what a joint has of
-            its own makes no factor and no dead channel likely.
     """
 
     rows: CoarseRows
@@ -144,7 +142,6 @@ class _Trial:
     scale: float
     log_prior: float
     silent: NDArray[np.bool_]
-    usual: FloatArray
     fault: Fault | None = None
     factors: EffortFactors | None = None
 
@@ -163,7 +160,8 @@ class _Trial:
 
     def likelihood(self, half: NDArray[np.bool_]) -> RowLikelihoods:
         """Of the published rows, with gravity as it is, not at all and twice, their priors in it."""
-        tau, k, usual = self.rows.tau, self.kernels, self.usual
+        tau, k = self.rows.tau, self.kernels
+        usual = _usual(tau, self.silent)
         largest = float(usual[~self.silent].max()) if not self.silent.all() else 0.0
         joints = []
         for j in range(k.robot.n):
@@ -190,15 +188,16 @@ def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | Non
 def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
     """With the faults undone that have a probability."""
     half = halves(rows.q)
-    prior, silent = float(np.log(1.0 - 2.0 * _OTHER)), np.zeros(robot.n, dtype=bool)
-    trial = _Trial(rows, RobotKernels(robot, rows), 0.0, prior, silent, _usual(rows.tau))
+    trial = _Trial(rows, RobotKernels(robot, rows), 0.0, np.log(1.0 - 2.0 * _OTHER), np.zeros(robot.n, dtype=bool))
     found, faults, factors, doubtful = trial.likelihood(half), list[Fault](), None, False
     while len(faults) < _FAULTS:
         options = _first_choice(robot, trial)
         weighed = [(found, trial), *((option.likelihood(half), option) for option in options)]
         share = probabilities([x.likeliest for x, _ in weighed])
         best = int(np.argmax(share))
-        probability = float(share[best])
+        # a fault that is real is no less likely than none where the arm had not been, whatever is usual
+        unseen = [x.plus(np.array([-option.log_prior])).then[x.best] for x, option in (weighed[0], weighed[best])]
+        probability = min(float(share[best]), float(probabilities(unseen)[1]))
         if best == 0 or probability < sure:
             doubtful = bool(best > 0 and probability >= _LIKELY)
             break
@@ -221,15 +220,16 @@ def _judgement(
     return Judgement(trial.kernels.robot, tuple(faults), given, *_others(trial, half), factors)
 
 
-def _usual(tau: FloatArray) -> FloatArray:
+def _usual(tau: FloatArray, silent: NDArray[np.bool_]) -> FloatArray:
     """Usual effort of each joint, shape (n,), not so small that bodies shared with the largest would be lost in rounding."""
     size = np.sqrt(np.mean(tau**2, axis=0))
-    return np.asarray(np.maximum(size, _LEAST * float(size.max()) + 1e-12))
+    return np.asarray(np.maximum(size, np.where(silent, 0.0, _LEAST * float(size.max())) + 1e-12))
 
 
 def _others(trial: _Trial, half: NDArray[np.bool_]) -> tuple[RowLikelihoods, RowLikelihoods]:
     """Of the published rows with free bodies on the same joints, and with no robot."""
-    k, rows, usual = trial.kernels, trial.rows, trial.usual
+    k, rows = trial.kernels, trial.rows
+    usual = _usual(rows.tau, trial.silent)
     odds = np.array([np.log(_OTHER) - len(rows.t) * trial.scale])
     nothing = 0.0 * k.free(0, 0.0)[0]
     out = []
@@ -273,9 +273,8 @@ def _with(robot: RobotModel, trial: _Trial, fault: Fault, log_prior: float) -> _
     rows = trial.rows.without(fault.effect)
     kernels = trial.kernels if np.array_equal(rows.q, trial.rows.q) else RobotKernels(robot, rows)
     factor = np.abs(fault.effect.publish(np.ones((1, robot.n))))
-    scale, usual = trial.scale + float(np.log(factor).sum()), trial.usual / factor[0]
-    log_prior += trial.log_prior
-    return replace(trial, rows=rows, kernels=kernels, scale=scale, log_prior=log_prior, fault=fault, usual=usual)
+    scale = trial.scale + float(np.log(factor).sum())
+    return replace(trial, rows=rows, kernels=kernels, scale=scale, log_prior=trial.log_prior + log_prior, fault=fault)
 
 
 def rank_urdfs(robots: Sequence[RobotModel], names: Sequence[str], recordings: Sequence[Recording]) -> list[RankedUrdf]:
