@@ -100,7 +100,7 @@ def test_workers_and_the_scheduler_are_killed_and_nothing_is_lost(tmp_path: Path
         if through == 12:
             os.killpg(process.pid, signal.SIGKILL)
         elif through % 3 == 0 and through < 12:
-            pids = list(client.run(os.getpid).values())
+            pids = list(client.run(os.getpid, on_error="ignore").values())  # one of before may die just now
             if pids:
                 os.kill(rng.choice(pids), signal.SIGKILL)
 
