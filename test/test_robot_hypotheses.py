@@ -15,7 +15,7 @@ from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.cli.main import run
 from sysid_ros.diagnosis.robot_hypotheses import judge
-from sysid_ros.diagnosis.robot_likelihood import halves, probabilities
+from sysid_ros.diagnosis.robot_likelihood import probabilities
 from sysid_ros.effects import JointSign, TorqueSign
 from sysid_ros.sample import FloatArray
 
@@ -72,11 +72,3 @@ def test_a_likelihood_that_a_moment_decides_is_no_certainty() -> None:
     nothing: FloatArray = np.zeros(400)
     assert probabilities([even, nothing])[0] > 0.999
     assert 0.5 < probabilities([moment, nothing])[0] < 0.99
-
-
-def test_halves_are_equal_and_lie_apart() -> None:
-    q = np.random.default_rng(0).normal(size=(200, 3)) * np.array([3.0, 1.0, 0.1])
-    half = halves(q)
-    assert half.sum() == 100
-    apart = np.abs(q[half].mean(axis=0) - q[~half].mean(axis=0)) / q.std(axis=0)
-    assert apart.max() > 0.5

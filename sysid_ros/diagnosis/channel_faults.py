@@ -119,6 +119,13 @@ class EffortFactors:
     log_prior: float
 
 
+def one_factor(found: EffortFactors) -> tuple[Fault, float]:
+    """What factors have in common as one factor on all efforts, and its log-probability before any data."""
+    n, logs = len(found.values), np.log(found.values[found.seen])
+    factor = float(np.exp(np.mean(logs)))
+    return Fault(TorqueUnit([factor] * n), tuple(range(n)), (("factor", None, factor, "1", None),), 1), _together(logs)
+
+
 def effort_factors(kernels: RobotKernels, tau: FloatArray) -> EffortFactors:
     """The factors with which the URDF's links, anything that the whole arm carries and what each joint has of its own make
     published efforts likeliest, shape (N, n)."""

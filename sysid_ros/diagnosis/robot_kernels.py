@@ -32,6 +32,8 @@ _STANDS = 0.01
 """Speed below which dry friction leaves a torque undetermined [rad/s]."""
 _MASS, _PLACE, _INERTIA = 0.15, 0.03, 0.3
 """Standard deviation of a URDF's masses (part), centres of mass [m] and inertias (part): what identified arms differ by."""
+_KIND = 3.0
+"""How many times further robots of one kind are from each other than each is from its URDF."""
 _GYRATION, _LEAST = 0.08, 0.02
 """Least radius of gyration [m] and least mass (of the heaviest link's) of a link where a URDF gives less."""
 _BODY = np.array([1.0] + [0.3] * 3 + [0.1] * 6)
@@ -185,6 +187,11 @@ class RobotKernels:
             usual: largest usual torque of any joint [N m].
         """
         columns = [self._links[:, joint] * self._inexact, self.whole_arm(joint, usual)]
+        return np.concatenate(columns, axis=1), self.by_load(joint, GAIN)
+
+    def alike(self, joint: int, usual: float) -> Prior:
+        """Another robot of the URDF's kind, and the same beside its bodies."""
+        columns = [self._links[:, joint] * (_KIND * self._inexact), self.whole_arm(joint, usual)]
         return np.concatenate(columns, axis=1), self.by_load(joint, GAIN)
 
     def free(self, joint: int, usual: float) -> Prior:

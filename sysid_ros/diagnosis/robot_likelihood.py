@@ -1,12 +1,13 @@
-"""How likely a hypothesis about a robot makes torques of a half of the joint space when it has seen the other half.
+"""How likely a hypothesis about a robot makes torques.
 
 The torques of joint j, of a hypothesis with columns X_j of parameters that all joints share::
 
     y_j = m_j + X_j theta + d_j,    theta ~ N(0, I),    d_j ~ N(0, A_j + u_j^2 (O_j + kappa_j^2 D + s_j^2 I))
 
 with the usual torque u_j, what the joint has of its own O_j, the discrepancy D that any model leaves and white noise. The
-sizes kappa_j and s_j are those that make the joint's rows likeliest, given what the other joints say of theta. What is judged
-is what the bodies say of one joint from the torques of the others, where the arm has not been.
+sizes kappa_j and s_j are those that make the joint's rows likeliest, given what the other joints say of theta. Each row is
+predicted from the rows of the joints before it and from its own joint's rows before it: their product is the likelihood of all
+rows, and what a hypothesis must learn before it predicts is what it pays for being broad.
 """
 
 from __future__ import annotations
@@ -15,14 +16,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg, optimize
 
 from sysid_ros.diagnosis.robot_kernels import Prior
 from sysid_ros.sample import FloatArray
 
-LEAVES, LEAVES_ALL, _SPREAD = np.log(0.05), 0.0, np.log(3.0)
-"""Logarithm of what a model of the robot, and one of no robot, leaves of a torque before any data: mean, standard deviation."""
+LEAVES, LEAVES_MUCH, LEAVES_ALL, _SPREAD = np.log(0.05), np.log(0.3), 0.0, np.log(3.0)
+"""Logarithm of what a model of the robot, of one of its kind, and of no robot leaves of a torque before any data: means, standard
+deviation."""
 _LOW, _HIGH = np.log([1e-3, 1e-3]), np.log([2.0, 2.0])
 """Ranges of noise and discrepancy over the usual torque; the filters alone are off by a thousandth of it."""
 _STARTS = [np.log([s, k]) for s in (0.002, 0.01, 0.05, 0.3) for k in (0.02, 0.1, 0.5, 1.5)]
@@ -129,59 +130,11 @@ class _Loss:
         return value, np.array(slope)
 
 
-def halves(q: FloatArray) -> NDArray[np.bool_]:
-    """True in one half of the joint space, shape (N,): cut across the direction in which a motion reaches furthest. On a path
-    that repeats, a model that remembers it would have seen any stretch of time that is left out."""
-    x = (q - q.mean(axis=0)) / np.maximum(q.std(axis=0), 1e-9)
-    along = x @ np.linalg.svd(x, full_matrices=False)[2][0]
-    return np.asarray(along > np.median(along))
+def row_likelihoods(joints: Sequence[JointTorques]) -> FloatArray:
+    """Log-likelihood of each row under each form of a hypothesis, over all joints, shape (g, N).
 
-
-@dataclass(frozen=True, eq=False)
-class RowLikelihoods:
-    """Log-likelihood of each row under each form of a hypothesis, over all joints, shape (g, N) each.
-
-    Attributes:
-        first: given nothing but the rows before it in its own half. then: given the other half too. With the halves in either
-            order the mean of both is the likelihood of all rows.
-    """
-
-    first: FloatArray
-    then: FloatArray
-
-    @property
-    def whole(self) -> FloatArray:
-        """Of all rows, shape (g, N)."""
-        return 0.5 * (self.first + self.then)
-
-    @property
-    def likeliest(self) -> FloatArray:
-        """Of all rows under the likeliest form, shape (N,)."""
-        return np.asarray(self.whole[self.best])
-
-    @property
-    def best(self) -> int:
-        """The form that makes all rows likeliest."""
-        return int(np.argmax(self.whole.sum(axis=1)))
-
-    def beside(self, other: RowLikelihoods) -> RowLikelihoods:
-        """The forms of both."""
-        return RowLikelihoods(np.concatenate([self.first, other.first]), np.concatenate([self.then, other.then]))
-
-    def only(self, form: int) -> RowLikelihoods:
-        """One form alone."""
-        return RowLikelihoods(self.first[[form]], self.then[[form]])
-
-    def plus(self, value: FloatArray) -> RowLikelihoods:
-        """With log-prior odds of each form, shape (g,), in equal parts on all rows."""
-        part = np.reshape(value, (-1, 1)) / self.then.shape[1]
-        return RowLikelihoods(self.first + part, self.then + part)
-
-
-def row_likelihoods(joints: Sequence[JointTorques], half: NDArray[np.bool_]) -> RowLikelihoods:
-    """How likely a hypothesis makes the rows of each half of the joint space.
-
-    Noise and discrepancy of each joint are those that make the first form's rows likeliest; how unusual they are counts too.
+    Noise and discrepancy of each joint are those that make the first form's rows likeliest; how unusual they are counts too, in
+    equal parts on all rows.
     """
     found, alone = [], []
     for x in joints:
@@ -197,7 +150,8 @@ def row_likelihoods(joints: Sequence[JointTorques], half: NDArray[np.bool_]) -> 
         sizes, _ = x.sizes(x.residual[:, 0] - X @ theta, x.fixed() + _spread(X, others), found[j])
         covariances.append(x.covariance(sizes))
         doubt += x.doubt(sizes)
-    return _of_halves(joints, covariances, half).plus(np.array([-doubt]))
+    rows = _densities_along(joints, covariances)
+    return np.asarray(rows - doubt / rows.shape[1])
 
 
 def inverse(covariance: FloatArray) -> FloatArray:
@@ -207,29 +161,16 @@ def inverse(covariance: FloatArray) -> FloatArray:
     return np.asarray(lower + np.tril(lower, -1).T)
 
 
-def _of_halves(joints: Sequence[JointTorques], covariances: Sequence[FloatArray], half: NDArray[np.bool_]) -> RowLikelihoods:
-    columns, precisions = [x.prior[0] for x in joints], [inverse(K) for K in covariances]
-    z = [P @ x.residual for P, x in zip(precisions, joints, strict=True)]
-    Z = [P @ X for P, X in zip(precisions, columns, strict=True)]
-    H = np.eye(columns[0].shape[1]) + sum(X.T @ W for X, W in zip(columns, Z, strict=True))
-    h = sum(X.T @ w for X, w in zip(columns, z, strict=True))
-    first, then = (np.zeros((joints[0].residual.shape[1], len(half))) for _ in range(2))
-    for rows in (np.flatnonzero(half), np.flatnonzero(~half)):
-        block = np.ix_(rows, rows)
-        # the inverse of a block of a precision is the covariance of its rows given all others
-        spread = [inverse(P[block]) for P in precisions]
-        seen = _factored(H - sum(W[rows].T @ S @ W[rows] for S, W in zip(spread, Z, strict=True)))
-        theta = linalg.cho_solve(seen, h - sum(W[rows].T @ S @ w[rows] for S, W, w in zip(spread, Z, z, strict=True)))
-        G, g = np.eye(len(H)), np.zeros_like(h)  # what the joints so far say of the shared parameters
-        for x, K, S, W, w in zip(joints, covariances, spread, Z, z, strict=True):
-            X, y = x.prior[0][rows], x.residual[rows]
-            told = _factored(G)
-            first[:, rows] += _densities(y - X @ linalg.cho_solve(told, g), K[block] + _spread(X, told))
-            weighted = inverse(K[block]) @ X
-            G, g = G + X.T @ weighted, g + weighted.T @ y
-            moved = S @ W[rows]
-            then[:, rows] += _densities(S @ w[rows] - moved @ theta, S + _spread(moved, seen))
-    return RowLikelihoods(first, then)
+def _densities_along(joints: Sequence[JointTorques], covariances: Sequence[FloatArray]) -> FloatArray:
+    """Sum over the joints of the log-densities of their rows, each joint given those before it, shape (g, N)."""
+    p, (rows, forms) = joints[0].prior[0].shape[1], joints[0].residual.shape
+    G, g, out = np.eye(p), np.zeros((p, forms)), np.zeros((forms, rows))  # what the joints so far say of the shared parameters
+    for x, K in zip(joints, covariances, strict=True):
+        X, told = x.prior[0], _factored(G)
+        out += _densities(x.residual - X @ linalg.cho_solve(told, g), K + _spread(X, told))
+        weighted = inverse(K) @ X
+        G, g = G + X.T @ weighted, g + weighted.T @ x.residual
+    return out
 
 
 def _spread(columns: FloatArray, factored: tuple[FloatArray, bool]) -> FloatArray:

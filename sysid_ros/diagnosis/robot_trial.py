@@ -1,0 +1,140 @@
+"""Trial: the channels of recordings with some faults undone, and how likely the URDF, other robots and no robot make them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid_ros.diagnosis.channel_faults import EffortFactors, Fault
+from sysid_ros.diagnosis.robot_kernels import CoarseRows, Prior, RobotKernels
+from sysid_ros.diagnosis.robot_likelihood import LEAVES, LEAVES_ALL, LEAVES_MUCH, JointTorques, row_likelihoods
+from sysid_ros.effects import Channels
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.sample import FloatArray
+
+_GRAVITY = {0.0: 0.978, -1.0: 0.02, 1.0: 0.002}
+"""Probability that the efforts hold gravity as it is, not at all, or twice."""
+_OTHER = 0.005
+"""Probability that a URDF that somebody gives is that of a robot of the same kind, that of any other, or that the efforts are no
+torques of a robot: each."""
+_NO_FAULT = float(np.log(1.0 - 3.0 * _OTHER))
+_INEXACT = 0.03
+"""What even a right URDF leaves of a torque, in a first comparison."""
+_LEAST = 1e-3
+"""Least size of an effort that is compared, of the largest."""
+
+
+@dataclass(frozen=True, eq=False)
+class Others:
+    """Log-likelihoods of the published rows with other robots than the URDF's, and with none, their priors in them.
+
+    Attributes:
+        robots, none: shape (h, N) and (m, N).
+    """
+
+    robots: FloatArray
+    none: FloatArray
+
+    def beside(self, other: Others) -> Others:
+        """Both."""
+        return Others(np.concatenate([self.robots, other.robots]), np.concatenate([self.none, other.none]))
+
+    def plus(self, log_prior: float) -> Others:
+        """With log-prior odds in equal parts on all rows."""
+        part = log_prior / self.none.shape[1]
+        return Others(self.robots + part, self.none + part)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """Channels with some faults undone.
+
+    Attributes:
+        rows: as they are then. usual: usual effort of each joint in their unit, shape (n,). scale: log of what the faults publish
+            of 1 N m, over all joints. silent: joints without a signal, shape (n,).
+        faults_prior: log-probability of the faults before any data. fault: the last of them.
+    """
+
+    rows: CoarseRows
+    kernels: RobotKernels
+    usual: FloatArray
+    silent: NDArray[np.bool_]
+    scale: float = 0.0
+    faults_prior: float = 0.0
+    fault: Fault | None = None
+    factors: EffortFactors | None = None
+
+    @classmethod
+    def of(cls, robot: RobotModel, rows: CoarseRows) -> Trial:
+        """The channels as they are."""
+        size = np.sqrt(np.mean(rows.tau**2, axis=0))
+        usual = np.maximum(size, _LEAST * float(size.max()) + 1e-12)  # less, and what is shared would be lost in rounding
+        return cls(rows, RobotKernels(robot, rows), usual, np.zeros(robot.n, dtype=bool))
+
+    def every(self, step: int) -> Trial:
+        """On each of so many rows."""
+        rows = self.rows.every(step)
+        return replace(self, rows=rows, kernels=RobotKernels(self.kernels.robot, rows))
+
+    def without(self, fault: Fault, log_prior: float, factors: EffortFactors | None = None) -> Trial:
+        """With one fault more undone; ``factors``: what was found of the efforts where it is one of their own factors."""
+        robot, rows = self.kernels.robot, self.rows.without(fault.effect)
+        kernels = self.kernels if np.array_equal(rows.q, self.rows.q) else RobotKernels(robot, rows)
+        factor = np.abs(fault.effect.publish(np.ones((1, robot.n))))
+        usual = np.abs(fault.effect.undo(Channels(*[self.usual[None]] * 3)).tau[0])  # the same torque in another unit
+        scale, prior = self.scale + float(np.log(factor).sum()), self.faults_prior + log_prior
+        silent = self.silent if factors is None else ~factors.seen
+        return Trial(rows, kernels, usual, silent, scale, prior, fault, factors or self.factors)
+
+    def changing(self) -> Trial:
+        """The same where what is carried may change."""
+        return replace(self, kernels=RobotKernels(self.kernels.robot, self.rows, changes=True))
+
+    def coarse(self) -> float:
+        """Roughly its log-likelihood: that of white noise beside the URDF's bodies and each joint's offset and friction."""
+        tau, k, best = self.rows.tau, self.kernels, -np.inf
+        for c in _GRAVITY:
+            total = self.faults_prior - len(tau) * self.scale
+            for j in range(k.robot.n):
+                X = np.stack([np.ones(len(tau)), self.rows.v[:, j], self.rows.sign[:, j]], axis=1)
+                y = tau[:, j] - (0.0 if self.silent[j] else k.mean[:, j] + c * k.gravity[:, j])
+                left = float(np.mean((y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) ** 2))
+                total -= 0.5 * len(tau) * np.log(left + (_INEXACT * float(np.std(tau[:, j]))) ** 2 + 1e-24)
+            best = max(best, total)
+        return best
+
+    def likelihood(self) -> FloatArray:
+        """Of the published rows with the URDF and gravity as it is, not at all and twice, their priors in it, shape (3, N)."""
+        tau, k = self.rows.tau, self.kernels
+        forms = [np.stack([tau[:, j] - k.mean[:, j] - c * k.gravity[:, j] for c in _GRAVITY], axis=1) for j in range(k.robot.n)]
+        rows = self._likelihood([k.urdf(j, self._largest) for j in range(k.robot.n)], forms, LEAVES)
+        prior = _NO_FAULT + self.faults_prior + np.log(list(_GRAVITY.values()))
+        return np.asarray(rows + prior[:, None] / len(tau))
+
+    def others(self) -> Others:
+        """Of the published rows with a robot of the URDF's kind, with any bodies on the same joints, and with no robot."""
+        k, n = self.kernels, range(self.kernels.robot.n)
+        published, largest = [self.rows.tau[:, [j]] for j in n], self._largest
+        nothing = 0.0 * k.free(0, 0.0)[0], 0.0 * k.pattern
+        robots = [
+            self._likelihood([k.alike(j, largest) for j in n], [published[j] - k.mean[:, [j]] for j in n], LEAVES_MUCH),
+            self._likelihood([k.free(j, largest) for j in n], published, LEAVES),
+        ]
+        none = self._likelihood([nothing for _ in n], published, LEAVES_ALL)
+        return Others(np.concatenate(robots), none).plus(float(np.log(_OTHER)) + self.faults_prior)
+
+    @property
+    def _largest(self) -> float:
+        """Largest usual torque of any joint that has a signal [N m]."""
+        return float(self.usual[~self.silent].max(initial=0.0))
+
+    def _likelihood(self, priors: list[Prior], residuals: list[FloatArray], leaves: float) -> FloatArray:
+        k, joints = self.kernels, []
+        for j, (prior, residual) in enumerate(zip(priors, residuals, strict=True)):
+            if self.silent[j]:
+                residual = np.repeat(self.rows.tau[:, [j]], residual.shape[1], axis=1)
+                prior = 0.0 * prior[0], 0.0 * prior[1]
+            joints.append(JointTorques(residual, prior, k.own(j), k.pattern, float(self.usual[j]), leaves))
+        return row_likelihoods(joints) - self.scale
