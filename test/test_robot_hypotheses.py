@@ -14,9 +14,12 @@ from test_diagnosis import ARM, record
 from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.cli.main import run
+from sysid_ros.diagnosis.channel_faults import Fault
 from sysid_ros.diagnosis.robot_hypotheses import judge
+from sysid_ros.diagnosis.robot_kernels import CoarseRows
 from sysid_ros.diagnosis.robot_likelihood import probabilities
-from sysid_ros.effects import JointSign, TorqueSign
+from sysid_ros.diagnosis.robot_trial import Trial
+from sysid_ros.effects import JointSign, TorqueSign, TorqueUnit
 from sysid_ros.sample import FloatArray
 
 
@@ -72,3 +75,35 @@ def test_a_likelihood_that_a_moment_decides_is_no_certainty() -> None:
     nothing: FloatArray = np.zeros(400)
     assert probabilities([even, nothing])[0] > 0.999
     assert 0.5 < probabilities([moment, nothing])[0] < 0.99
+
+
+def test_the_same_torques_in_other_units_are_as_likely() -> None:
+    """Also where a factor makes a joint's efforts smaller than anything that would be compared."""
+    model, healthy = robot(ARM), record(None, 1, seconds=8.0)
+    factors = [1.0, 20.0, 1e-3, 0.5]
+    published = replace(healthy, tau=healthy.tau * factors)
+    rows, scaled = (CoarseRows.of(model, [x]) for x in (healthy, published))
+    assert rows is not None
+    assert scaled is not None
+    fault = Fault(TorqueUnit(factors), tuple(range(model.n)), ())
+    alike = replace(Trial.of(model, rows), usual=Trial.of(model, scaled).without(fault, 0.0).usual)
+    undone = Trial.of(model, scaled).without(fault, -3.0)
+    assert undone.likelihood().sum() == pytest.approx(
+        alike.likelihood().sum() - 3.0 * 3 - 3 * len(rows.t) * np.log(np.abs(factors)).sum(), abs=1e-3
+    )
+    np.testing.assert_allclose(undone.usual[:2], Trial.of(model, rows).usual[:2])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", [0.37, 0.71])
+def test_what_is_picked_up_at_any_time_is_no_reason_to_refuse(part: float) -> None:
+    model, healthy = robot(ARM), record(None, 2)
+    frame, later = model.frame_id(model.default_frame), healthy.t > healthy.t[0] + part * (healthy.t[-1] - healthy.t[0])
+    q, v = healthy.q, np.gradient(healthy.q, healthy.t, axis=0)
+    a = np.gradient(v, healthy.t, axis=0)
+    body = 3.0 * np.array([2.0, 0.02, 0.01, 0.12, 0.02, 0.0, 0.02, 0.0, 0.0, 0.02])
+    tau = healthy.tau.copy()
+    tau[later] += [model.payload_regressor(*x, frame) @ body for x in zip(q[later], v[later], a[later], strict=True)]
+    found = judge(model, [replace(healthy, tau=tau)])
+    assert found is not None
+    assert found.refusal is None

@@ -42,8 +42,8 @@ _CARRIED = np.array([1.0] + [0.15] * 3 + [0.03] * 6)
 """A payload, times its mass: within 0.15 m of the flange."""
 _PAYLOAD, _WHOLE = 0.2, 0.5
 """What is carried: a part of the arm's mass, or what makes such a part of the usual torque, if that is more."""
-_CUTS, _CHANGING = (0.0, 0.25, 0.5, 0.75), 3
-"""Parts of a stretch after which what is carried may be something else, and how many stretches it may be in."""
+_CUTS, _CHANGING, _CHANGES = 12, 3, 3
+"""Moments of a stretch from which on what is carried may be something else, in how many stretches, and how often in all."""
 _REACH = 0.3
 """Height to which a force on the tool is that of a payload [g]."""
 _TILT = 0.05
@@ -159,7 +159,7 @@ class RobotKernels:
         self._force = robot.frame_jacobian_along(q, frame).swapaxes(1, 2)
         self._tilt = np.stack([robot.base_acceleration_columns(x)[:, :2] for x in q])
         self._total = float(robot.pi[::10].sum())
-        self._later = _changes(rows) if changes else []
+        self._later = _changes(rows, rows.tau - self.mean, self._payload) if changes else []
         self._inexact = _inexactness(robot)
         apart = np.where(rows.stretch[:, None] == rows.stretch, np.abs(rows.t[:, None] - rows.t), np.inf)
         self._slow = 1.0 - _DRIFTS + _DRIFTS * np.exp(-0.5 * (apart / _SLOW) ** 2)
@@ -215,15 +215,52 @@ class RobotKernels:
         return np.concatenate([*parts, *(payload * later[:, None] for later in self._later)], axis=1)
 
 
-def _changes(rows: CoarseRows) -> list[FloatArray]:
-    """1 from a time on in one of the longest stretches: what is carried may be picked up or set down, shape (N,) each."""
+def _changes(rows: CoarseRows, residual: FloatArray, payload: FloatArray) -> list[FloatArray]:
+    """1 from a time on to the end of its stretch, shape (N,) each: when a payload picked up or set down explains
+    most of what is left, by least squares beside a payload and what each joint has of its own, one after the other.
+
+    Args:
+        residual: torque less the URDF's, shape (N, n). payload: columns of a payload, shape (N, n, 10).
+    """
+    n, scale = residual.shape[1], np.maximum(np.sqrt(np.mean(rows.tau**2, axis=0)), 1e-12)
+    own = [np.stack([np.ones(len(rows.t)), rows.v[:, j], rows.sign[:, j]], axis=1) for j in range(n)]
+    bases = [np.linalg.qr(X)[0] for X in own]
+
+    def free_of_own(columns: FloatArray) -> FloatArray:
+        """Columns of shape (N, n, c) less what is each joint's own, shape (N n, c)."""
+        parts = [x - B @ (B.T @ x) for x, B in zip(np.moveaxis(columns / scale[:, None], 1, 0), bases, strict=True)]
+        return np.concatenate(parts)
+
+    known, y = free_of_own(payload), free_of_own(residual[:, :, None])[:, 0]
+    out: list[FloatArray] = []
+
+    def likeliest(candidates: NDArray[np.intp]) -> tuple[int, FloatArray, FloatArray]:
+        """The first row after the change that leaves least, its step, and columns of the payload with it."""
+        found = []
+        for first in candidates:
+            later = ((rows.stretch == rows.stretch[first]) & (np.arange(len(rows.t)) >= first)).astype(float)
+            columns = np.concatenate([known, free_of_own(payload * later[:, None, None])], axis=1)
+            found.append((_left(columns, y), int(first), later, columns))
+        return min(found, key=lambda x: x[0])[1:]
+
     stretches, count = np.unique(rows.stretch, return_counts=True)
-    out = []
-    for s in stretches[np.argsort(-count)][:_CHANGING]:
-        t = rows.t[rows.stretch == s]
-        cuts = [c for c in _CUTS if len(stretches) > 1 or c > 0.0]
-        out += [((rows.stretch == s) & (rows.t >= t[0] + c * (t[-1] - t[0]))).astype(float) for c in cuts]
+    moving = [np.flatnonzero(rows.stretch == s) for s in stretches[np.argsort(-count)][:_CHANGING]]
+    apart = max(1, -(-max(map(len, moving)) // _CUTS))
+    tried = np.concatenate([own_rows[::apart] if len(stretches) > 1 else own_rows[apart::apart] for own_rows in moving])
+    for _ in range(min(_CHANGES, len(tried))):
+        best, _, _ = likeliest(tried)
+        near = np.arange(max(best - apart + 1, 0), min(best + apart, len(rows.t)))
+        first, later, known = likeliest(near[rows.stretch[near] == rows.stretch[best]])
+        tried, out = tried[np.abs(tried - first) >= apart], [*out, later]
+        if not tried.size:
+            break
     return out
+
+
+def _left(columns: FloatArray, y: FloatArray) -> float:
+    """Sum of squares that least squares leave."""
+    unit = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+    return float(np.sum((y - unit @ np.linalg.lstsq(unit, y, rcond=1e-9)[0]) ** 2))
 
 
 def _inexactness(robot: RobotModel) -> FloatArray:

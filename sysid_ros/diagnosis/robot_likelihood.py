@@ -32,6 +32,8 @@ _APART = np.log(4.0)
 USUAL = np.log([0.02, 0.05])
 """Noise and discrepancy that a search begins with."""
 _STEPS, _ROUNDED = 20, 1e-14
+_SWEEPS, _SETTLED = 4, 0.5
+"""Most rounds over the joints, and the log-likelihood by which a round must move them for another one."""
 _SEGMENTS, _DRAWS = 20, 400
 """Stretches of time that are drawn from anew, and how often, for the scatter of a likelihood ratio."""
 
@@ -73,22 +75,23 @@ class JointTorques:
         return self.prior[0].T @ weighted, weighted.T @ self.residual[:, 0]
 
     def sizes(
-        self, mean: FloatArray, fixed: FloatArray, start: FloatArray | None = None, step: int = 1
+        self, mean: FloatArray, fixed: FloatArray, start: FloatArray | None = None, step: int = 1, near: bool = False
     ) -> tuple[FloatArray, float]:
         """Logarithms of s and kappa that make rows likeliest, shape (2,), and their log-likelihood.
 
         Args:
             mean: y less what is expected, shape (N,). fixed: covariance beside discrepancy and noise, shape (N, N). step: each of
-                so many rows is taken.
+                so many rows is taken. near: from the start alone.
         """
         pattern = self.usual**2 * self.pattern[::step, ::step]
         loss = _Loss(mean[::step], fixed[::step, ::step], pattern, self.usual**2, self.leaves)
-        starts = _STARTS if start is None else [start, *_STARTS]
+        starts = [*([] if start is None else [start]), *([] if near else _STARTS)]
         starts = sorted(starts, key=loss.value)
-        other = next((x for x in starts if abs(x[1] - starts[0][1]) > _APART), starts[0])
+        apart = [x for x in starts if abs(x[1] - starts[0][1]) > _APART]
         bounds, options = list(zip(_LOW, _HIGH, strict=True)), {"maxiter": _STEPS, "ftol": 1e-6}
         each = [
-            optimize.minimize(loss, x, jac=True, method="L-BFGS-B", bounds=bounds, options=options) for x in (starts[0], other)
+            optimize.minimize(loss, x, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+            for x in (starts[0], *apart[:1])
         ]
         found = min(each, key=lambda x: x.fun)
         return np.asarray(found.x), -float(found.fun)
@@ -136,20 +139,25 @@ def row_likelihoods(joints: Sequence[JointTorques]) -> FloatArray:
     Noise and discrepancy of each joint are those that make the first form's rows likeliest; how unusual they are counts too, in
     equal parts on all rows.
     """
-    found, alone = [], []
-    for x in joints:
-        broad = x.fixed() + x.prior[0] @ x.prior[0].T
-        found.append(x.sizes(x.residual[:, 0], broad, step=2)[0])
-        alone.append(x.information(inverse(x.covariance(found[-1]))))
-    unit = np.eye(joints[0].prior[0].shape[1])
-    covariances, doubt = [], 0.0
-    for j, x in enumerate(joints):
-        X, rest = x.prior[0], [y for i, y in enumerate(alone) if i != j]
-        others = _factored(unit + sum(H for H, _ in rest))
-        theta = linalg.cho_solve(others, sum((h for _, h in rest), np.zeros(len(unit))))
-        sizes, _ = x.sizes(x.residual[:, 0] - X @ theta, x.fixed() + _spread(X, others), found[j])
-        covariances.append(x.covariance(sizes))
-        doubt += x.doubt(sizes)
+    sizes = [
+        x.sizes(x.residual[:, 0], x.fixed() + x.prior[0] @ x.prior[0].T, step=2)[0] for x in joints
+    ]  # where nothing but its own rows tells of what the joints share
+    told = [x.information(inverse(x.covariance(s))) for x, s in zip(joints, sizes, strict=True)]
+    unit, reached = np.eye(joints[0].prior[0].shape[1]), [-np.inf] * len(joints)
+    for sweep in range(_SWEEPS):  # each step makes all rows likelier, that of one joint given all others being a factor of theirs
+        before = sum(reached)
+        for j, x in enumerate(joints):
+            X, rest = x.prior[0], [y for i, y in enumerate(told) if i != j]
+            others = _factored(unit + sum(H for H, _ in rest))
+            theta = linalg.cho_solve(others, sum((h for _, h in rest), np.zeros(len(unit))))
+            sizes[j], reached[j] = x.sizes(x.residual[:, 0] - X @ theta, x.fixed() + _spread(X, others), sizes[j], near=sweep > 0)
+            told[j] = x.information(inverse(x.covariance(sizes[j])))
+        if abs(sum(reached) - before) < _SETTLED:
+            break
+    covariances, doubt = (
+        [x.covariance(s) for x, s in zip(joints, sizes, strict=True)],
+        sum(map(JointTorques.doubt, joints, sizes)),
+    )
     rows = _densities_along(joints, covariances)
     return np.asarray(rows - doubt / rows.shape[1])
 
