@@ -21,9 +21,8 @@ from scipy import linalg, optimize
 from sysid_ros.diagnosis.robot_kernels import Prior
 from sysid_ros.sample import FloatArray
 
-LEAVES, LEAVES_MUCH, LEAVES_ALL, _SPREAD = np.log(0.05), np.log(0.3), 0.0, np.log(3.0)
-"""Logarithm of what a model of the robot, of one of its kind, and of no robot leaves of a torque before any data: means, standard
-deviation."""
+LEAVES, LEAVES_ALL, _SPREAD = np.log(0.05), 0.0, np.log(3.0)
+"""Logarithm of what a model of the robot, and one of no robot, leaves of a torque before any data: mean, standard deviation."""
 _LOW, _HIGH = np.log([1e-3, 1e-3]), np.log([2.0, 2.0])
 """Ranges of noise and discrepancy over the usual torque; the filters alone are off by a thousandth of it."""
 _STARTS = [np.log([s, k]) for s in (0.002, 0.01, 0.05, 0.3) for k in (0.02, 0.1, 0.5, 1.5)]

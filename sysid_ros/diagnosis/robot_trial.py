@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sysid_ros.diagnosis.channel_faults import EffortFactors, Fault
 from sysid_ros.diagnosis.robot_kernels import CoarseRows, Prior, RobotKernels
-from sysid_ros.diagnosis.robot_likelihood import LEAVES, LEAVES_ALL, LEAVES_MUCH, JointTorques, row_likelihoods
+from sysid_ros.diagnosis.robot_likelihood import LEAVES, LEAVES_ALL, JointTorques, row_likelihoods
 from sysid_ros.effects import Channels
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -119,7 +119,7 @@ class Trial:
         published, largest = [self.rows.tau[:, [j]] for j in n], self._largest
         nothing = 0.0 * k.free(0, 0.0)[0], 0.0 * k.pattern
         robots = [
-            self._likelihood([k.alike(j, largest) for j in n], [published[j] - k.mean[:, [j]] for j in n], LEAVES_MUCH),
+            self._likelihood([k.alike(j, largest) for j in n], [published[j] - k.mean[:, [j]] for j in n], LEAVES),
             self._likelihood([k.free(j, largest) for j in n], published, LEAVES),
         ]
         none = self._likelihood([nothing for _ in n], published, LEAVES_ALL)
