@@ -30,9 +30,9 @@ from rich.console import Console
 from rich.table import Table
 from verdict import Target, conclude
 
-from sysid_ros.diagnosis.robot_hypotheses import judge
-from sysid_ros.diagnosis.robot_kernels import CoarseRows
-from sysid_ros.diagnosis.robot_likelihood import probabilities
+from sysid_ros.diagnosis.whose.robot_hypotheses import judge
+from sysid_ros.diagnosis.whose.robot_kernels import CoarseRows
+from sysid_ros.diagnosis.whose.robot_likelihood import probabilities
 from sysid_ros.robot.packaged import packaged
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording

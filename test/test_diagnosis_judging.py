@@ -19,9 +19,9 @@ from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.leftover import leftovers
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared, prepare
-from sysid_ros.diagnosis.robot_hypotheses import judge
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.signal_faults import velocity_lag
+from sysid_ros.diagnosis.whose.robot_hypotheses import judge
 from sysid_ros.effects.presliding_hysteresis import bristle
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording

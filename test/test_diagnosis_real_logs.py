@@ -13,7 +13,7 @@ import pytest
 
 from sysid_ros.cli.inputs import open_bag
 from sysid_ros.cli.main import run
-from sysid_ros.diagnosis.robot_hypotheses import judge
+from sysid_ros.diagnosis.whose.robot_hypotheses import judge
 from sysid_ros.input_gate.raw_messages import read_messages
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel

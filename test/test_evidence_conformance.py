@@ -25,8 +25,8 @@ from sysid_ros.diagnosis.contacts import find_contacts
 from sysid_ros.diagnosis.evidence import Evidence, bic_difference, count_interval, interval, log_p_value
 from sysid_ros.diagnosis.fault_findings import message_finding, signal_findings
 from sysid_ros.diagnosis.prepare import prepare
-from sysid_ros.diagnosis.robot_hypotheses import judge
 from sysid_ros.diagnosis.signal_faults import lattice_of, lattices, velocity_lag
+from sysid_ros.diagnosis.whose.robot_hypotheses import judge
 from sysid_ros.effects import CHANNEL_EFFECTS, EFFECTS, Parameter
 from sysid_ros.effects.parameter import CHAIN
 from sysid_ros.input_gate.message_faults import find_message_faults

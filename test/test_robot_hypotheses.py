@@ -15,10 +15,10 @@ from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.cli.main import run
 from sysid_ros.diagnosis.channel_faults import Fault
-from sysid_ros.diagnosis.robot_hypotheses import judge
-from sysid_ros.diagnosis.robot_kernels import CoarseRows
-from sysid_ros.diagnosis.robot_likelihood import probabilities
-from sysid_ros.diagnosis.robot_trial import Trial
+from sysid_ros.diagnosis.whose.robot_hypotheses import judge
+from sysid_ros.diagnosis.whose.robot_kernels import CoarseRows
+from sysid_ros.diagnosis.whose.robot_likelihood import probabilities
+from sysid_ros.diagnosis.whose.robot_trial import Trial
 from sysid_ros.effects import JointSign, TorqueSign, TorqueUnit
 from sysid_ros.sample import FloatArray
 

@@ -13,9 +13,9 @@ from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.evidence import Evidence
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.prepare import Prepared
-from sysid_ros.diagnosis.robot_kernels import RobotKernels
-from sysid_ros.diagnosis.robot_likelihood import USUAL, JointTorques, inverse
 from sysid_ros.diagnosis.sets.block_scatter import BlockScatter
+from sysid_ros.diagnosis.whose.robot_kernels import RobotKernels
+from sysid_ros.diagnosis.whose.robot_likelihood import USUAL, JointTorques, inverse
 from sysid_ros.effects import ChannelEffect, Channels, JointOrder, JointSign, TorqueSign, TorqueUnit
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign

@@ -17,10 +17,10 @@ from sysid_ros.diagnosis.heldout import HeldOut, split
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.reporting import report, with_ceiling
 from sysid_ros.diagnosis.result import Diagnosis
-from sysid_ros.diagnosis.robot_hypotheses import judge
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.sets.long_recordings import searched
 from sysid_ros.diagnosis.strong_contacts import strong_contacts
+from sysid_ros.diagnosis.whose.robot_hypotheses import judge
 from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError
 from sysid_ros.input_gate.message_faults import MessageFaults, in_order

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.diagnosis.channel_faults import EffortFactors, Fault
-from sysid_ros.diagnosis.robot_kernels import CoarseRows, Prior, RobotKernels
-from sysid_ros.diagnosis.robot_likelihood import LEAVES, LEAVES_ALL, JointTorques, row_likelihoods
+from sysid_ros.diagnosis.whose.robot_kernels import CoarseRows, Prior, RobotKernels
+from sysid_ros.diagnosis.whose.robot_likelihood import LEAVES, LEAVES_ALL, JointTorques, row_likelihoods
 from sysid_ros.effects import Channels
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray

@@ -15,9 +15,9 @@ import numpy as np
 
 from sysid_ros.diagnosis.channel_faults import EffortFactors, Fault, effort_factors, fault_of_factors, faults_to_try, one_factor
 from sysid_ros.diagnosis.result import RankedUrdf
-from sysid_ros.diagnosis.robot_kernels import CoarseRows
-from sysid_ros.diagnosis.robot_likelihood import probabilities
-from sysid_ros.diagnosis.robot_trial import Others, Trial
+from sysid_ros.diagnosis.whose.robot_kernels import CoarseRows
+from sysid_ros.diagnosis.whose.robot_likelihood import probabilities
+from sysid_ros.diagnosis.whose.robot_trial import Others, Trial
 from sysid_ros.exceptions import DataError
 from sysid_ros.input_gate.message_faults import in_order
 from sysid_ros.robot.robot_model import RobotModel

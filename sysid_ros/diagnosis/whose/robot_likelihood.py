@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, optimize
 
-from sysid_ros.diagnosis.robot_kernels import Prior
+from sysid_ros.diagnosis.whose.robot_kernels import Prior
 from sysid_ros.sample import FloatArray
 
 LEAVES, LEAVES_ALL, _SPREAD = np.log(0.05), 0.0, np.log(3.0)
