@@ -101,6 +101,19 @@ def test_stamps_in_order_are_not_complained_of() -> None:
         assert np.std(np.diff(faults.times - t)) <= np.std(np.diff(stamps - t)) * (0.5 if faults.jitter else 1.0) + 1e-9
 
 
+@pytest.mark.parametrize("small", [0.1, 0.3])
+@pytest.mark.parametrize("speed", [0.11, 0.2, 0.3])
+def test_steps_of_a_coarse_encoder_are_no_late_messages(speed: float, small: float) -> None:
+    """Of the joint that moves most, so that a step of it looks as if all joints agreed; a message that is late is one."""
+    t, rng = np.arange(4000) / 1000.0, np.random.default_rng(1)
+    q = np.stack([speed * t, small * np.sin(1.3 * t), small * np.cos(t), small * np.sin(0.7 * t)], axis=1)
+    steps = np.array([1.5e-3, 2.5e-5, 2.5e-5, 2.5e-5])
+    measured, tau = np.round((q + 0.2 * steps * rng.normal(size=q.shape)) / steps) * steps, rng.normal(size=q.shape)
+    assert find_message_faults(t, measured, tau).late == 0
+    measured[2000] = measured[1995]
+    assert find_message_faults(t, measured, tau).late == 1
+
+
 def test_message_faults_are_counted_and_the_rest_is_kept_in_order() -> None:
     rng = np.random.default_rng(0)
     t = np.arange(2000) / 200.0

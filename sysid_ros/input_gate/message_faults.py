@@ -222,26 +222,39 @@ def _late(t: FloatArray, q: FloatArray, period: float) -> tuple[Order, float]:
     for _ in range(4):
         delay, way, agree = _delays(t[kept], q[kept])
         spread = 1.4826 * float(np.median(np.abs(way[way != 0.0]))) if np.any(way) else np.inf
-        off = np.where(agree & (np.abs(way) > _LATE_SIGMA * spread), np.abs(delay), 0.0)
-        peak = (off > _LATE_MOST * period) & (off >= np.maximum(np.roll(off, 1), np.roll(off, -1)))
+        far = np.abs(way)
+        peak = agree & (far > _LATE_SIGMA * spread) & (far >= np.maximum(np.roll(far, 1), np.roll(far, -1)))
+        peak &= np.abs(delay) > _LATE_MOST * period
         if not peak.any():
             break
-        worst = max(worst, float(off[peak].max()))
+        worst = max(worst, float(np.abs(delay[peak]).max()))
         late = np.concatenate([late, kept[peak]])
         kept = kept[~peak]
     return np.sort(late), worst
 
 
 def _delays(t: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, Mask]:
-    """How far each message's values lag its stamp [s], the way that the robot goes in that time [rad], and whether the joints
-    agree on it, shape (N,) each; 0 where the robot hardly moves or neighbours are missing."""
+    """How far each message's values lag its stamp [s], the way that the robot goes in that time over the noise, and whether the
+    joints agree on it, shape (N,) each; 0 where the robot hardly moves or neighbours are missing."""
     delay, way, agree = np.zeros(len(t)), np.zeros(len(t)), np.zeros(len(t), dtype=np.bool_)
-    off, velocity = applied(stencil(t), q), slopes(t, q)
+    weights, velocity = stencil(t), slopes(t, q)
+    off = applied(weights, q)
+    usable = (np.linalg.norm(velocity, axis=1) > _CLEARLY_MOVES) & without_gaps(t)
+    noise = _noise_of(off, q, float(np.median(np.sum(weights**2, axis=1))))
+    off, velocity = off / noise, velocity / noise
     speed = np.linalg.norm(velocity, axis=1)
-    usable = (speed > _CLEARLY_MOVES) & without_gaps(t)
     along = np.sum(off * velocity, axis=1) / np.maximum(speed, 1e-9)
     # a late message explains the difference in all joints at once; a jump of one joint does not
     agree[2:-2] = np.sum(off**2, axis=1) - along**2 < _OTHERWISE * np.sum(off**2, axis=1)
     way[2:-2] = np.where(usable, along, 0.0)
-    delay[2:-2] = way[2:-2] / np.maximum(speed, _CLEARLY_MOVES)
+    delay[2:-2] = way[2:-2] / np.maximum(speed, 1e-9)
     return delay, way, agree
+
+
+def _noise_of(off: FloatArray, q: FloatArray, power: float) -> FloatArray:
+    """Standard deviation of each joint's differences, shape (n,): what most of them show, and the steps of the encoder."""
+    steps = np.abs(np.diff(q, axis=0))
+    step = np.min(np.where(steps > 0.0, steps, np.inf), axis=0)
+    usual = 1.4826 * np.median(np.abs(off), axis=0)
+    found = np.sqrt(usual**2 + np.where(np.isfinite(step), step, 0.0) ** 2 / 12.0 * power)
+    return np.asarray(np.where(found > 0.0, found, np.inf))  # what never moves tells nothing
