@@ -30,8 +30,8 @@ from rich.console import Console
 from rich.table import Table
 from verdict import Target, conclude
 
+from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
 from sysid_ros.diagnosis.whose.robot_hypotheses import judge
-from sysid_ros.diagnosis.whose.robot_kernels import CoarseRows
 from sysid_ros.diagnosis.whose.robot_likelihood import probabilities
 from sysid_ros.robot.packaged import packaged
 from sysid_ros.robot.robot_model import RobotModel

@@ -15,8 +15,8 @@ from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.cli.main import run
 from sysid_ros.diagnosis.channel_faults import Fault
+from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
 from sysid_ros.diagnosis.whose.robot_hypotheses import judge
-from sysid_ros.diagnosis.whose.robot_kernels import CoarseRows
 from sysid_ros.diagnosis.whose.robot_likelihood import probabilities
 from sysid_ros.diagnosis.whose.robot_trial import Trial
 from sysid_ros.effects import JointSign, TorqueSign, TorqueUnit

@@ -15,9 +15,11 @@ import numpy as np
 
 from sysid_ros.diagnosis.channel_faults import EffortFactors, Fault, effort_factors, fault_of_factors, faults_to_try, one_factor
 from sysid_ros.diagnosis.result import RankedUrdf
-from sysid_ros.diagnosis.whose.robot_kernels import CoarseRows
+from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
+from sysid_ros.diagnosis.whose.robot_kernels import Carried
 from sysid_ros.diagnosis.whose.robot_likelihood import probabilities
 from sysid_ros.diagnosis.whose.robot_trial import Others, Trial
+from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError
 from sysid_ros.input_gate.message_faults import in_order
 from sysid_ros.robot.robot_model import RobotModel
@@ -26,8 +28,8 @@ from sysid_ros.signals.recording import Recording
 
 _FAULT = 0.003
 """Probability of each kind of fault of the channels, before any data."""
-_CHANGES = 0.1
-"""Probability that the payload changes in recordings, before any data."""
+_CARRIED = {Carried.SOMETHING: 0.45, Carried.NOTHING: 0.45, Carried.CHANGING: 0.1}
+"""Probability of what is carried in recordings, before any data."""
 _LIKELY, _SURE = 0.5, 0.95
 """Probabilities from which a fault is likelier than not, and from which it is undone: what is undone wrongly spoils all that
 comes after it, and what is left shows."""
@@ -64,12 +66,13 @@ class Judgement:
         share = probabilities([*self.urdf, *self.others.robots, *self.others.none])
         return float(share[: len(self.urdf)].sum())
 
-    def or_else(self, other: Judgement, part: float) -> Judgement:
-        """The mixture with another one, which has a part of the prior probability."""
-        rows = self.urdf.shape[1]
-        own, its = np.log(1.0 - part), np.log(part)
-        urdf = np.concatenate([self.urdf + own / rows, other.urdf + its / rows])
-        return replace(self, urdf=urdf, others=self.others.plus(own).beside(other.others.plus(its)))
+    def beside(self, other: Judgement) -> Judgement:
+        """The mixture of both, their parts of the prior probability in them."""
+        return replace(self, urdf=np.concatenate([self.urdf, other.urdf]), others=self.others.beside(other.others))
+
+    def with_part(self, part: float) -> Judgement:
+        """With a part of the prior probability."""
+        return replace(self, urdf=self.urdf + np.log(part) / self.urdf.shape[1], others=self.others.plus(float(np.log(part))))
 
     @property
     def hopeless(self) -> bool:
@@ -107,6 +110,7 @@ class Judgement:
         )
 
 
+@on_one_thread
 def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | None:
     """What recordings say of a URDF and of their channels; None where nothing of them can be used.
 
@@ -137,9 +141,12 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
     first = Judgement(robot, tuple(faults), urdf, _others(elsewhere), trial.factors, doubtful)
     if first.probability >= _LIKELY:
         return first
-    # what was carried may have been picked up or set down: seldom, and both alike explain more then
-    changing = [x.changing() for x in elsewhere]
-    return first.or_else(replace(first, urdf=changing[0].likelihood(), others=_others(changing)), _CHANGES)
+    mixture = first.with_part(_CARRIED[Carried.SOMETHING])  # one who carries nothing pays for no payload
+    for carried in (Carried.NOTHING, Carried.CHANGING):
+        trials = [x.carrying(carried) for x in elsewhere]
+        other = replace(first, urdf=trials[0].likelihood(), others=_others(trials))
+        mixture = mixture.beside(other.with_part(_CARRIED[carried]))
+    return mixture
 
 
 def _others(trials: Sequence[Trial]) -> Others:

@@ -2,34 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from enum import Enum, auto
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sysid_ros.effects import ChannelEffect, Channels
-from sysid_ros.effects.presliding_hysteresis import bristle
+from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
+from sysid_ros.diagnosis.whose.payload_changes import changes_of_payload
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
-from sysid_ros.signals.conditioning import motions
-from sysid_ros.signals.motion import Motion
-from sysid_ros.signals.recording import Recording
-from sysid_ros.signals.zero_phase import low_passed
 
-_CUTOFF = 8.0
-"""Band that is judged [Hz]: a controlled arm moves below; gears and noise are above."""
-_RATE = 12.0
-"""Most rows a second: what is faster than the band adds rows that say the same [Hz]."""
-_MOST_ROWS = 300
-"""Most rows: an exact likelihood costs their cube."""
-_SLOW_SIGN = 0.15
-"""Second width of the sign of a velocity [rad/s], for friction that falls with the speed."""
-_BUILDS_UP = (0.005, 0.01, 0.02, 0.04, 0.08)
-"""Displacements over which dry friction builds up after a reversal [rad]: what gears have, each twice the last."""
-_STANDS = 0.01
-"""Speed below which dry friction leaves a torque undetermined [rad/s]."""
 _MASS, _PLACE, _INERTIA = 0.15, 0.03, 0.3
 """Standard deviation of a URDF's masses (part), centres of mass [m] and inertias (part): what identified arms differ by."""
 _KIND = 3.0
@@ -42,8 +23,6 @@ _CARRIED = np.array([1.0] + [0.15] * 3 + [0.03] * 6)
 """A payload, times its mass: within 0.15 m of the flange."""
 _PAYLOAD, _WHOLE = 0.2, 0.5
 """What is carried: a part of the arm's mass, or what makes such a part of the usual torque, if that is more."""
-_CUTS, _CHANGING, _CHANGES = 12, 3, 3
-"""Moments of a stretch from which on what is carried may be something else, in how many stretches, and how often in all."""
 _REACH = 0.3
 """Height to which a force on the tool is that of a payload [g]."""
 _TILT = 0.05
@@ -63,74 +42,12 @@ Prior = tuple[FloatArray, FloatArray]
 """Of one joint: columns times the standard deviations of their parameters, shape (N, p), and a covariance beside them, (N, N)."""
 
 
-@dataclass(frozen=True, eq=False)
-class CoarseRows:
-    """Instants of recordings below 8 Hz.
+class Carried(Enum):
+    """What an arm carries, and is pushed and tilted by: nothing, always the same, or a load that is picked up or set down."""
 
-    Attributes:
-        t: shape (N,) [s]. stretch: recording without a gap that each belongs to, shape (N,).
-        q, v, a, tau: shape (N, n). sign: smoothed sign of the velocity through the torque's filter, shape (N, n).
-        dry: other shapes of dry friction through it, shape (N, n, f): it falls with the speed, or builds up after a reversal.
-        stands: 1 where a joint stands, shape (N, n).
-    """
-
-    t: FloatArray
-    stretch: NDArray[np.intp]
-    q: FloatArray
-    v: FloatArray
-    a: FloatArray
-    tau: FloatArray
-    sign: FloatArray
-    dry: FloatArray
-    stands: FloatArray
-
-    @classmethod
-    def of(cls, robot: RobotModel, recordings: Sequence[Recording]) -> CoarseRows | None:
-        """The rows of recordings; None where none can be used."""
-        found = [m for r in recordings for m in motions(robot, r)]
-        if not found:
-            return None
-        seconds = sum(len(m.t) * m.period for m in found)
-        step = max(1.0 / _RATE, seconds / _MOST_ROWS)
-        parts = [_rows(m, step) for m in found]
-        stretch = np.concatenate([np.full(len(p[0]), i) for i, p in enumerate(parts)])
-        t, *channels = (np.concatenate(x) for x in zip(*parts, strict=True))
-        return cls(t, stretch, *channels)
-
-    def every(self, step: int) -> CoarseRows:
-        """Each of so many rows."""
-        return replace(self, **{name: getattr(self, name)[::step] for name in self.__dataclass_fields__})
-
-    def without(self, effect: ChannelEffect) -> CoarseRows:
-        """The rows of the recordings without a fault: it acts on accelerations as on positions, on signs as on velocities."""
-        first = effect.undo(Channels(self.q, self.v, self.tau))
-        second = effect.undo(Channels(self.a, self.sign, self.tau))
-        third = effect.undo(Channels(self.stands, self.sign, self.tau))
-        assert first.v is not None
-        assert second.v is not None
-        dry = []
-        for shape in np.moveaxis(self.dry, 2, 0):
-            undone = effect.undo(Channels(self.q, shape, self.tau)).v
-            assert undone is not None
-            dry.append(undone)
-        return replace(
-            self,
-            q=first.q,
-            v=first.v,
-            a=second.q,
-            tau=first.tau,
-            sign=second.v,
-            dry=np.stack(dry, axis=2),
-            stands=np.abs(third.q),
-        )
-
-
-def _rows(m: Motion, step: float) -> tuple[FloatArray, ...]:
-    signs = [smoothed_sign(m.v), smoothed_sign(m.v, _SLOW_SIGN), *(bristle(m.q, z_s) for z_s in _BUILDS_UP)]
-    n, every = m.q.shape[1], max(1, round(step / m.period))
-    channels = low_passed(np.hstack([m.q, m.v, m.a, m.tau, *signs]), min(_CUTOFF, 0.2 / m.period), m.period)[every // 2 :: every]
-    q, v, a, tau, sign, *dry = (channels[:, n * i : n * (i + 1)] for i in range(4 + len(signs)))
-    return m.t[every // 2 :: every], q, v, a, tau, sign, np.stack(dry, axis=2), (np.abs(v) < _STANDS).astype(float)
+    NOTHING = auto()
+    SOMETHING = auto()
+    CHANGING = auto()
 
 
 class RobotKernels:
@@ -141,15 +58,15 @@ class RobotKernels:
     state, and of time, of a size that the data tell.
 
     Args:
-        changes: whether what is carried may change in and between recordings.
+        carried: what the whole arm may have beside its links.
 
     Attributes:
         mean, gravity: torque of the URDF's links and of their weight, shape (N, n). pattern: covariance of the discrepancy, of
             unit variance, shape (N, N).
     """
 
-    def __init__(self, robot: RobotModel, rows: CoarseRows, changes: bool = False) -> None:
-        self.robot, self.rows = robot, rows
+    def __init__(self, robot: RobotModel, rows: CoarseRows, carried: Carried = Carried.SOMETHING) -> None:
+        self.robot, self.rows, self._beside = robot, rows, float(carried is not Carried.NOTHING)
         q, v, a = rows.q, rows.v, rows.a
         self._links = robot.regressor_along(q, v, a)
         self.mean: FloatArray = self._links @ robot.pi
@@ -159,7 +76,7 @@ class RobotKernels:
         self._force = robot.frame_jacobian_along(q, frame).swapaxes(1, 2)
         self._tilt = np.stack([robot.base_acceleration_columns(x)[:, :2] for x in q])
         self._total = float(robot.pi[::10].sum())
-        self._later = _changes(rows, rows.tau - self.mean, self._payload) if changes else []
+        self._later = changes_of_payload(rows, rows.tau - self.mean, self._payload) if carried is Carried.CHANGING else []
         self._inexact = _inexactness(robot)
         apart = np.where(rows.stretch[:, None] == rows.stretch, np.abs(rows.t[:, None] - rows.t), np.inf)
         self._slow = 1.0 - _DRIFTS + _DRIFTS * np.exp(-0.5 * (apart / _SLOW) ** 2)
@@ -212,55 +129,7 @@ class RobotKernels:
         force, tilt = _GRAVITY * _REACH * carried, _GRAVITY * _TILT
         payload = self._payload[:, joint] * carried * _CARRIED
         parts = [payload, self._force[:, joint] * force, self._tilt[:, joint] * tilt]
-        return np.concatenate([*parts, *(payload * later[:, None] for later in self._later)], axis=1)
-
-
-def _changes(rows: CoarseRows, residual: FloatArray, payload: FloatArray) -> list[FloatArray]:
-    """1 from a time on to the end of its stretch, shape (N,) each: when a payload picked up or set down explains
-    most of what is left, by least squares beside a payload and what each joint has of its own, one after the other.
-
-    Args:
-        residual: torque less the URDF's, shape (N, n). payload: columns of a payload, shape (N, n, 10).
-    """
-    n, scale = residual.shape[1], np.maximum(np.sqrt(np.mean(rows.tau**2, axis=0)), 1e-12)
-    own = [np.stack([np.ones(len(rows.t)), rows.v[:, j], rows.sign[:, j]], axis=1) for j in range(n)]
-    bases = [np.linalg.qr(X)[0] for X in own]
-
-    def free_of_own(columns: FloatArray) -> FloatArray:
-        """Columns of shape (N, n, c) less what is each joint's own, shape (N n, c)."""
-        parts = [x - B @ (B.T @ x) for x, B in zip(np.moveaxis(columns / scale[:, None], 1, 0), bases, strict=True)]
-        return np.concatenate(parts)
-
-    known, y = free_of_own(payload), free_of_own(residual[:, :, None])[:, 0]
-    out: list[FloatArray] = []
-
-    def likeliest(candidates: NDArray[np.intp]) -> tuple[int, FloatArray, FloatArray]:
-        """The first row after the change that leaves least, its step, and columns of the payload with it."""
-        found = []
-        for first in candidates:
-            later = ((rows.stretch == rows.stretch[first]) & (np.arange(len(rows.t)) >= first)).astype(float)
-            columns = np.concatenate([known, free_of_own(payload * later[:, None, None])], axis=1)
-            found.append((_left(columns, y), int(first), later, columns))
-        return min(found, key=lambda x: x[0])[1:]
-
-    stretches, count = np.unique(rows.stretch, return_counts=True)
-    moving = [np.flatnonzero(rows.stretch == s) for s in stretches[np.argsort(-count)][:_CHANGING]]
-    apart = max(1, -(-max(map(len, moving)) // _CUTS))
-    tried = np.concatenate([own_rows[::apart] if len(stretches) > 1 else own_rows[apart::apart] for own_rows in moving])
-    for _ in range(min(_CHANGES, len(tried))):
-        best, _, _ = likeliest(tried)
-        near = np.arange(max(best - apart + 1, 0), min(best + apart, len(rows.t)))
-        first, later, known = likeliest(near[rows.stretch[near] == rows.stretch[best]])
-        tried, out = tried[np.abs(tried - first) >= apart], [*out, later]
-        if not tried.size:
-            break
-    return out
-
-
-def _left(columns: FloatArray, y: FloatArray) -> float:
-    """Sum of squares that least squares leave."""
-    unit = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
-    return float(np.sum((y - unit @ np.linalg.lstsq(unit, y, rcond=1e-9)[0]) ** 2))
+        return self._beside * np.concatenate([*parts, *(payload * later[:, None] for later in self._later)], axis=1)
 
 
 def _inexactness(robot: RobotModel) -> FloatArray:

@@ -13,7 +13,7 @@ rows, and what a hypothesis must learn before it predicts is what it pays for be
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg, optimize
@@ -135,30 +135,34 @@ class _Loss:
 def row_likelihoods(joints: Sequence[JointTorques]) -> FloatArray:
     """Log-likelihood of each row under each form of a hypothesis, over all joints, shape (g, N).
 
-    Noise and discrepancy of each joint are those that make the first form's rows likeliest; how unusual they are counts too, in
-    equal parts on all rows.
+    Noise and discrepancy of each joint are those that make the first form's rows likeliest, or the likeliest form's; how unusual
+    they are counts too, in equal parts on all rows.
     """
-    sizes = [
-        x.sizes(x.residual[:, 0], x.fixed() + x.prior[0] @ x.prior[0].T, step=2)[0] for x in joints
-    ]  # where nothing but its own rows tells of what the joints share
+    rows = _with_likeliest_sizes(joints)
+    if best := int(np.argmax(rows.sum(axis=1))):
+        own = _with_likeliest_sizes([replace(x, residual=x.residual[:, [best]]) for x in joints])
+        rows[best] = max(rows[best], own[0], key=np.sum)
+    return rows
+
+
+def _with_likeliest_sizes(joints: Sequence[JointTorques]) -> FloatArray:
+    """Each step makes all rows of the first form likelier: that of one joint given all others is a factor of their likelihood."""
+    sizes = [x.sizes(x.residual[:, 0], x.fixed() + x.prior[0] @ x.prior[0].T, step=2)[0] for x in joints]
     told = [x.information(inverse(x.covariance(s))) for x, s in zip(joints, sizes, strict=True)]
     unit, reached = np.eye(joints[0].prior[0].shape[1]), [-np.inf] * len(joints)
-    for sweep in range(_SWEEPS):  # each step makes all rows likelier, that of one joint given all others being a factor of theirs
+    for sweep in range(_SWEEPS):
         before = sum(reached)
         for j, x in enumerate(joints):
             X, rest = x.prior[0], [y for i, y in enumerate(told) if i != j]
             others = _factored(unit + sum(H for H, _ in rest))
             theta = linalg.cho_solve(others, sum((h for _, h in rest), np.zeros(len(unit))))
-            sizes[j], reached[j] = x.sizes(x.residual[:, 0] - X @ theta, x.fixed() + _spread(X, others), sizes[j], near=sweep > 0)
+            left = x.residual[:, 0] - X @ theta
+            sizes[j], reached[j] = x.sizes(left, x.fixed() + _spread(X, others), sizes[j], near=sweep > 0)
             told[j] = x.information(inverse(x.covariance(sizes[j])))
         if abs(sum(reached) - before) < _SETTLED:
             break
-    covariances, doubt = (
-        [x.covariance(s) for x, s in zip(joints, sizes, strict=True)],
-        sum(map(JointTorques.doubt, joints, sizes)),
-    )
-    rows = _densities_along(joints, covariances)
-    return np.asarray(rows - doubt / rows.shape[1])
+    rows = _densities_along(joints, [x.covariance(s) for x, s in zip(joints, sizes, strict=True)])
+    return np.asarray(rows - sum(map(JointTorques.doubt, joints, sizes)) / rows.shape[1])
 
 
 def inverse(covariance: FloatArray) -> FloatArray:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.diagnosis.channel_faults import EffortFactors, Fault
-from sysid_ros.diagnosis.whose.robot_kernels import CoarseRows, Prior, RobotKernels
+from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
+from sysid_ros.diagnosis.whose.robot_kernels import Carried, Prior, RobotKernels
 from sysid_ros.diagnosis.whose.robot_likelihood import LEAVES, LEAVES_ALL, JointTorques, row_likelihoods
 from sysid_ros.effects import Channels
 from sysid_ros.robot.robot_model import RobotModel
@@ -88,9 +89,9 @@ class Trial:
         silent = self.silent if factors is None else ~factors.seen
         return Trial(rows, kernels, usual, silent, scale, prior, fault, factors or self.factors)
 
-    def changing(self) -> Trial:
-        """The same where what is carried may change."""
-        return replace(self, kernels=RobotKernels(self.kernels.robot, self.rows, changes=True))
+    def carrying(self, carried: Carried) -> Trial:
+        """The same with something else beside the links."""
+        return replace(self, kernels=RobotKernels(self.kernels.robot, self.rows, carried))
 
     def coarse(self) -> float:
         """Roughly its log-likelihood: that of white noise beside the URDF's bodies and each joint's offset and friction."""
