@@ -62,6 +62,14 @@ class Trial:
     seconds: float
 
 
+def text_of(arm: str) -> str:
+    """The arm's URDF without friction and meshes."""
+    path = packaged(arm)
+    if path is None:
+        raise click.ClickException("example-robot-data is not installed: pip install '.[dev]'")
+    return bare(path.read_text())
+
+
 def trial(seed: int) -> Trial:
     """One arm, simulated and diagnosed."""
     from sysid_ros.diagnosis import diagnose
@@ -69,10 +77,7 @@ def trial(seed: int) -> Trial:
 
     rng = np.random.default_rng(seed)
     name, kind = str(rng.choice(ARMS)), KINDS[seed % len(KINDS)]
-    path = packaged(name)
-    if path is None:
-        raise click.ClickException("example-robot-data is not installed: pip install '.[dev]'")
-    urdf = bare(path.read_text())
+    urdf = text_of(name)
     arm = Arm(urdf, kind, rng)
     recordings = []
     for what, seconds, start in (("fit", 30.0, 100.0), ("judge", 20.0, 160.0)):

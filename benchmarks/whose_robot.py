@@ -24,16 +24,15 @@ from pathlib import Path
 
 import click
 import numpy as np
-from mujoco_arm import KINDS, STYLES, Arm, bare
-from other_simulator import ARMS
+from mujoco_arm import KINDS, STYLES, Arm
+from other_simulator import ARMS, text_of
 from rich.console import Console
 from rich.table import Table
 from verdict import Target, conclude
 
 from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
 from sysid_ros.diagnosis.whose.robot_hypotheses import judge
-from sysid_ros.diagnosis.whose.robot_likelihood import probabilities
-from sysid_ros.robot.packaged import packaged
+from sysid_ros.diagnosis.whose.robot_likelihood import likeliest, probabilities
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
 
@@ -60,14 +59,6 @@ class Trial:
         return self.arm == self.urdf
 
 
-def text_of(arm: str) -> str:
-    """The arm's URDF without friction and meshes."""
-    path = packaged(arm)
-    if path is None:
-        raise click.ClickException("example-robot-data is not installed: pip install '.[dev]'")
-    return bare(path.read_text())
-
-
 def joints_of(text: str) -> tuple[str, ...]:
     """Names of the joints that are simulated."""
     return tuple(Arm(text, "none", np.random.default_rng(0)).names)
@@ -84,8 +75,7 @@ def fit_refuses(robot: RobotModel, rows: CoarseRows) -> bool:
     model = robot.regressor_along(rows.q, rows.v, rows.a) @ robot.pi
     left = []
     for j in range(robot.n):
-        X = np.stack([np.ones(len(rows.t)), rows.v[:, j], rows.sign[:, j]], axis=1)
-        y = rows.tau[:, j] - model[:, j]
+        X, y = rows.plain(j), rows.tau[:, j] - model[:, j]
         left.append(np.var(y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) / np.var(rows.tau[:, j]))
     return bool(np.median(left) > 0.5)
 
@@ -104,12 +94,12 @@ def trials(seed: int) -> list[Trial]:
         seconds = time.process_time() - begin
         assert found is not None
         assert rows is not None
-        likeliest = found.urdf[np.argmax(found.urdf.sum(axis=1))]
-        own = likeliest if own is None else own
+        rows_of_it = likeliest(found.urdf)
+        own = rows_of_it if own is None else own
         out.append(
             Trial(
                 seed, name, kind, urdf, found.probability, found.refusal is not None,
-                urdf != name and bool(probabilities([own, likeliest])[0] > 0.5),
+                urdf != name and bool(probabilities([own, rows_of_it])[0] > 0.5),
                 tuple(fault.effect.id for fault in found.faults), fit_refuses(robot, rows), seconds,
             )
         )  # fmt: skip

@@ -70,6 +70,10 @@ class CoarseRows:
         """Each of so many rows."""
         return replace(self, **{name: getattr(self, name)[::step] for name in self.__dataclass_fields__})
 
+    def plain(self, joint: int) -> FloatArray:
+        """Columns of a joint's offset, viscous and dry friction, shape (N, 3)."""
+        return np.stack([np.ones(len(self.t)), self.v[:, joint], self.sign[:, joint]], axis=1)
+
     def without(self, effect: ChannelEffect) -> CoarseRows:
         """The rows of the recordings without a fault: it acts on accelerations as on positions, on signs as on velocities."""
         first = effect.undo(Channels(self.q, self.v, self.tau))

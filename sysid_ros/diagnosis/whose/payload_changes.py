@@ -20,8 +20,7 @@ def changes_of_payload(rows: CoarseRows, residual: FloatArray, payload: FloatArr
         residual: torque less the URDF's, shape (N, n). payload: columns of a payload, shape (N, n, 10).
     """
     n, scale = residual.shape[1], np.maximum(np.sqrt(np.mean(rows.tau**2, axis=0)), 1e-12)
-    own = [np.stack([np.ones(len(rows.t)), rows.v[:, j], rows.sign[:, j]], axis=1) for j in range(n)]
-    bases = [np.linalg.qr(X)[0] for X in own]
+    bases = [np.linalg.qr(rows.plain(j))[0] for j in range(n)]
 
     def free_of_own(columns: FloatArray) -> FloatArray:
         """Columns of shape (N, n, c) less what is each joint's own, shape (N n, c)."""

@@ -17,8 +17,8 @@ from sysid_ros.diagnosis.channel_faults import EffortFactors, Fault, effort_fact
 from sysid_ros.diagnosis.result import RankedUrdf
 from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
 from sysid_ros.diagnosis.whose.robot_kernels import Carried
-from sysid_ros.diagnosis.whose.robot_likelihood import probabilities
-from sysid_ros.diagnosis.whose.robot_trial import Others, Trial
+from sysid_ros.diagnosis.whose.robot_likelihood import likeliest, probabilities
+from sysid_ros.diagnosis.whose.robot_trial import Trial
 from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError
 from sysid_ros.input_gate.message_faults import in_order
@@ -29,7 +29,8 @@ from sysid_ros.signals.recording import Recording
 _FAULT = 0.003
 """Probability of each kind of fault of the channels, before any data."""
 _CARRIED = {Carried.SOMETHING: 0.45, Carried.NOTHING: 0.45, Carried.CHANGING: 0.1}
-"""Probability of what is carried in recordings, before any data."""
+"""Probability of what is carried in recordings, before any data; the first is looked at first. An arm that carries nothing pays
+for no payload."""
 _LIKELY, _SURE = 0.5, 0.95
 """Probabilities from which a fault is likelier than not, and from which it is undone: what is undone wrongly spoils all that
 comes after it, and what is left shows."""
@@ -47,8 +48,8 @@ class Judgement:
 
     Attributes:
         robot: the URDF's. faults: of the channels, in the order in which they are to be undone.
-        urdf: log-likelihood of each published row under each form of the URDF with its faults undone, shape (g, N).
-        others: under other robots, with the same faults undone or none, and under none.
+        urdf, other_robots, no_robot: log-likelihood of each published row under each form of the URDF with its faults undone, and
+            under other robots and none, with the same faults undone or none; priors are in them, shape (g, N) each.
         factors: what was found of efforts with a factor of their own on each joint, where that is a fault.
         doubtful: whether another fault is likelier than not, and not sure enough to be undone.
     """
@@ -56,23 +57,16 @@ class Judgement:
     robot: RobotModel
     faults: tuple[Fault, ...]
     urdf: FloatArray
-    others: Others
+    other_robots: FloatArray
+    no_robot: FloatArray
     factors: EffortFactors | None = None
     doubtful: bool = False
 
     @property
     def probability(self) -> float:
         """That the torques are those of the URDF's robot, rather than of another robot or of none."""
-        share = probabilities([*self.urdf, *self.others.robots, *self.others.none])
+        share = probabilities([*self.urdf, *self.other_robots, *self.no_robot])
         return float(share[: len(self.urdf)].sum())
-
-    def beside(self, other: Judgement) -> Judgement:
-        """The mixture of both, their parts of the prior probability in them."""
-        return replace(self, urdf=np.concatenate([self.urdf, other.urdf]), others=self.others.beside(other.others))
-
-    def with_part(self, part: float) -> Judgement:
-        """With a part of the prior probability."""
-        return replace(self, urdf=self.urdf + np.log(part) / self.urdf.shape[1], others=self.others.plus(float(np.log(part))))
 
     @property
     def hopeless(self) -> bool:
@@ -88,7 +82,7 @@ class Judgement:
 
     def _of_another_robot(self) -> str:
         other = "functions of the joint angles that know no robot"
-        if self.others.robots.sum(axis=1).max() > self.others.none.sum(axis=1).max():
+        if likeliest(self.other_robots).sum() > likeliest(self.no_robot).sum():
             other = "the same joints with other bodies on them"
         return (
             f"The URDF '{self.robot.name}' does not explain these torques (probability {self.probability:.2g}): {other} explain "
@@ -129,7 +123,7 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
     urdf, faults, doubtful = trial.likelihood(), list[Fault](), False
     while len(faults) < _FAULTS:
         weighed = [(urdf, trial), *((option.likelihood(), option) for option in _first_choice(robot, trial))]
-        share = probabilities([x[np.argmax(x.sum(axis=1))] for x, _ in weighed])
+        share = probabilities([likeliest(x) for x, _ in weighed])
         best = int(np.argmax(share))
         if best == 0 or share[best] < sure:
             doubtful = bool(best > 0 and share[best] >= _LIKELY)
@@ -138,23 +132,21 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
         assert trial.fault is not None
         faults.append(replace(trial.fault, probability=float(share[best])))
     elsewhere = [trial, *([published] if faults else []), *_of_another_size(published, trial)]
-    first = Judgement(robot, tuple(faults), urdf, _others(elsewhere), trial.factors, doubtful)
+    robots, none = _other_robots(elsewhere), np.concatenate([x.of_no_robot() for x in elsewhere])
+    first = Judgement(robot, tuple(faults), urdf, robots, none, trial.factors, doubtful)
     if first.probability >= _LIKELY:
         return first
-    mixture = first.with_part(_CARRIED[Carried.SOMETHING])  # one who carries nothing pays for no payload
-    for carried in (Carried.NOTHING, Carried.CHANGING):
-        trials = [x.carrying(carried) for x in elsewhere]
-        other = replace(first, urdf=trials[0].likelihood(), others=_others(trials))
-        mixture = mixture.beside(other.with_part(_CARRIED[carried]))
-    return mixture
+    of_each = [(urdf, robots)]
+    for carried in list(_CARRIED)[1:]:
+        other = [x.carrying(carried) for x in elsewhere]
+        of_each.append((other[0].likelihood(), _other_robots(other)))
+    parts = np.log(list(_CARRIED.values())) / len(rows.t)
+    urdf, robots = (np.concatenate([x + part for x, part in zip(xs, parts, strict=True)]) for xs in zip(*of_each, strict=True))
+    return replace(first, urdf=urdf, other_robots=robots)
 
 
-def _others(trials: Sequence[Trial]) -> Others:
-    """Other robots and none, with any of these faults or without."""
-    first, *rest = (trial.others() for trial in trials)
-    for other in rest:
-        first = first.beside(other)
-    return first
+def _other_robots(trials: Sequence[Trial]) -> FloatArray:
+    return np.concatenate([x.of_other_robots() for x in trials])
 
 
 def _of_another_size(published: Trial, trial: Trial) -> list[Trial]:
@@ -200,5 +192,5 @@ def rank_urdfs(robots: Sequence[RobotModel], names: Sequence[str], recordings: S
         raise DataError(
             "the recordings hold no motion by which URDFs could be compared. Record 15 to 30 s in which every joint moves."
         )
-    likeliest = [x.urdf[np.argmax(x.urdf.sum(axis=1))] for x in found]
-    return [RankedUrdf(name, float(p)) for name, p in zip(names, probabilities(likeliest), strict=True)]
+    share = probabilities([likeliest(x.urdf) for x in found])
+    return [RankedUrdf(name, float(p)) for name, p in zip(names, share, strict=True)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from enum import Enum, auto
 
 import numpy as np
@@ -57,16 +58,13 @@ class RobotKernels:
     nothing between robots. They also have the same discrepancy, what any model leaves: a smooth function of the posture, of the
     state, and of time, of a size that the data tell.
 
-    Args:
-        carried: what the whole arm may have beside its links.
-
     Attributes:
         mean, gravity: torque of the URDF's links and of their weight, shape (N, n). pattern: covariance of the discrepancy, of
             unit variance, shape (N, N).
     """
 
-    def __init__(self, robot: RobotModel, rows: CoarseRows, carried: Carried = Carried.SOMETHING) -> None:
-        self.robot, self.rows, self._beside = robot, rows, float(carried is not Carried.NOTHING)
+    def __init__(self, robot: RobotModel, rows: CoarseRows) -> None:
+        self.robot, self.rows, self._carried = robot, rows, Carried.SOMETHING
         q, v, a = rows.q, rows.v, rows.a
         self._links = robot.regressor_along(q, v, a)
         self.mean: FloatArray = self._links @ robot.pi
@@ -76,12 +74,19 @@ class RobotKernels:
         self._force = robot.frame_jacobian_along(q, frame).swapaxes(1, 2)
         self._tilt = np.stack([robot.base_acceleration_columns(x)[:, :2] for x in q])
         self._total = float(robot.pi[::10].sum())
-        self._later = changes_of_payload(rows, rows.tau - self.mean, self._payload) if carried is Carried.CHANGING else []
+        self._later: list[FloatArray] = []
         self._inexact = _inexactness(robot)
         apart = np.where(rows.stretch[:, None] == rows.stretch, np.abs(rows.t[:, None] - rows.t), np.inf)
         self._slow = 1.0 - _DRIFTS + _DRIFTS * np.exp(-0.5 * (apart / _SLOW) ** 2)
         self._rest = np.exp(-0.5 * (apart / _REST) ** 2)
         self.pattern = (_waves(q, v, a) + _matern(_distance(q, v)) + _matern(np.minimum(apart, 1e3) / _MEMORY)) / 3.0
+
+    def carrying(self, carried: Carried, rows: CoarseRows) -> RobotKernels:
+        """The same with something else beside the links; ``rows``: with the efforts by which its changes are found."""
+        other = copy(self)
+        other._carried, residual = carried, rows.tau - self.mean
+        other._later = changes_of_payload(rows, residual, self._payload) if carried is Carried.CHANGING else []
+        return other
 
     def own(self, joint: int) -> FloatArray:
         """Covariance of what a joint has of its own, over the square of its usual torque, shape (N, N)."""
@@ -129,7 +134,8 @@ class RobotKernels:
         force, tilt = _GRAVITY * _REACH * carried, _GRAVITY * _TILT
         payload = self._payload[:, joint] * carried * _CARRIED
         parts = [payload, self._force[:, joint] * force, self._tilt[:, joint] * tilt]
-        return self._beside * np.concatenate([*parts, *(payload * later[:, None] for later in self._later)], axis=1)
+        columns = np.concatenate([*parts, *(payload * later[:, None] for later in self._later)], axis=1)
+        return np.zeros_like(columns) if self._carried is Carried.NOTHING else columns
 
 
 def _inexactness(robot: RobotModel) -> FloatArray:

@@ -204,6 +204,11 @@ def _densities(error: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(-(0.5 * white**2 + np.log(np.diag(root))[:, None] + 0.5 * np.log(2.0 * np.pi)).T)
 
 
+def likeliest(forms: FloatArray) -> FloatArray:
+    """Rows of the form that makes all rows likeliest, shape (N,), of those of shape (g, N)."""
+    return np.asarray(forms[np.argmax(forms.sum(axis=1))])
+
+
 def probabilities(rows: Sequence[FloatArray]) -> FloatArray:
     """Of hypotheses with log-likelihoods of the same rows, shape (N,) each: mean over what the rows could have been, drawn from
     them by stretches of time, of the share of each (pseudo-BMA with the Bayesian bootstrap; Yao, Vehtari, Simpson, Gelman 2018).

@@ -20,32 +20,11 @@ _GRAVITY = {0.0: 0.978, -1.0: 0.02, 1.0: 0.002}
 _OTHER = 0.005
 """Probability that a URDF that somebody gives is that of a robot of the same kind, that of any other, or that the efforts are no
 torques of a robot: each."""
-_NO_FAULT = float(np.log(1.0 - 3.0 * _OTHER))
+_NO_FAULT, _LOG_OTHER = float(np.log(1.0 - 3.0 * _OTHER)), float(np.log(_OTHER))
 _INEXACT = 0.03
 """What even a right URDF leaves of a torque, in a first comparison."""
 _LEAST = 1e-3
 """Least size of an effort that is compared, of the largest."""
-
-
-@dataclass(frozen=True, eq=False)
-class Others:
-    """Log-likelihoods of the published rows with other robots than the URDF's, and with none, their priors in them.
-
-    Attributes:
-        robots, none: shape (h, N) and (m, N).
-    """
-
-    robots: FloatArray
-    none: FloatArray
-
-    def beside(self, other: Others) -> Others:
-        """Both."""
-        return Others(np.concatenate([self.robots, other.robots]), np.concatenate([self.none, other.none]))
-
-    def plus(self, log_prior: float) -> Others:
-        """With log-prior odds in equal parts on all rows."""
-        part = log_prior / self.none.shape[1]
-        return Others(self.robots + part, self.none + part)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +70,7 @@ class Trial:
 
     def carrying(self, carried: Carried) -> Trial:
         """The same with something else beside the links."""
-        return replace(self, kernels=RobotKernels(self.kernels.robot, self.rows, carried))
+        return replace(self, kernels=self.kernels.carrying(carried, self.rows))
 
     def coarse(self) -> float:
         """Roughly its log-likelihood: that of white noise beside the URDF's bodies and each joint's offset and friction."""
@@ -99,7 +78,7 @@ class Trial:
         for c in _GRAVITY:
             total = self.faults_prior - len(tau) * self.scale
             for j in range(k.robot.n):
-                X = np.stack([np.ones(len(tau)), self.rows.v[:, j], self.rows.sign[:, j]], axis=1)
+                X = self.rows.plain(j)
                 y = tau[:, j] - (0.0 if self.silent[j] else k.mean[:, j] + c * k.gravity[:, j])
                 left = float(np.mean((y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) ** 2))
                 total -= 0.5 * len(tau) * np.log(left + (_INEXACT * float(np.std(tau[:, j]))) ** 2 + 1e-24)
@@ -111,20 +90,25 @@ class Trial:
         tau, k = self.rows.tau, self.kernels
         forms = [np.stack([tau[:, j] - k.mean[:, j] - c * k.gravity[:, j] for c in _GRAVITY], axis=1) for j in range(k.robot.n)]
         rows = self._likelihood([k.urdf(j, self._largest) for j in range(k.robot.n)], forms, LEAVES)
-        prior = _NO_FAULT + self.faults_prior + np.log(list(_GRAVITY.values()))
-        return np.asarray(rows + prior[:, None] / len(tau))
+        return self._with_prior(rows, _NO_FAULT + np.log(list(_GRAVITY.values())))
 
-    def others(self) -> Others:
-        """Of the published rows with a robot of the URDF's kind, with any bodies on the same joints, and with no robot."""
+    def of_other_robots(self) -> FloatArray:
+        """The same with a robot of the URDF's kind, and with any bodies on the same joints, shape (2, N)."""
         k, n = self.kernels, range(self.kernels.robot.n)
-        published, largest = [self.rows.tau[:, [j]] for j in n], self._largest
+        alike = [k.alike(j, self._largest) for j in n], [self.rows.tau[:, [j]] - k.mean[:, [j]] for j in n]
+        free = [k.free(j, self._largest) for j in n], [self.rows.tau[:, [j]] for j in n]
+        return self._with_prior(np.concatenate([self._likelihood(*of, LEAVES) for of in (alike, free)]), _LOG_OTHER)
+
+    def of_no_robot(self) -> FloatArray:
+        """The same with no robot, which carries nothing either, shape (1, N)."""
+        k, n = self.kernels, range(self.kernels.robot.n)
         nothing = 0.0 * k.free(0, 0.0)[0], 0.0 * k.pattern
-        robots = [
-            self._likelihood([k.alike(j, largest) for j in n], [published[j] - k.mean[:, [j]] for j in n], LEAVES),
-            self._likelihood([k.free(j, largest) for j in n], published, LEAVES),
-        ]
-        none = self._likelihood([nothing for _ in n], published, LEAVES_ALL)
-        return Others(np.concatenate(robots), none).plus(float(np.log(_OTHER)) + self.faults_prior)
+        rows = self._likelihood([nothing for _ in n], [self.rows.tau[:, [j]] for j in n], LEAVES_ALL)
+        return self._with_prior(rows, _LOG_OTHER)
+
+    def _with_prior(self, rows: FloatArray, log_prior: FloatArray | float) -> FloatArray:
+        """With log-prior odds of each form and of the faults, in equal parts on all rows."""
+        return np.asarray(rows + np.reshape(log_prior + self.faults_prior, (-1, 1)) / rows.shape[1])
 
     @property
     def _largest(self) -> float:
