@@ -27,6 +27,8 @@ _STANDS, _STANDS_SLIDE = 0.015, 0.004
 """Speeds below which dry friction leaves the torque undetermined [rad/s], [m/s]."""
 _ANCHOR = 0.15
 """Longest stretch of motion whose mean a bridge ends at [s]; shorter stretches count as rest."""
+_FADES = 8.0 / 3.0
+"""Time over which such a line fades, of that of its mean: the square of what is left of it then adds up to that mean's time."""
 _FEWEST = 0.05
 """Part of the time that a joint must move to be judged."""
 
@@ -35,7 +37,7 @@ class RowNoise(Protocol):
     """Noise of rows."""
 
     def along(self, band: Band) -> FloatArray:
-        """Variance of each coefficient of a band, shape (K, n)."""
+        """Variance of each coefficient of a band if its joints always moved, shape (K, n)."""
 
     @property
     def at_zero(self) -> FloatArray:
@@ -47,7 +49,9 @@ class Band:
 
     Where a joint stands, dry friction leaves its torque undetermined: torque and columns are bridged there by the same straight
     line. (A weight of zero would spread slow noise over all frequencies, and with it every slow column.) A line ends at
-    weighted means over a short while of motion on both sides: fast noise of one instant would else stand for all of a rest.
+    weighted means over a short while of motion on both sides: fast noise of one instant would else stand for all of a rest. Over
+    a longer rest the line fades from both sides, so that each end weighs about what its mean does; and the rows of a joint count
+    as many as those of the time in which it moves.
 
     Args:
         motions: recordings without gaps.
@@ -61,7 +65,8 @@ class Band:
     Attributes:
         f: frequency of each coefficient, shape (K,) [Hz]. segment: which segment it belongs to, shape (K,).
         moving: a motion, shape (N, n) each, bool.
-        moves: part of the time that each joint moves, shape (n,). active: joints that move enough to be judged, shape (n,).
+        moves: part of the time that each joint moves, shape (n,). counted: part of its rows that are independent, shape (n,).
+        active: joints that move enough to be judged, shape (n,).
         seconds: time that the rows cover [s].
     """
 
@@ -84,8 +89,10 @@ class Band:
             self.moving = list(usable or (np.ones(m.v.shape, dtype=np.bool_) for m in self.motions))
         self.moves = np.mean(np.concatenate(self.moving), axis=0)
         self.active = self.moves > _FEWEST if active is None else active
+        self._fades = active is None
+        self.counted: FloatArray = np.maximum(self.moves, _FEWEST) if self._fades else np.ones(self.n)
         self._bridges = [
-            [_Bridge(moving[:, j], round(_ANCHOR / m.period)) for j in range(self.n)]
+            [_Bridge(moving[:, j], round(_ANCHOR / m.period), fades=self._fades) for j in range(self.n)]
             for m, moving in zip(self.motions, self.moving, strict=True)
         ]
         self.slices: list[tuple[int, slice, int]] = []
@@ -118,6 +125,11 @@ class Band:
         rows = np.concatenate([fft.dct(bridged[i][where], axis=0, norm="ortho")[:count] for i, where, count in self.slices])
         return rows if self._mixed is None else self._multiplied(rows, self._mixed)
 
+    def counted_in(self, i: int, where: slice, parts: int) -> list[FloatArray]:
+        """What :attr:`counted` is in each of several equal parts of a segment, shape (n,) each. Args: i: its motion."""
+        moving = np.array_split(self.moving[i][where], parts) if self._fades else [np.ones((1, self.n))] * parts
+        return [np.mean(x, axis=0) for x in moving]
+
     def unmixed(self, rows: FloatArray) -> FloatArray:
         """Rows of shape (K, n) before they were multiplied."""
         return rows if self._mixed is None else self._multiplied(rows, [np.asarray(np.linalg.inv(m)) for m in self._mixed])
@@ -147,7 +159,7 @@ class Band:
 
     def noise_of(self, rows: FloatArray) -> RowNoise:
         """The noise that makes what is left of the rows, shape (K, n), the most likely."""
-        return self._noise(self, rows) if self._noise else Noise.in_bins(self._bins, rows**2)
+        return self._noise(self, rows) if self._noise else Noise.in_bins(self._bins, rows**2 / self.counted)
 
     def curves(self, values: Sequence[FloatArray]) -> FloatArray:
         """Coefficients, shape (c, K, n), of curves on the grids, shape (c, N, n) each."""
@@ -167,17 +179,18 @@ class _Bridge:
     """Straight lines over the rests of one joint.
 
     Args:
-        moving: shape (N,). reach: most samples that an end of a line is the mean of.
+        moving: shape (N,). reach: most samples that an end of a line is the mean of. fades: whether lines do that are longer than
+            what their ends are the means of.
 
     Attributes:
         gap: indices where the joint stands, shape (G,).
     """
 
-    def __init__(self, moving: NDArray[np.bool_], reach: int) -> None:
+    def __init__(self, moving: NDArray[np.bool_], reach: int, fades: bool) -> None:
         runs = _runs(moving)
         self.gap = np.flatnonzero(~moving)
         rows: list[tuple[NDArray[np.intp], FloatArray]] = []
-        before, after, part = (np.zeros(len(moving), dtype=x) for x in (np.intp, np.intp, float))
+        before, after, part, level = (np.zeros(len(moving), dtype=x) for x in (np.intp, np.intp, float, float))
         for k, (a, b) in enumerate(runs):
             if moving[a]:
                 continue
@@ -185,6 +198,12 @@ class _Bridge:
             ends += [(b, min(runs[k + 1][1], b + reach))] if k + 1 < len(runs) else []
             before[a:b], after[a:b] = len(rows), len(rows) + len(ends) - 1
             part[a:b] = np.arange(1, b - a + 1) / (b - a + 1.0)
+            away = np.arange(b - a) + 0.5
+            nearest = np.min(
+                [x for x, there in ((away, k > 0), (away[::-1], k + 1 < len(runs))) if there or len(runs) == 1], axis=0
+            )
+            long = fades and b - a > 2 * reach
+            level[a:b] = np.cos(0.5 * np.pi * np.minimum(nearest / (_FADES * reach), 1.0)) ** 2 if long else 1.0
             for first, last in ends or [(a, b)]:
                 bell = np.sin(np.pi * np.arange(1, last - first + 1) / (last - first + 1.0)) ** 2
                 rows.append((np.arange(first, last), bell / bell.sum()))
@@ -192,13 +211,13 @@ class _Bridge:
         weights = np.concatenate([np.zeros(0), *(x for _, x in rows)])
         begin = np.cumsum([0, *(len(x) for x, _ in rows)])
         self._means = sparse.csr_array((weights, at, begin), shape=(len(rows), len(moving)))
-        self._before, self._after, self._part = before[self.gap], after[self.gap], part[self.gap]
+        self._before, self._after, self._part, self._level = (x[self.gap] for x in (before, after, part, level))
 
     def over(self, values: FloatArray) -> FloatArray:
         """What stands in the gap for values of shape (N, ...), shape (G, ...)."""
         ends = (self._means @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:])
-        part = self._part.reshape((-1,) + (1,) * (values.ndim - 1))
-        bridged: FloatArray = (1.0 - part) * ends[self._before] + part * ends[self._after]
+        part, level = (x.reshape((-1,) + (1,) * (values.ndim - 1)) for x in (self._part, self._level))
+        bridged: FloatArray = level * ((1.0 - part) * ends[self._before] + part * ends[self._after])
         return bridged
 
 

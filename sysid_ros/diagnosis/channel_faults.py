@@ -217,11 +217,13 @@ def _likelihood(robot: RobotModel, published: Sequence[Recording], faults: Seque
         X = band.joint_curves(int(j), [np.stack([smoothed_sign(m.v[:, j]), m.v[:, j], np.ones(len(m.t))]) for m in parts])
         residual = y[:, [j]]
         for _ in range(_ROUNDS):
-            weighted = X / Noise.of(band.f, residual**2).variance(band.f)
+            weighted = X / Noise.of(band.f, residual**2 / band.counted[j]).variance(band.f)
             residual = y[:, [j]] - X @ np.linalg.lstsq(weighted.T @ X, weighted.T @ y[:, [j]], rcond=None)[0]
-        out += Noise.of(band.f, residual**2).loglik(band.f, residual)
-        out -= len(y) * float(np.log(np.abs(factor[0, j])))
-    return out, float(len(y) * band.active.sum())
+        counted = float(band.counted[j])
+        alike = residual / np.sqrt(counted)
+        out += counted * Noise.of(band.f, alike**2).loglik(band.f, alike)
+        out -= len(y) * counted * float(np.log(np.abs(factor[0, j])))
+    return out, len(y) * float(np.sum(band.counted[band.active]))
 
 
 def deviation_of(train: Prepared, fit: Fit) -> Deviation:

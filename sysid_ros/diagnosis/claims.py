@@ -55,8 +55,11 @@ class Judged:
 
     @cached_property
     def values(self) -> dict[Term, Estimates]:
-        """Of each term, with their covariance."""
-        return with_knobs(self.train.problem, self.selection.library, self.fit, self.posterior.scales)
+        """Of each term, with their covariance: that beside links as inexact as they may be, even if exact ones predict better."""
+        problem, fit, scales = self.train.problem, self.fit, self.posterior.scales
+        if not fit.inexact and scales.size and scales[0] < 0.5:
+            fit = problem.fit(fit.terms, fit.noise, 0, inexact=True)
+        return with_knobs(problem, self.selection.library, fit, scales)
 
     @property
     def robot(self) -> RobotModel:
@@ -76,7 +79,8 @@ class Judged:
     @cached_property
     def noise(self) -> FloatArray:
         """Variance of the rows of ``held``, shape (K, n)."""
-        return self.fit.noise.along(self.held.prepared.band)
+        band = self.held.prepared.band
+        return np.asarray(self.fit.noise.along(band) * band.counted)
 
     @cached_property
     def floor(self) -> FloatArray:
@@ -145,7 +149,8 @@ def _evidence(judged: Judged, terms: Sequence[Term], others: Sequence[Term]) -> 
     fit, train = judged.fit, judged.train
     rest = train.problem.fit(others, fit.noise, inexact=fit.inexact)
     rise = 2.0 * (fit.loglik - rest.loglik) / max(judged.values[t].scatter for t in terms)
-    rows = len(train.band.f) * (len(train.problem.active) if terms[0].row is None else len(terms))
+    on = train.problem.active if terms[0].row is None else [j for t in terms for j in t.joints]
+    rows = len(train.band.f) * float(np.sum(train.band.counted[on]))
     return Evidence(rise, sum(t.cost for t in terms), rows, judged.selection.tried)
 
 

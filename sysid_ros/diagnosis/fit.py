@@ -192,7 +192,7 @@ class Problem:
             # the last parameters are those of the noise that is kept: what a new term would gain depends on it
             if turn < iterations:
                 noise = self.band.noise_of(residual)
-        fit_quality = (np.log(variance) + residual**2 / variance)[:, self.active]
+        fit_quality = (self.band.counted * np.log(variance) + residual**2 / variance)[:, self.active]
         loglik = -0.5 * float(np.sum(fit_quality)) - 0.5 * float(theta**2 @ prior)
         if inexact:
             scaled, scale = scaled_to_one(information)
@@ -222,7 +222,7 @@ def visible(problem: Problem, fit: Fit, term: Term) -> bool:
     rows = active if term.row is None else [term.row]
     power = np.sum(share[:, active if term.row is None else [0]] ** 2, axis=0)
     nominal = np.sum(problem.y**2, axis=0)
-    noise = np.sum(fit.variance, axis=0)
+    noise = np.sum(fit.variance, axis=0) * problem.band.counted
     if not np.any(power > _SEEN**2 * nominal[rows]):
         return False
     if term.expected:

@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.prepare import Prepared, links_off, torques
+from sysid_ros.diagnosis.prepare import SCALES, Prepared, links_off, torques
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS
 from sysid_ros.robot.robot_model import RobotModel
@@ -203,21 +203,30 @@ def no_worse(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit
     """The fit where it predicts no joint of the held-out recordings worse than the baseline does, else one that does not.
 
     All of it gives way where it predicts worse in all. A joint that is worse gets the baseline's terms in place of its own, or
-    none, or links that are exact, whichever leaves the least of it and harms no other.
+    none, or the links are more or less inexact, or exact: of those with which it is no worse what leaves the least of all joints,
+    else what leaves the least of it. None makes another joint worse than the baseline. The problem's scale becomes the fit's.
     """
     plain = {int(j): plain_terms(library, int(j)) for j in problem.active}
     held.add([t for terms in plain.values() for t in terms])
-    floor = np.maximum(held.rms(np.sqrt(fit.noise.along(held.prepared.band))), 1e-9)
-    active = held.prepared.band.active & problem.band.active
+    there = held.prepared.band
+    floor = np.maximum(held.rms(np.sqrt(fit.noise.along(there) * there.counted)), 1e-9)
+    active = there.active & problem.band.active
 
     def error(x: Fit) -> FloatArray:
         return np.where(active, held.rms(held.residual(x)) / floor, 0.0)
 
-    def made(terms: list[Term], inexact: bool) -> Fit:
-        return problem.fit(terms, fit.noise, 0, inexact)
+    def of_all(x: Fit) -> float:
+        return float(np.sum(error(x) ** 2))
 
-    baseline, nothing = made([t for terms in plain.values() for t in terms], False), made([], False)
-    simpler = min((baseline, nothing), key=lambda x: float(np.sum(error(x) ** 2)))
+    def made(terms: Sequence[Term], scale: tuple[float, float]) -> Fit:
+        problem.scale = scale
+        return problem.fit(terms, fit.noise, 0, scale != exact)
+
+    exact, usual = SCALES[0], problem.scale
+    scale = usual if fit.inexact else exact
+    baseline, nothing = made([t for terms in plain.values() for t in terms], exact), made([], exact)
+    simpler = min((baseline, nothing), key=of_all)
+    problem.scale = usual
     if np.linalg.norm(error(fit)) > _WORSE * np.linalg.norm(error(simpler)):
         return simpler
     limit = _WORSE * error(baseline)
@@ -225,10 +234,17 @@ def no_worse(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit
         if error(fit)[j] <= limit[j] or int(j) not in plain:
             continue
         others = [t for t in fit.terms if t.row != j]
-        options = [made([*others, *plain[int(j)]], fit.inexact), made(others, fit.inexact), made(list(fit.terms), False)]
+        options = [(made(terms, scale), scale) for terms in ([*others, *plain[int(j)]], others)]
+        options += [(made(fit.terms, x), x) for x in SCALES if x != scale]
         allowed = np.maximum(error(fit), limit)
-        options = [x for x in options if np.all(error(x) <= allowed) and error(x)[j] < error(fit)[j]]
-        fit = min(options, key=lambda x: float(error(x)[j]), default=fit)
+        options = [x for x in options if np.all(error(x[0]) <= allowed) and error(x[0])[j] < error(fit)[j]]
+        good = [x for x in options if error(x[0])[j] <= limit[j]]
+        fit, scale = (
+            min(good, key=lambda x: of_all(x[0]))
+            if good
+            else min(options, key=lambda x: float(error(x[0])[j]), default=(fit, scale))
+        )
+        problem.scale = usual if scale == exact else scale
     return fit
 
 

@@ -165,8 +165,8 @@ class LeftOut:
         """What all rows gain at most, about, with one of several sets of columns in place of some of a state's, shape (m,).
 
         It follows from normal rows with no stretch left out: Student's gain no more than twice what those gain, and lose the
-        least where one stretch of one joint loses it all. It is no strict bound, for held-out rows are taken to gain as many
-        times more as there are more of them, and a stretch to be left out is not.
+        least where one stretch of one joint, one as long as a row is usually in, loses it all. It is no strict bound, for
+        held-out rows are taken to gain as many times more as there are more of them, and a stretch to be left out is not.
 
         Args:
             gone: places of the columns in ``state.at``. each: the other columns; a set may be empty.
@@ -183,7 +183,8 @@ class LeftOut:
             which = [i for i, at in enumerate(each) if len(at) == width]
             at = np.stack([each[i] for i in which])
             net[which] += self._gained(state.at[rest], covariance, theta, at, np.stack([priors[i] for i in which]))
-        least = float(self.of_each.size.min())
+        size = self.of_each.size
+        least = float(np.sum(size**2) / np.sum(size))
         return np.where(net > 0.0, 2.0 * self.of_each.all_over_fitted * net, -least * np.log1p(np.maximum(-net, 0.0) / least))
 
     def _gained(self, rest: Indices, covariance: FloatArray, theta: FloatArray, at: Indices, prior: FloatArray) -> FloatArray:
@@ -207,7 +208,7 @@ class LeftOut:
             power: what is left of each stretch and joint, shape (S, m, n). known: twice the log-prior of the parameters with the
                 other sign, shape (S, m).
         """
-        size = self.of_each.size[:, None, None]
+        size = self.of_each.size[:, None]
         return np.asarray(-np.sum(size * np.log1p(power / size), axis=2) - 0.5 * known / self.of_each.stretches)
 
     def scatter(self, state: Predicted) -> FloatArray:

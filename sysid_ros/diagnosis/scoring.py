@@ -75,7 +75,7 @@ class Scorer:
         self._root = 1.0 / np.sqrt(fit.variance)
         self._residual = fit.residual * self._root
         self._rss = np.maximum(np.sum(self._residual**2, axis=0), 1e-9)
-        self._count = len(problem.y)
+        self._count: FloatArray = len(problem.y) * problem.band.counted
 
     def local(self, terms: Sequence[Term]) -> list[Score]:
         """Scores of terms that load one and the same joint."""
@@ -98,7 +98,7 @@ class Scorer:
             each = _solve(own - b.swapaxes(1, 2) @ gb, g[at], np.diagonal(own, axis1=1, axis2=2))
             for i, theta, drop, std in zip(which, *each, strict=True):
                 left = max(self._rss[j] - float(drop), 1e-9 * self._rss[j])
-                found[i] = Score(terms[i], 0.5 * self._count * float(np.log(self._rss[j] / left)), theta, std)
+                found[i] = Score(terms[i], 0.5 * float(self._count[j] * np.log(self._rss[j] / left)), theta, std)
         return [found[i] for i in range(len(terms))]
 
     def _given_back(self, change: FloatArray) -> float:
@@ -127,7 +127,7 @@ class Scorer:
             index, X = self._fit.blocks[j]
             left = self._residual[:, j] - C @ theta + (X @ change[index]) * self._root[:, j]
             rss[i] = max(float(left @ left), 1e-9)
-        gain = 0.5 * self._count * float(np.sum(np.log(self._rss[active] / rss))) + self._given_back(change)
+        gain = 0.5 * float(self._count[active] @ np.log(self._rss[active] / rss)) + self._given_back(change)
         return Score(term, gain, theta, std)
 
 

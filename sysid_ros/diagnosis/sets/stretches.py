@@ -34,7 +34,8 @@ class Stretches:
     Attributes:
         slices: columns of each term. inexact: those of the inexact links. unknown: those of what is never known of a joint; they
             stand with the terms of that joint. joints: number of joints that have the latter. count: of all columns, P.
-        stretches: how many there are, S. size: rows of each, shape (S,). fitted: which are of the fitted recordings, shape (S,).
+        stretches: how many there are, S. size: rows of each joint that count in each, shape (S, n). fitted: which
+            are of the fitted recordings, shape (S,).
         x, y: rows of a joint, shape (S, P_j, L), and of all targets, shape (S, n, L), zero beyond the end of a stretch.
         place: where each column stands in ``x`` of a joint, -1 for one that does not load it, shape (P,).
         G, b: information of each stretch, shape (S, P, P), and score, shape (S, P), of the fitted rows. whole, score: of all of
@@ -96,16 +97,17 @@ class Stretches:
     def _cut(self) -> None:
         """The stretches, as rows of each."""
         seconds = sum(p.band.seconds for p in self._problems)
-        length, begin, edges = max(_STRETCH, seconds / _MOST), 0, [0]
+        length, begin, edges, counted = max(_STRETCH, seconds / _MOST), 0, [0], list[FloatArray]()
         for problem in self._problems:
             for i, where, count in problem.band.slices:
                 parts = max(1, round((where.stop - where.start) * problem.band.motions[i].period / length))
                 edges += [begin + len(p) for p in _running(np.array_split(np.arange(count), parts))]
+                counted += problem.band.counted_in(i, where, parts)
                 begin += count
         self.stretches = len(edges) - 1
-        self.size = np.diff(edges).astype(float)
+        self.size = np.maximum(np.diff(edges)[:, None] * np.array(counted), 1.0)
         self.fitted = np.array(edges[:-1]) < len(self._root[0])
-        self._filled = np.arange(int(self.size.max())) < self.size[:, None]
+        self._filled = np.arange(int(np.diff(edges).max())) < np.diff(edges)[:, None]
 
     def _by_stretch(self, rows: FloatArray) -> FloatArray:
         """Columns of each stretch, shape (S, c, L), zero beyond its end, of rows of shape (R, c)."""
@@ -125,7 +127,7 @@ class Stretches:
             self.G[:, shared, own] = self.G[:, own, shared].swapaxes(1, 2)
             self.G[:, shared, shared] += x[:, p:] @ both
             self.b[:, self._index[j]] += (x @ self.y[:, j, :, None])[:, :, 0]
-        self.all_over_fitted = float(np.sum(self.size)) / len(self._root[0])
+        self.all_over_fitted = float(np.sum(self._filled)) / len(self._root[0])
         self.whole, self.score = self.G.sum(axis=0), self.b.sum(axis=0)
 
     def noise(self, left: FloatArray) -> RowNoise:
