@@ -55,6 +55,8 @@ class Proposal:
     @property
     def words(self) -> str:
         """What is proposed."""
+        if self.terms[0].row is None:
+            return self.terms[0].effect.label
         names = self.terms[0].effect.robot.joint_names
         on: dict[str, list[str]] = {}
         for t in self.terms:

@@ -63,6 +63,7 @@ class Selection:
         for _ in range(_AGAIN):
             self._again(lambda t: bool(t.effect.knobs))
         self.pool, self._looked = list(self.fit.terms), set[tuple[object, frozenset[Key]]]()
+        self.first: list[Proposal] = []  # from where the search began
         self._dropped: list[tuple[Term, frozenset[Key]]] = []  # with what they could not stay beside; any climb may take them
 
     def on(self, problem: Problem, library: Library, nominal: Sequence[FloatArray]) -> Selection:
@@ -174,8 +175,7 @@ class Selection:
                 if not (again and self._stale(held)):
                     break
                 asked = self._asked(held)
-            same = dict(zip(before, self.fit.terms, strict=True))
-            posterior = posterior_of(search, state, anew=anew).of(same)
+            posterior = posterior_of(search, state, anew=anew).of(same := dict(zip(before, self.fit.terms, strict=True)))
             asked = [t for x in asked if posterior.nothing.get(t := same.get(x, x), 0.0) < 0.5]
             if all(p < 0.5 for p in posterior.nothing.values()):
                 break
@@ -199,8 +199,8 @@ class Selection:
 
     def _search(self, rows: Sequence[Rows], asked: Sequence[Term], noise: RowNoise) -> tuple[SetSearch, State]:
         """A search among the fit's terms and others, and its state at the fit."""
-        dry = dry_friction(self.library.robot, self.fit)
-        return SetSearch.from_fit(self.problem, self.fit, rows, asked, self.prior, noise, dry, self._allowed)
+        about = self.prior, noise, dry_friction(self.library.robot, self.fit), self._allowed
+        return SetSearch.from_fit(self.problem, self.fit, rows, asked, *about)
 
     def _climbed(self, rows: Sequence[Rows], asked: Sequence[Term], thorough: bool = True) -> tuple[State, Fit, SetSearch]:
         noise = self.fit.noise
@@ -244,7 +244,7 @@ class Selection:
     def propose(self) -> Proposal | None:
         """The best step forward, or None where nothing gains its price; all that were proposed stay in the pool."""
         found = self.proposals()
-        self.pool += [t for p in found for t in p.terms]
+        self.pool, self.first = [*self.pool, *(t for p in found for t in p.terms)], self.first or found
         return max(found, key=lambda p: p.score, default=None)
 
     def proposals(self, without: type[Effect] | None = None) -> list[Proposal]:
@@ -295,6 +295,6 @@ class Selection:
         beside = [keys for t, keys in self._dropped if term.same(t)]
         return len(beside) >= _AGAIN or self._keys(term) in beside
 
-    def _keys(self, term: Term | None = None) -> frozenset[Key]:
-        row = term.row if term else None  # all terms, or those that load the same joints as one does
+    def _keys(self, term: Term | None = None) -> frozenset[Key]:  # of all terms, or those that load the same joints as one does
+        row = term.row if term else None
         return frozenset(t.key for t in self.fit.terms if t.row is None or row is None or t.row == row)

@@ -17,6 +17,7 @@ import numpy as np
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared, assemble
 from sysid_ros.diagnosis.selection import Selection
+from sysid_ros.diagnosis.sets.two_starts import most_probable
 from sysid_ros.effects import Motion
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import SLIDE, smoothed_sign
@@ -34,13 +35,10 @@ def searched(robot: RobotModel, train: Prepared, progress: Callable[[str], None]
     """The most probable set of causes; the library and the rows of the selection are those of all recordings."""
     library = Library(robot, train.band)
     if train.band.seconds < _WORTH_IT * _SEARCHED:
-        selection = Selection(train.problem, library, train.nominal, progress=progress)
-        selection.run()
-        return selection
+        return most_probable(train, library, progress)
     part = thinned(robot, train)
     progress(f"searching {part.band.seconds:.0f} s of {train.band.seconds:.0f} s")
-    first = Selection(part.problem, Library(robot, part.band), part.nominal, progress=progress)
-    first.run()
+    first = most_probable(part, Library(robot, part.band), progress)
     progress("what was found, in all of the recordings")
     selection = first.on(train.problem, library, train.nominal)
     selection.settle()
