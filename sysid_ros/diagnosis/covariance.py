@@ -1,8 +1,8 @@
 """Covariance of all parameters of a fit, the nonlinear ones included, beside what is never exactly known of a joint.
 
-The latter, how its friction turns at a reversal or differs with direction, and its torque gain, are columns with a prior beside
-the causes of every set. No cause wins over another by what they can take, and what they could have taken is in the intervals of
-the others; the model itself has none of them.
+The latter, how its friction turns at a reversal or differs with direction, its torque gain, and by how much its drive is slower
+than others, are columns with a prior beside the causes of every set. No cause wins over another by what they can take, and what
+they could have taken is in the intervals of the others; the model itself has none of them.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _PROBE = 0.003
 _BUMPS = {0.015: 0.5, 0.05: 0.05}
 """Part by which dry friction may be more or less below a speed [rad/s], whatever its form."""
 _EARLY = 0.002
-"""Time by which the sign of a measured velocity turns early or late [s]."""
+"""Time by which the sign of a measured velocity turns early or late, and a drive is slower or quicker than others [s]."""
 _WIDTHS = (0.005, 0.05)
 """Speeds at which that sign has turned [rad/s], of a hard and of a soft one."""
 _ONE_WAY = 0.02
@@ -158,9 +158,9 @@ def _equations(
     problem: Problem, library: Library, fit: Fit, knobs: Sequence[_Knob]
 ) -> tuple[FloatArray, FloatArray, BlockScatter]:
     """Information of the parameters of a fit, of its knobs and of what is never known of each joint; what the rows that are left
-    say of them, which is nothing but of the last; and how their scores scatter."""
+    say of them, which is nothing but of the last and of a delay; and how their scores scatter."""
     count = len(fit.theta)
-    slopes = {t: _slope(library, t) for t in fit.terms if t.effect.deflection}
+    slopes = {t: _slope(library, t) for t in fit.terms if t.effect.deflection or t.effect.corrects}
     never = unknown_columns(problem, dry_friction(library.robot, fit), whole=True)
     scaled_joints = {t.row for t in fit.terms if t.effect.of_own_torque}  # whose gain is a cause of its own
     first, each = count + len(knobs), len(never)
@@ -170,11 +170,12 @@ def _equations(
     for i, (j, (index, X)) in enumerate(fit.blocks.items()):
         X = X.copy()
         for term, slope in slopes.items():
-            X[:, index == fit.slices[fit.terms.index(term)].start] = slope[:, j, None]
+            start = fit.slices[fit.terms.index(term)].start
+            X[:, index == start] = slope[:, j, None]
+            score[start] += float(slope[:, j] @ (fit.residual[:, j] / fit.variance[:, j])) if term.effect.corrects else 0.0
         unknown = first + each * i + np.arange(each)
-        information[unknown, unknown] += unknown_prior(max(problem.scale) if fit.inexact and j not in scaled_joints else 0.0)[
-            :each
-        ]
+        links_off = max(problem.scale) if fit.inexact and j not in scaled_joints else 0.0
+        information[unknown, unknown] += unknown_prior(links_off, whole=True)[:each]
         every = np.concatenate([index, np.arange(count, first), unknown])
         root = np.sqrt(fit.variance[:, j, None])
         columns = np.concatenate([X, *(knob.slope[:, j, None] for knob in knobs), never[:, :, j].T], axis=1) / root
@@ -198,7 +199,10 @@ def dry_friction(robot: RobotModel, fit: Fit) -> FloatArray:
 
 
 def _slope(library: Library, term: Term) -> FloatArray:
-    """Derivative of a compliant joint's torque by its compliance or gap, shape (K, n): far from the torque over either."""
+    """Derivative of a compliant joint's torque by its compliance or gap, and of all torques by a delay, shape (K, n): far from
+    the torque over any of these."""
+    if term.effect.corrects:
+        return np.asarray(library.remake(term, around=0.0).columns[..., 0])
     value = float(term.effect.settings["around"])
     sides = [value * (1.0 + s) for s in (_PROBE, -_PROBE)]
     torque = [library.remake(term, around=x).columns[..., 0] * x for x in sides]
@@ -210,8 +214,8 @@ def unknown_columns(problem: Problem, dry: FloatArray, whole: bool = False) -> F
 
     Args:
         dry: level of the dry friction on each joint, shape (n,) [N m].
-        whole: the torque constant is one of all that the drives give, as far as that is known, else of what the links need: while
-            sets are compared what rubs may leave one.
+        whole: all of them. While sets are compared the torque constant is one of what the links need, for what rubs may leave a
+            set, and all drives are as quick.
     """
     if problem.considered:
         return np.zeros((0, *problem.y.shape))
@@ -221,17 +225,20 @@ def unknown_columns(problem: Problem, dry: FloatArray, whole: bool = False) -> F
         v, a = motion.v / unit, motion.a / unit
         bumps = [smoothed_sign(v, _WIDTHS[0]) * np.exp(-((v / speed) ** 2)) for speed in _BUMPS]
         turning = [smoothed_sign_slope(v, width) * a for width in _WIDTHS]
-        rubs = (*bumps, *turning, np.ones_like(v))
-        curves.append(np.stack([*(x * dry for x in rubs), motion.drive_torque if whole else motion.link_torque]))
+        rubs = [x * dry for x in (*bumps, *turning, np.ones_like(v))]
+        of_drive = (motion.drive_torque, motion.rate_of(motion.drive_torque)) if whole else (motion.link_torque,)
+        curves.append(np.stack([*rubs, *of_drive]))
     rows: FloatArray = problem.band.curves(curves)
     return rows
 
 
-def unknown_prior(scale: float) -> FloatArray:
+def unknown_prior(scale: float, whole: bool = False) -> FloatArray:
     """Inverse variances of their parameters before any data, shape (c,).
 
     Args:
-        scale: how inexact the links are, in units of the usual inexactness; 0 for a simulation, in which all is exact.
+        scale: how inexact the links are, in units of the usual inexactness; 0 for a simulation, in which all is exact. whole: as
+            :func:`unknown_columns` has it.
     """
-    gain = _GAIN if scale > 0.0 else 1e-6
-    return np.array([*_BUMPS.values(), *(_EARLY for _ in _WIDTHS), _ONE_WAY, gain]) ** -2.0
+    gain, lag = (_GAIN, _EARLY) if scale > 0.0 else (1e-6, 1e-6)
+    rubs = [*_BUMPS.values(), *(_EARLY for _ in _WIDTHS), _ONE_WAY]
+    return np.array([*rubs, gain, *([lag] if whole else [])]) ** -2.0
