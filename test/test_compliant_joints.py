@@ -12,7 +12,8 @@ from robots import robot
 from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import Diagnosis, diagnose
-from sysid_ros.diagnosis.knobs import fit_deflection, made_anew
+from sysid_ros.diagnosis.deflections import fit_deflection
+from sysid_ros.diagnosis.knobs import made_anew
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.effects import EFFECTS, Backlash, JointElasticity, Motion

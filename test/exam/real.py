@@ -47,8 +47,8 @@ from sysid_ros.simulation.hidden_effects import (
 
 CLEAR = 1.5
 APART = 0.5
-_ATTEMPTS, _PATIENCE, _PLACES, _LARGEST, _HOPELESS = 16, 4, 8, 3.0, 1.5
-_SEED = 7411
+ATTEMPTS, _PATIENCE, _PLACES, _LARGEST, _HOPELESS = 16, 4, 8, 3.0, 1.5
+SEED = 7411
 
 
 def leading() -> list[str]:
@@ -64,13 +64,13 @@ def draw_real(seed: int, effect: str | None = None, simulator: str | None = None
         effect: id of the larger cause, or of the first of two; None: each in turn.
         simulator: of the recordings; None: each in turn.
     """
-    for attempt in range(_ATTEMPTS):
-        rng = np.random.default_rng([seed, _SEED, attempt])
+    for attempt in range(ATTEMPTS):
+        rng = np.random.default_rng([seed, SEED, attempt])
         try:
             return _draw(seed, attempt // _PATIENCE, effect, simulator or simulator_of(seed), rng)
         except SettingsError:
             continue
-    raise SettingsError(f"seed {seed} of level real: nothing was found in {_ATTEMPTS} attempts that shows and the arm can bear.")
+    raise SettingsError(f"seed {seed} of level real: nothing was found in {ATTEMPTS} attempts that shows and the arm can bear.")
 
 
 def _draw(seed: int, other: int, effect: str | None, simulator: str, rng: np.random.Generator) -> Case:
@@ -172,10 +172,10 @@ def _with_larger(effect: HiddenEffect, stage: Stage) -> list[Rows]:
     rest = without(stage.built, [effect])
     true, alone = realise(stage.robot, (*rest, effect)), realise(stage.robot, (effect,))
     if alone.channels:
-        rng = np.random.default_rng(_SEED)
+        rng = np.random.default_rng(SEED)
         return [rows_of(stage.robot, publish("", true, m, stage.noise, rng)) for m in stage.moved]
     if np.any(np.isfinite(alone.joints.limit)):
-        rng = np.random.default_rng(_SEED)
+        rng = np.random.default_rng(SEED)
         moved = [move(true, m, stage.rate, stage.stiffening) for m in stage.motions]
         return [rows_of(stage.robot, publish("", true, m, stage.noise, rng)) for m in moved]
     gone = [on_joints(e, taken) for e in stage.built if (taken := [j for j in e.joints if j not in _joints_of(e.id, rest)])]
@@ -194,7 +194,7 @@ def _by_itself(true: TrueRobot, motion: PlannedMotion, stage: Stage) -> FloatArr
     """Residual of a robot that has nothing else and no noise, shape (K, n)."""
     silent = Noise(np.zeros(stage.robot.n), np.zeros(stage.robot.n), position=0.0, resolution=0.0)
     moved = move(true, motion, stage.rate, stage.stiffening)
-    return rows_of(stage.robot, publish("", true, moved, silent, np.random.default_rng(_SEED))).residual
+    return rows_of(stage.robot, publish("", true, moved, silent, np.random.default_rng(SEED))).residual
 
 
 def _recorded(name: str, true: TrueRobot, stage: Stage, which: int, simulator: str, rng: np.random.Generator) -> HiddenRecording:
