@@ -1,4 +1,4 @@
-"""What is wrong with messages: repeated, dropped, late, frozen, out of order. It is seen in stamps and raw values alone."""
+"""What is wrong with messages: repeated, dropped, late, frozen, spiked, out of order. Stamps and raw values alone show it."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from sysid_ros.input_gate.polled import times_of_samples
 from sysid_ros.input_gate.stamp_jitter import stamp_jitter
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.spikes import without_spikes
 
 _MISSING = 1.6
 """A step between stamps is too long from this multiple of the usual one on."""
@@ -34,7 +35,7 @@ _NAMED = 0.01
 """Part of the messages from which a fault is a finding of its own; fewer are a note. The same part of a step is the least level
 of the stamps' errors that is corrected."""
 
-FAULTS = ("repeated", "polled", "dropped", "late", "frozen", "unordered")
+FAULTS = ("repeated", "polled", "dropped", "late", "frozen", "spiked", "unordered")
 
 Order = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -51,6 +52,7 @@ class MessageFaults:
         polled: messages of a driver that polls a slower source, see :mod:`.polled`. age: of the oldest of their values [s].
         frozen: messages whose efforts have not changed on any joint for a quarter of a second or more while the arm moves.
         unordered: messages that came after one with a later stamp.
+        spiked: messages, of those that are used, with a torque that fits neither the one before nor the one after.
         order: puts the messages in the order of their stamps, shape (N,). keep: what is used, in that order, shape (N,).
         jitter: level of the stamps' errors where the positions tell them, see :mod:`.stamp_jitter` (rms), else 0 [s].
         times: when the values of the messages were true, in that order, shape (N,) [s].
@@ -70,6 +72,7 @@ class MessageFaults:
     order: Order
     keep: Mask
     times: FloatArray
+    spiked: int = 0
 
     def shares(self) -> dict[str, float]:
         """Part of the messages that each fault concerns."""
@@ -88,6 +91,7 @@ class MessageFaults:
             "dropped": f"about {self.dropped} are missing",
             "late": f"{self.late} hold values that are up to {1e3 * self.delay:.0f} ms off their stamp and are left out",
             "frozen": f"{self.frozen} have the efforts of long before while the arm moves and are left out",
+            "spiked": f"{self.spiked} hold a torque far from those before and after it, which gave way to the middle of these",
             "unordered": f"{self.unordered} came out of order and were put in the order of their stamps",
         }
         found = [text for name, text in said.items() if getattr(self, name)]
@@ -101,7 +105,8 @@ class MessageFaults:
 
 
 def in_order(recording: Recording) -> tuple[Recording, MessageFaults]:
-    """The recording in the order of its stamps, without the messages that repeat another or are late, and what was found.
+    """The recording in the order of its stamps, without the messages that repeat another or are late and without spikes of its
+    torques, and what was found.
 
     Raises:
         DataError: most stamps are before the one before: there is no order to bring them into.
@@ -113,20 +118,24 @@ def in_order(recording: Recording) -> tuple[Recording, MessageFaults]:
             "the clock that stamps them, or turn the order of the rows round."
         )
     faults = find_message_faults(recording.t, recording.q, recording.tau)
-    if faults.keep.all() and not faults.unordered and not faults.jitter:
+    if not faults.keep.all() or faults.unordered or faults.jitter:
+        recording = replace(recording.at(faults.order[faults.keep]), t=faults.times[faults.keep])
+    tau, spikes = without_spikes(recording.tau)
+    if not spikes.any():
         return recording, faults
-    return replace(recording.at(faults.order[faults.keep]), t=faults.times[faults.keep]), faults
+    return replace(recording, tau=tau), replace(faults, spiked=int(np.sum(spikes.any(axis=1))))
 
 
 def at_own_times(recording: Recording) -> tuple[Recording, str]:
-    """The recording with its values at the times at which they were true, where its messages tell these, and what was found.
+    """The recording with its values at the times at which they were true, where its messages tell these, and without spikes of
+    its torques, and what was found.
 
     A recording with other faults of its messages is left as it is: who asks this has checks of its own for them.
     """
     if np.any(np.diff(recording.t) < 0.0):
         return recording, ""
     ordered, faults = in_order(recording)
-    if faults.frozen or not (faults.polled or faults.jitter):
+    if faults.frozen or not (faults.polled or faults.jitter or faults.spiked):
         return recording, ""
     return ordered, faults.in_words()
 

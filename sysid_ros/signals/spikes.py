@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from sysid_ros.sample import FloatArray
 
@@ -44,3 +45,19 @@ def remove_spikes(window: FloatArray, first: int, usual: FloatArray, alone: bool
             rate = max(1.0 / count, _CALM)
             usual[j] += rate * (min(far, 4.0 * usual[j]) - usual[j]) if count > _FIRST else rate * (far - usual[j])
     return found
+
+
+def without_spikes(tau: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Recorded torques, shape (N, n), with the middle of its neighbours in place of each spike, as :func:`remove_spikes` finds
+    them in one torque alone, and where they were, shape (N, n)."""
+    out = np.array(tau, dtype=float, order="C")
+    _remove_all(out)
+    return out, (out != tau) & ~np.isnan(tau)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _remove_all(tau: FloatArray) -> None:
+    """Remove the spikes of torques of shape (N, n) in place."""
+    usual = np.zeros(tau.shape[1] + 1)
+    for k in range(len(tau) - 3):
+        remove_spikes(tau[k : k + 4], 0, usual, True)

@@ -1,0 +1,73 @@
+"""Torques that fit neither their neighbours: taken out of a recording, said, and no cause of anything."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sysid_ros.input_gate.message_faults import at_own_times, in_order
+from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.spikes import without_spikes
+
+RATE, N = 250.0, 3000
+
+
+def recording(seed: int = 0) -> Recording:
+    rng = np.random.default_rng(seed)
+    t = np.arange(N) / RATE
+    q = np.stack([np.sin(2.0 * np.pi * f * t) for f in (0.3, 0.4, 0.5)], axis=1)
+    tau = 5.0 * np.roll(q, 1, axis=1) + np.sign(np.gradient(q, axis=0)) + 0.05 * rng.normal(size=q.shape)
+    return Recording("run", t, q, None, tau)
+
+
+def spiked(tau: FloatArray, part: float, size: float, seed: int = 1) -> tuple[FloatArray, np.ndarray]:
+    """Some torques of one joint a message are off, none of the first half second."""
+    rng = np.random.default_rng(seed)
+    where = np.zeros(tau.shape, dtype=bool)
+    rows = np.flatnonzero(rng.random(N) < part)
+    where[rows, rng.integers(tau.shape[1], size=len(rows))] = True
+    where[:125] = where[-2:] = False
+    return tau + np.where(where, size * rng.choice([-1.0, 1.0], tau.shape), 0.0), where
+
+
+@pytest.mark.parametrize("size", [2.0, 20.0, 500.0])
+def test_spikes_are_found_and_give_way_to_the_middle_of_their_neighbours(size: float) -> None:
+    clean = recording().tau
+    tau, where = spiked(clean, 0.004, size)
+    out, found = without_spikes(tau)
+    assert where.sum() > 5
+    assert np.mean(found[where]) > 0.95
+    assert not found[~where].any()
+    assert np.abs(out - clean)[found].max() < 0.5
+    assert np.array_equal(out[~found], tau[~found])
+
+
+def test_a_step_an_impact_and_a_torque_that_is_missing_are_no_spikes() -> None:
+    tau = recording().tau
+    tau[1000:] += 30.0
+    tau[2000] += 30.0
+    tau[1500, 1] = np.nan
+    out, found = without_spikes(tau)
+    assert not found.any()
+    np.testing.assert_array_equal(out, tau)
+
+
+def test_a_recording_without_spikes_is_left_as_it_is() -> None:
+    whole = recording()
+    ordered, faults = in_order(whole)
+    assert ordered is whole
+    assert faults.spiked == 0
+    assert at_own_times(whole) == (whole, "")
+
+
+def test_spikes_are_said_and_are_a_finding_of_their_own_where_they_are_many() -> None:
+    whole = recording()
+    for part, named in ((0.004, False), (0.03, True)):
+        tau, where = spiked(whole.tau, part, 20.0)
+        ordered, faults = in_order(Recording("run", whole.t, whole.q, None, tau))
+        messages = int(np.sum(where.any(axis=1)))
+        assert 0.8 * messages <= faults.spiked <= messages
+        assert ("spiked" in faults.named()) is named
+        assert f"{faults.spiked} hold a torque far from those before and after it" in faults.in_words()
+        assert np.sqrt(np.mean((ordered.tau - whole.tau) ** 2)) < 0.3 * np.sqrt(np.mean((tau - whole.tau) ** 2))
