@@ -41,7 +41,7 @@ from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.simulation import ArmScenario, simulate_arm
 
-_EXACT: dict[str, Any] = {"link_mass_error": 0.0, "link_com_error": 0.0}
+_EXACT: dict[str, Any] = {"link_mass_error": 0.0, "link_com_error": 0.0, "effort_gain_error": 0.0}
 """The links are as in the URDF; what is measured is the rest. For links that are not see ``conditions.py``."""
 _SETTINGS = {
     "sysid_ros": OnlineSettings(**_EXACT),

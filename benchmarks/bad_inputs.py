@@ -78,7 +78,7 @@ class _Trial:
         from sysid_ros.nodes.online_payload_estimator import OnlinePayloadEstimator
 
         self.row, self.arm = row, arm
-        exact = {"link_mass_error": 0.0, "link_com_error": 0.0}
+        exact = {"link_mass_error": 0.0, "link_com_error": 0.0, "effort_gain_error": 0.0}
         values = {"joint_names": arm.names if not row.description else [], **exact, **row.parameters}
         if not row.description:
             path = Path(tempfile.mkdtemp()) / "robot.urdf"

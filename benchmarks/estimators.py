@@ -41,7 +41,9 @@ _PRIOR = np.array([2.0] + [0.3] * 3 + [0.1] * 6)
 
 def trial(estimator: str, condition: str, seed: int) -> Outcome:
     """One run of a condition with an estimator."""
-    return run(condition, seed, OnlineSettings(estimator=estimator, link_mass_error=0.0, link_com_error=0.0))
+    return run(
+        condition, seed, OnlineSettings(estimator=estimator, link_mass_error=0.0, link_com_error=0.0, effort_gain_error=0.0)
+    )
 
 
 def rows(seed: int, count: int = 2000, m: int = 7, noise: float = 0.05) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -124,7 +124,7 @@ def trial(arm: str, seed: int, rate: float, torque_noise: float) -> Trial:
     tau += 0.03 * scale * (np.tanh(v / 0.003) + v)
     tau += torque_noise * np.maximum(scale, np.median(scale)) * rng.normal(size=tau.shape)
     q = q + 2e-5 * rng.normal(size=q.shape)
-    settings = OnlineSettings(link_mass_error=0.0, link_com_error=0.0)  # they are exact here
+    settings = OnlineSettings(link_mass_error=0.0, link_com_error=0.0, effort_gain_error=0.0)  # they are exact here
     gate, estimation = InputGate(model, settings), OnlineEstimation(model, settings)
     judged = None
     for k in range(len(t)):

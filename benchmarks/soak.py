@@ -58,7 +58,7 @@ class Soak:
         self._drops = Arm(seed, drops=True)
         self._more = [Arm(seed + k + 1) for k in range(ARMS)]
         arm = self._more[0]
-        settings = OnlineSettings(joint_names=tuple(arm.names), link_mass_error=0.0, link_com_error=0.0)
+        settings = OnlineSettings(joint_names=tuple(arm.names), link_mass_error=0.0, link_com_error=0.0, effort_gain_error=0.0)
         self.live = LiveEstimation(arm.urdf, settings, CommitGate(CommitSettings()))
         self._clock = 1e6
         self.ok = self.wrong = self.committed = self.wrong_commits = self.raised = 0

@@ -170,6 +170,13 @@ class OnlineSettings(Settings):
     link_com_error: float = setting(
         0.003, "without a model, error of each coordinate of the links' centres of mass in the URDF", "m", 0.0, 0.1
     )
+    effort_gain_error: float = setting(
+        0.01,
+        "without a model, error of each joint's effort, as a part of it: torque constants, calibration; 0: none",
+        "",
+        0.0,
+        0.5,
+    )
     base_tilt_std: float = setting(
         0.02,
         "prior standard deviation of how far an arm's base is tilted, about two axes; 0: not at all",

@@ -173,7 +173,7 @@ def test_a_state_that_fails_again_is_given_up(monkeypatch: pytest.MonkeyPatch) -
 
 @pytest.mark.parametrize(("factor", "word"), [([1.0, -1.0, 1.0, 1.0], "sign"), ([0.1] * 4, "effort_scale")])
 def test_torques_that_do_not_fit_are_told_as_what_they_are(factor: list[float], word: str) -> None:
-    live = live_of(link_mass_error=0.0, link_com_error=0.0)
+    live = live_of(link_mass_error=0.0, link_com_error=0.0, effort_gain_error=0.0)
     run(live, [replace(r, effort=np.asarray(r.effort) * factor) for r in motion(ROBOT, 14.0, mass=0.0)])
     status, reason = live.status(0.0)
     assert status == "inconsistent"

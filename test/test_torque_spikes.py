@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sysid_ros.input_gate.message_faults import at_own_times, in_order
+from sysid_ros.input_gate.message_faults import at_own_times, despiked, in_order
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.spikes import without_spikes
@@ -55,7 +55,7 @@ def test_a_step_an_impact_and_a_torque_that_is_missing_are_no_spikes() -> None:
 
 def test_a_recording_without_spikes_is_left_as_it_is() -> None:
     whole = recording()
-    ordered, faults = in_order(whole)
+    ordered, faults = despiked(*in_order(whole))
     assert ordered is whole
     assert faults.spiked == 0
     assert at_own_times(whole) == (whole, "")
@@ -65,7 +65,7 @@ def test_spikes_are_said_and_are_a_finding_of_their_own_where_they_are_many() ->
     whole = recording()
     for part, named in ((0.004, False), (0.03, True)):
         tau, where = spiked(whole.tau, part, 20.0)
-        ordered, faults = in_order(Recording("run", whole.t, whole.q, None, tau))
+        ordered, faults = despiked(*in_order(Recording("run", whole.t, whole.q, None, tau)))
         messages = int(np.sum(where.any(axis=1)))
         assert 0.8 * messages <= faults.spiked <= messages
         assert ("spiked" in faults.named()) is named

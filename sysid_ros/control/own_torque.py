@@ -52,7 +52,9 @@ class OwnTorque:
     """
 
     def __init__(self, robot: RobotModel, frame: str, known: ModelFile | None, delay: float) -> None:
-        self._settings = OnlineSettings(frame_id=frame, base="fixed", link_mass_error=0.0, link_com_error=0.0, base_tilt_std=0.0)
+        self._settings = OnlineSettings(
+            frame_id=frame, base="fixed", link_mass_error=0.0, link_com_error=0.0, effort_gain_error=0.0, base_tilt_std=0.0
+        )
         self._robot = robot.with_links(np.zeros(10 * robot.n))  # its newest regressor is no one else's
         self._free = FreeParameters(self._robot, self._settings, known)
         self._delay, self._late_std = delay, delay / np.sqrt(12.0)

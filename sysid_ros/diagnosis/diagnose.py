@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 from sysid_ros.diagnosis.channel_faults import fault_evidence, undone
@@ -23,7 +24,7 @@ from sysid_ros.diagnosis.strong_contacts import strong_contacts
 from sysid_ros.diagnosis.whose.robot_hypotheses import judge
 from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError
-from sysid_ros.input_gate.message_faults import MessageFaults, in_order
+from sysid_ros.input_gate.message_faults import MessageFaults, despiked, in_order
 from sysid_ros.input_gate.recording_check import broken, refusal_of
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
@@ -68,11 +69,9 @@ def diagnose(
     simulator = installed(simulator)
     if not recordings:
         raise DataError("no recording is given. Give at least one bag.")
-    ordered, ordered_validation = _in_order(robot, recordings), _in_order(robot, validation)
-    notes = tuple(f"{r.name}: {words}" for r, f in [*ordered, *ordered_validation] if (words := f.in_words()))
-    recordings, validation = [r for r, _ in ordered], [r for r, _ in ordered_validation]
+    (recordings, validation), (of_messages, _), notes, refusal = _in_order(robot, recordings, validation)
     fitted, judged = (recordings, validation) if validation else split(recordings)
-    if reason := refusal_of(robot, recordings, validation) or broken(robot, fitted) or broken(robot, judged):
+    if reason := refusal or broken(robot, fitted) or broken(robot, judged):
         return Diagnosis("refused", robot.joint_names, refusal=reason, notes=notes)
     fitted, partly = known_everywhere(fitted, judged, robot.joint_names)
     notes += partly
@@ -83,7 +82,7 @@ def diagnose(
     if whose and doubt and whose.hopeless:
         return Diagnosis("refused", robot.joint_names, refusal=doubt, notes=notes)
     faults = whose.faults if whose else ()
-    of_data = [*signal_findings(fitted, robot.joint_names), *message_finding([f for _, f in ordered], robot.joint_names)]
+    of_data = [*signal_findings(fitted, robot.joint_names), *message_finding(of_messages, robot.joint_names)]
 
     effects = known.known_effects(robot) if known else []
     train, selection, contacts = _search(robot, [undone(r, faults) for r in fitted], effects, progress)
@@ -144,15 +143,23 @@ def _held_out(
     return held, later
 
 
-def _in_order(robot: RobotModel, recordings: Sequence[Recording]) -> list[tuple[Recording, MessageFaults]]:
-    """The recordings with their messages in order, and what was wrong with these.
+def _in_order(
+    robot: RobotModel, *groups: Sequence[Recording]
+) -> tuple[list[list[Recording]], list[list[MessageFaults]], tuple[str, ...], str | None]:
+    """The recordings of each group with their messages in order, what was wrong with these, that in words, and why they can't be
+    used at all.
 
     Raises:
         DataError: a recording is of other joints than the robot's, or its stamps have no order.
     """
-    for recording in recordings:
+    for recording in chain(*groups):
         if recording.q.shape[1] != robot.n:
             raise DataError(
                 f"{recording.name} has {recording.q.shape[1]} joints, the robot has {robot.n}: {', '.join(robot.joint_names)}."
             )
-    return [in_order(r) for r in recordings]
+    ordered = [[in_order(r) for r in group] for group in groups]
+    # before spikes are gone: a count of few bits has some where it wraps
+    refusal = refusal_of(robot, *([r for r, _ in group] for group in ordered))
+    found = [[despiked(*x) for x in group] for group in ordered]
+    notes = tuple(f"{r.name}: {words}" for r, f in chain(*found) if (words := f.in_words()))
+    return [[r for r, _ in group] for group in found], [[f for _, f in group] for group in found], notes, refusal

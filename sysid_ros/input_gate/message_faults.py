@@ -105,8 +105,7 @@ class MessageFaults:
 
 
 def in_order(recording: Recording) -> tuple[Recording, MessageFaults]:
-    """The recording in the order of its stamps, without the messages that repeat another or are late and without spikes of its
-    torques, and what was found.
+    """The recording in the order of its stamps, without the messages that repeat another or are late, and what was found.
 
     Raises:
         DataError: most stamps are before the one before: there is no order to bring them into.
@@ -118,8 +117,13 @@ def in_order(recording: Recording) -> tuple[Recording, MessageFaults]:
             "the clock that stamps them, or turn the order of the rows round."
         )
     faults = find_message_faults(recording.t, recording.q, recording.tau)
-    if not faults.keep.all() or faults.unordered or faults.jitter:
-        recording = replace(recording.at(faults.order[faults.keep]), t=faults.times[faults.keep])
+    if faults.keep.all() and not faults.unordered and not faults.jitter:
+        return recording, faults
+    return replace(recording.at(faults.order[faults.keep]), t=faults.times[faults.keep]), faults
+
+
+def despiked(recording: Recording, faults: MessageFaults) -> tuple[Recording, MessageFaults]:
+    """The recording, in order, without spikes of its torques, and the faults with how many messages had one."""
     tau, spikes = without_spikes(recording.tau)
     if not spikes.any():
         return recording, faults
@@ -134,7 +138,7 @@ def at_own_times(recording: Recording) -> tuple[Recording, str]:
     """
     if np.any(np.diff(recording.t) < 0.0):
         return recording, ""
-    ordered, faults = in_order(recording)
+    ordered, faults = despiked(*in_order(recording))
     if faults.frozen or not (faults.polled or faults.jitter or faults.spiked):
         return recording, ""
     return ordered, faults.in_words()

@@ -144,7 +144,7 @@ class ArmRows:
         noise: float,
     ) -> None:
         n, rate = model.robot.n, 1.0 / period
-        self.rows, self._p, self._every = n, model.p, every
+        self.rows, self._p, self._every, self._gain = n, model.p, every, model.error.gain
         self.derivative = CausalDerivative(n, period, window_half_width(rate), use_message_velocity)
         self._compiled = model.compiled()
         self.bank = LowPassBank(self._compiled.empty.shape, cutoff_hz, rate)
@@ -198,6 +198,7 @@ class ArmRows:
         matrix[known, first:] = root
         self.bank.mix(matrix)
         self._history.settle(mean, root, matrix)
+        self._gain = model.error.gain
         self._compiled = model.compiled()
         self._pushed, self._still = np.tile(self._compiled.empty, (self.rows, 1, 1)), self._compiled.empty.copy()
 
@@ -213,8 +214,8 @@ class ArmRows:
         """What the low-pass shows now, one row a joint."""
         p, out = self._p, self.bank.output
         n, c = out.shape
-        Y, considered, beside = np.empty((n, p)), np.empty((n, c - p - BESIDE)), np.empty((5, n))
-        filled = _split(out, p, Y, beside, considered)
+        Y, considered, beside = np.empty((n, p)), np.zeros((n, c - p - BESIDE + self._gains)), np.empty((5, n))
+        filled = _split(out, p, Y, beside, considered, self._gain)
         self._fresh = self._filling if filled < _FILLED else max(self._fresh - 1, 0)
         y, speed, slow, acceleration, tau = beside
         self._since = (self._since + 1) % _NOISE_EVERY
@@ -231,18 +232,28 @@ class ArmRows:
         for pushed, unit in zip(self._pushed, np.sqrt(variance) * np.eye(self.rows), strict=True):
             self._compiled.fill(sample.t, sample.q, zero, unit, zero, pushed)
         moved = self._pushed - self._still
-        return np.ascontiguousarray(moved[:, :, :p]), moved[:, :, p].copy(), np.ascontiguousarray(moved[:, :, p + BESIDE :])
+        also = np.pad(moved[:, :, p + BESIDE :], ((0, 0), (0, 0), (0, self._gains)))
+        return np.ascontiguousarray(moved[:, :, :p]), moved[:, :, p].copy(), also
+
+    @property
+    def _gains(self) -> int:
+        """Efforts whose gain is considered."""
+        return self.rows if self._gain else 0
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _split(out: FloatArray, p: int, Y: FloatArray, beside: FloatArray, considered: FloatArray) -> float:
+def _split(out: FloatArray, p: int, Y: FloatArray, beside: FloatArray, considered: FloatArray, gain: float) -> float:
     """What the low-pass shows, in the arrays of :class:`.Rows`: y, speed, slow, acceleration and tau are rows of ``beside``.
-    How far the low-pass is filled, over which the means beside the equation are taken."""
+    How far the low-pass is filled, over which the means beside the equation are taken. The last columns of what is considered, if
+    there are more than the low-pass has, are of a ``gain`` of each effort, and zero so far."""
+    known = out.shape[1] - p - BESIDE
     filled = out[0, p + 5]
     part = max(filled, 0.02) if filled < _FILLED else 1.0
     for i in range(out.shape[0]):
         Y[i] = out[i, :p]
-        considered[i] = out[i, p + BESIDE :]
+        considered[i, :known] = out[i, p + BESIDE :]
+        if considered.shape[1] > known:
+            considered[i, known + i] = gain * out[i, p + 3]
         beside[0, i] = out[i, p]
         beside[1, i] = abs(out[i, p + 1]) / part
         beside[2, i] = abs(out[i, p + 4]) / part

@@ -37,6 +37,8 @@ _CARRIED = 0.16
 """Least prior standard deviation of what a robot on legs carries, as a part of its own mass."""
 _SIZE = 0.11
 """Its distance from the trunk's origin over the cube root of the robot's mass [m/kg^(1/3)]: a quarter of a metre on 12 kg."""
+_OF_ROBOT = 0.03
+"""Part of its own mass that what a robot on legs carries need not be known better to."""
 _GRAVITY_DENSITY = 1e-8
 """Least density of the noise with which the accelerometer shows gravity [(m/s^2)^2 s]."""
 
@@ -102,8 +104,9 @@ class FreeParameters:
         if self.legs is not None:
             effects += self.legs.effects
             prior_std.append(self.legs.prior_std)
-        inexact = None
+        inexact, gain = None, 0.0
         if known is None and settings.effort_type == "total":
+            gain = 0.0 if base else settings.effort_gain_error
             inexact = link_inexactness(whole, settings.link_mass_error, settings.link_com_error, base is not None)
         self.model = TorqueModel(
             whole,
@@ -112,6 +115,7 @@ class FreeParameters:
             settings.effort_type == "total",
             uncertainty,
             inexact=inexact,
+            gain=gain,
         )
         self.tilt_is_open = self.tilt is not None
         self.bias = self.legs.bias if self.legs else None
@@ -239,6 +243,12 @@ class FreeParameters:
     def links_are_of_the_urdf(self) -> bool:
         """True of an arm whose links are known from the URDF alone."""
         return self._known is None and self._base is None and self._settings.effort_type == "total"
+
+    @property
+    def least_mass(self) -> float:
+        """What the payload's mass need not be known better to [kg]: legs hold the robot, too, and of an arm whose efforts may be
+        off by a part so much of what it weighs by itself looks like a payload."""
+        return _OF_ROBOT * self._base.mass if self._base else self.model.error.gain * float(np.sum(self._robot.pi[::10]))
 
     def error_directions(self) -> FloatArray:
         """What a payload and the considered errors of the links are in the links' inertials, shape (10 n, 10 + c)."""

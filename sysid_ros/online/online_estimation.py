@@ -175,8 +175,8 @@ class OnlineEstimation:
         return front_end
 
     def _make_judgement(self) -> None:
-        base, s, floor = self.base, self.settings, self._floor
-        self._judgement = Judgement(base.robot, s, floor[:FREE], base.mass) if base else Judgement(self.robot, s, floor)
+        robot, floor = (self.base.robot, self._floor[:FREE]) if self.base else (self.robot, self._floor)
+        self._judgement = Judgement(robot, self.settings, floor, self._free.least_mass)
 
     def _take(self, rows: Rows, t: float) -> PayloadEstimate | None:
         """One update, and what it gives if that is due; ``t``: stamp of the newest measurement [s]."""

@@ -19,8 +19,6 @@ STATUSES = ("ok", "warming_up", "not_excited", "not_physical", "stale", "no_payl
 _FORCE = "external_force"
 _IDENTIFY = "Identify the arm without a payload ('sysid identify') and give the model with --model."
 _LOOK = "Check the URDF's legs and feet, and that the IMU is low-passed before it is published and stamped like the joints."
-_OF_ROBOT = 0.03
-"""Part of the mass of a robot on legs that what it carries need not be known better to: its legs hold both."""
 _DISTURBED = "For two steps the torques have fitted neither what was known nor another payload: something pulls at the robot."
 NOT_A_BODY = 29.6
 """99.9 % quantile of chi-squared with 10 degrees of freedom."""
@@ -234,15 +232,15 @@ class Judgement:
 
     Args:
         robot: for the names of its joints. settings: the limits. floor: least variance of a row, shape (n,), of those
-            rows that are torques. carries_itself: mass of a robot on legs [kg]: a load counts against it; 0 for an arm.
+            rows that are torques. least: what the mass need not be known better to [kg].
 
     Attributes:
         check: takes in the rows of a moving robot.
     """
 
-    def __init__(self, robot: RobotModel, settings: OnlineSettings, floor: FloatArray, carries_itself: float = 0.0) -> None:
+    def __init__(self, robot: RobotModel, settings: OnlineSettings, floor: FloatArray, least: float = 0.0) -> None:
         self._settings = settings
-        self._limit = max(settings.mass_std_limit, _OF_ROBOT * carries_itself)
+        self._limit = max(settings.mass_std_limit, least)
         self._floor = floor
         self.check = ModelCheck(robot, rows=floor.size)
         self._known = False

@@ -104,12 +104,14 @@ class RowsSoFar:
     ) -> bool:
         """Let an estimator take in what ``change`` makes of Y, y and Z of all rows, and of what noise does to them; whether they
         are rows of one payload, with noise that is known."""
+        c = self._free.model.error.c  # what errors of the efforts' gains make of the links' torque is learned as the links'
         for rows in self.rows:
             extra = self._free.extra_variance(rows, estimator, front_end.passed)
-            Y, y, Z = map(np.ascontiguousarray, change(rows.Y, rows.y, rows.considered))
+            Y, y, Z = map(np.ascontiguousarray, change(rows.Y, rows.y, rows.considered[:, :c]))
             estimator.update(Y, y, False, extra, Z)
             if rows.noise is not None:
-                moved, made, also = map(np.ascontiguousarray, change(*rows.noise))
+                moved, made, also = rows.noise
+                moved, made, also = map(np.ascontiguousarray, change(moved, made, also[..., :c]))
                 estimator.compensate((moved, made, also), False, extra)
         return estimator.noise_known and not (estimator.jumps or estimator.misfits)
 

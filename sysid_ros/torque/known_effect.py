@@ -36,17 +36,25 @@ class KnownError:
         known: its known effects.
         directions: L, shape (number of known parameters, c), rows in the order of the effects; None where it is not known.
         links: the same of the URDF's link inertials, shape (10 n, c), where they are what is known.
+        gain: standard deviation of each joint's effort over the torque, as a part of it.
 
     Attributes:
         c: number of directions. links: L of the link inertials, shape (10 n, c). others: other effects with their rows of L.
+        gain: as above; no part of the directions, since what it makes of a row is that row's measured torque.
 
     Raises:
         ModelFileError: L does not fit the effects.
     """
 
     def __init__(
-        self, robot: RobotModel, known: Sequence[KnownEffect], directions: FloatArray | None, links: FloatArray | None = None
+        self,
+        robot: RobotModel,
+        known: Sequence[KnownEffect],
+        directions: FloatArray | None,
+        links: FloatArray | None = None,
+        gain: float = 0.0,
     ) -> None:
+        self.gain = gain
         count = sum(k.effect.p for k in known)
         if directions is not None and directions.shape[0] != count:
             raise ModelFileError(

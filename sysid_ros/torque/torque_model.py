@@ -43,6 +43,7 @@ class TorqueModel:
         links: False where the measured torque is already free of the robot's own torque.
         uncertainty: of the known effects, see :class:`sysid_ros.torque.known_effect.KnownError`.
         inexact: of the URDF's links where they are known, directions of the error of their inertials, shape (10 n, c).
+        gain: standard deviation of each joint's effort over the torque, as a part of it.
         turns: speed at which the dry friction of the URDF's ``<dynamics>`` has turned, which no URDF says, shape () or (n,)
             [rad/s].
 
@@ -63,6 +64,7 @@ class TorqueModel:
         uncertainty: FloatArray | None = None,
         turns: float | FloatArray = TURNS,
         inexact: FloatArray | None = None,
+        gain: float = 0.0,
     ) -> None:
         self.robot = robot
         self.free = tuple(free)
@@ -88,7 +90,8 @@ class TorqueModel:
         self._rubs, self._turns = bool(np.any(robot.damping) or np.any(robot.friction)), turns
         correction = sum((k.effect.as_links(k.theta).ravel() for k in replaced), np.zeros(10 * robot.n))
         self._correction = correction if self._urdf_links and np.any(correction) else None
-        self.error = KnownError(robot, self.known, uncertainty if self._urdf_links else None, inexact if self._dynamics else None)
+        own = uncertainty if self._urdf_links else None, inexact if self._dynamics else None
+        self.error = KnownError(robot, self.known, *own, gain)
         self._others = tuple(k for k in self.known if not k.effect.replaces_links)
 
     # What a robot's description could hold of all that is known: the URDF's own, where it is known, and the effects' sums.
@@ -233,9 +236,9 @@ class TorqueModel:
 
     def settle_links(self, error: FloatArray, directions: FloatArray) -> None:
         """The inertials of the URDF's links have turned out to be wrong by ``error + directions z``, z ~ N(0, 1), shapes (10 n,)
-        and (10 n, c)."""
+        and (10 n, c); what errors of the efforts' gains make of the links' torque is in that."""
         self._correction = error if self._correction is None else self._correction + error
-        self.error.links, self.error.c = directions, directions.shape[1]
+        self.error.links, self.error.c, self.error.gain = directions, directions.shape[1], 0.0
 
     def leave_out(self, *effects: Effect) -> None:
         """The columns of these free effects, and of no others, are not needed: :meth:`split_into` leaves them alone."""
