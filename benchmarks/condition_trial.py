@@ -79,6 +79,7 @@ class Condition:
     spikes: float = 0.0
     frozen: int = 0
     compensated: bool = False
+    gains: float = 0.0
 
 
 CONDITIONS: dict[str, Condition] = {
@@ -87,6 +88,7 @@ CONDITIONS: dict[str, Condition] = {
     "links 2 %, com 2 mm": Condition(links=0.02, com=0.002),
     "links 2 %, tared": Condition(links=0.02, com=0.002, tared=True),
     "links 2 %, tared on another motion": Condition(links=0.02, com=0.002, tared=True, wakes=True),
+    "efforts 1 % off": Condition(gains=0.01),
     "base tilted 5 deg": Condition(tilt=np.deg2rad(5.0)),
     "60 N contact 2 s before the pick": Condition(push=60.0, at=4.0),
     "60 N contact while carrying": Condition(push=60.0, at=8.0),
@@ -301,6 +303,8 @@ def run(name: str, seed: int, settings: OnlineSettings | None = None, keep: bool
             tau[k] -= jacobian[:3].T @ (geometry.oMf[frame].rotation.T @ world)
     rub = c.friction * np.where(np.isfinite(model.effort_limit), model.effort_limit, 50.0)
     tau += rub * (np.tanh(v / 0.003) + v)
+    if c.gains:
+        tau *= 1.0 + c.gains * rng.normal(size=model.n)
     if c.late:
         behind = round(c.late * rate)
         tau[behind:] = tau[: len(tau) - behind].copy()

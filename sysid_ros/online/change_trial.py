@@ -37,7 +37,7 @@ _NO_BODY = 29.6
 class Verdict(Enum):
     """OPEN: not known yet. BODY: it is carried. DOUBT: it is none as the time of the change was taken; that is looked for again.
     FORCE: it is no body; it acts still. PASSED: what was before is again; ALL_PASSED: what was before the outer trial. AGAIN: a
-    force that stays is tried as a body once more."""
+    force that stays is tried as a body once more. SAME: it is what was carried before, as far as rows of both times tell."""
 
     OPEN = 0
     BODY = 1
@@ -46,6 +46,7 @@ class Verdict(Enum):
     AGAIN = 4
     DOUBT = 5
     ALL_PASSED = 6
+    SAME = 7
 
 
 class ChangeTrial:
@@ -58,6 +59,7 @@ class ChangeTrial:
     Args:
         before: the estimator as it was before the jump. t: of the jump [s]. mass: carried before it [kg].
         reach: how far from the frame a centre of mass can be [m]. prior_std: of the payload, shape (10,).
+        empty: mass below which there is no payload [kg].
         front_end: that the rows come from.
         after: a trial that ended in a force which has stayed, and which may be a body that moves by itself, as one that swings.
         strain: of it. outer: a trial that was open, and had been at rest, when this one began.
@@ -74,6 +76,7 @@ class ChangeTrial:
         mass: float,
         reach: float,
         prior_std: FloatArray,
+        empty: float,
         front_end: FrontEnd,
         after: ChangeTrial | None = None,
         strain: float = 1.0,
@@ -83,7 +86,7 @@ class ChangeTrial:
         self.strain = self._assumed = strain
         self.before, self.t, self.mass, self._reach = before, t, mass, reach
         self.force = self._doubted = False
-        self._prior_std = prior_std
+        self._prior_std, self._empty = prior_std, empty
         self._jumps, self._newest, self._force_since = 1, t, t
         self._impossible_since = np.inf
         self._part, self._young, self._returned = front_end.passed, _YOUNG * front_end.memory, _RETURNED * front_end.memory
@@ -91,7 +94,7 @@ class ChangeTrial:
 
     def once_more(self, t: float, front_end: FrontEnd) -> ChangeTrial:
         """The trial of a force that has stayed until ``t`` [s], as a body that moves by itself."""
-        about = self.before, t, self.mass, self._reach, self._prior_std, front_end
+        about = self.before, t, self.mass, self._reach, self._prior_std, self._empty, front_end
         return ChangeTrial(*about, after=self.after or self, strain=self.strain, outer=self.outer)
 
     def rests(self, t: float) -> bool:
@@ -131,7 +134,9 @@ class ChangeTrial:
             return Verdict.FORCE
         clear = self._well_known(estimator) or self._is_nothing(estimator, tare)
         settled = t - self._newest >= (_STAYS if clear else _LONGEST)
-        return Verdict.BODY if settled and self._impossible_since > t else Verdict.OPEN
+        if not settled or self._impossible_since <= t:
+            return Verdict.OPEN
+        return Verdict.SAME if self._is_the_same(estimator) else Verdict.BODY
 
     def has_passed(self) -> bool:
         """What was before is again: it has fitted for a while, and is likelier than what is estimated since."""
@@ -160,6 +165,17 @@ class ChangeTrial:
         std = np.sqrt(covariance.diagonal())
         heaviest = max(theta[0] + 3.0 * std[0], 0.0)
         return bool(np.all(np.abs(theta[1:4]) - 3.0 * std[1:4] <= heaviest * self._reach))
+
+    def _is_the_same(self, estimator: Estimator) -> bool:
+        """Whether one payload explains what was estimated before and since, which differ by less than what counts as one: errors
+        of the model are the same in both."""
+        now, noise, by_model = estimator.parts(PAYLOAD)
+        was, its_noise, as_before = self.before.parts(PAYLOAD)
+        if abs(float(now[0] - was[0])) >= self._empty:
+            return False
+        differs = by_model - as_before if by_model.shape == as_before.shape else np.hstack([by_model, as_before])
+        covariance = noise + its_noise + differs @ differs.T + _MATTERS
+        return float((now - was) @ np.linalg.solve(covariance, now - was)) <= _NO_BODY
 
     def _is_nothing(self, estimator: Estimator, tare: Tare) -> bool:
         """Whether nothing is carried: no force makes that of a body."""

@@ -163,7 +163,8 @@ class ChangeWatch:
         if known and (self.trial is None or self.trial.rests(t)):
             mass, outer = self._mass_before(before.theta), self.trial
             outer = outer if outer is None or outer.outer is None else None  # two that are open are enough
-            self.trial = ChangeTrial(before, t, mass, self._reach, self._prior_std, front_end, outer=outer)
+            about = self._reach, self._prior_std, self._free.empty
+            self.trial = ChangeTrial(before, t, mass, *about, front_end, outer=outer)
         elif self.trial is not None:
             self.trial.jumped(t)
         if known and self.trial is not None:
@@ -197,6 +198,9 @@ class ChangeWatch:
         if verdict is Verdict.BODY:
             self.trial = None
             self._log.body((trial.after or trial).t, t, trial.mass, self._mass_before(estimator.theta))
+        elif verdict is Verdict.SAME:
+            self._log.withdraw((trial.after or trial).t)
+            estimator, self.trial = trial.before, trial.outer
         elif verdict is Verdict.DOUBT:
             estimator = copy.deepcopy(trial.before)
             trial.jumped(self._begin_anew(trial.before, estimator, hold, front_end)[0])

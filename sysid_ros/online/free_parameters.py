@@ -245,6 +245,11 @@ class FreeParameters:
         return self._known is None and self._base is None and self._settings.effort_type == "total"
 
     @property
+    def empty(self) -> float:
+        """Mass below which there is no payload [kg]."""
+        return self._settings.no_payload_mass
+
+    @property
     def least_mass(self) -> float:
         """What the payload's mass need not be known better to [kg]: legs hold the robot, too, and of an arm whose efforts may be
         off by a part so much of what it weighs by itself looks like a payload."""

@@ -62,8 +62,12 @@ class EventLog:
 
     def force(self, t: float, mass: float) -> None:
         """What was found since ``t`` [s] was no body but a force that passes; what is carried [kg] stays what it was."""
-        self.events = [e for e in self.events if e.t < t - self._same]
+        self.withdraw(t)
         self.events.append(PayloadEvent(t, "external_force", mass, mass))
+
+    def withdraw(self, t: float) -> None:
+        """What was found since ``t`` [s] has changed nothing."""
+        self.events = [e for e in self.events if e.t < t - self._same]
         self.open_until = 0.0
 
     def body(self, t: float, now: float, mass_before: float, mass_after: float) -> None:
