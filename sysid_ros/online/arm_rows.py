@@ -144,7 +144,8 @@ class ArmRows:
         noise: float,
     ) -> None:
         n, rate = model.robot.n, 1.0 / period
-        self.rows, self._p, self._every, self._gain = n, model.p, every, model.error.gain
+        self.rows, self._p, self._every = n, model.p, every
+        self._gain, self._gains = model.error.gain, n if model.error.gain else 0
         self.derivative = CausalDerivative(n, period, window_half_width(rate), use_message_velocity)
         self._compiled = model.compiled()
         self.bank = LowPassBank(self._compiled.empty.shape, cutoff_hz, rate)
@@ -198,7 +199,7 @@ class ArmRows:
         matrix[known, first:] = root
         self.bank.mix(matrix)
         self._history.settle(mean, root, matrix)
-        self._gain = model.error.gain
+        self._gain, self._gains = model.error.gain, self.rows if model.error.gain else 0
         self._compiled = model.compiled()
         self._pushed, self._still = np.tile(self._compiled.empty, (self.rows, 1, 1)), self._compiled.empty.copy()
 
@@ -234,11 +235,6 @@ class ArmRows:
         moved = self._pushed - self._still
         also = np.pad(moved[:, :, p + BESIDE :], ((0, 0), (0, 0), (0, self._gains)))
         return np.ascontiguousarray(moved[:, :, :p]), moved[:, :, p].copy(), also
-
-    @property
-    def _gains(self) -> int:
-        """Efforts whose gain is considered."""
-        return self.rows if self._gain else 0
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
