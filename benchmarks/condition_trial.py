@@ -42,6 +42,7 @@ class Condition:
         tilt: of the base, which nobody told [rad]. push: force at the flange for a second [N]; at: when [s]. stands: the arm
             stands still around the push.
         friction: Coulomb friction as a part of a joint's effort limit, and as much a rad/s viscous. stated: it is in the URDF.
+        gains: by what part of it each joint's effort is off, a standard deviation.
         colour: time constant of the torque noise [s]; 0: white. rod: length on which the payload swings [m]; 0: it is fixed.
         lost, jitter: part of the messages; standard deviation of the stamps [s]. late: of the torque [s].
         polled: a driver asks for the newest values so many times as often as there are new ones; 0: there is none.

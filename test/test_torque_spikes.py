@@ -61,6 +61,23 @@ def test_a_recording_without_spikes_is_left_as_it_is() -> None:
     assert at_own_times(whole) == (whole, "")
 
 
+def test_one_spike_changes_nothing_else_of_the_messages() -> None:
+    """A message that repeats another is for the checks of who asks, with a spike as without."""
+    whole = recording()
+    twice = np.sort(np.append(np.arange(N), [700, 1400]))
+    repeated = whole.at(twice)
+    assert at_own_times(repeated) == (repeated, "")
+    tau = repeated.tau.copy()
+    tau[2000, 1] += 50.0
+    cleaned, words = at_own_times(Recording("run", repeated.t, repeated.q, None, tau))
+    assert (
+        words
+        == f"Of {len(twice)} messages 1 hold a torque far from those before and after it, which gave way to the middle of these."
+    )
+    assert np.array_equal(cleaned.t, repeated.t)
+    assert np.flatnonzero((cleaned.tau != tau).any(axis=1)).tolist() == [2000]
+
+
 def test_spikes_are_said_and_are_a_finding_of_their_own_where_they_are_many() -> None:
     whole = recording()
     for part, named in ((0.004, False), (0.03, True)):

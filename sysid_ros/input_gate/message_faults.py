@@ -134,14 +134,17 @@ def at_own_times(recording: Recording) -> tuple[Recording, str]:
     """The recording with its values at the times at which they were true, where its messages tell these, and without spikes of
     its torques, and what was found.
 
-    A recording with other faults of its messages is left as it is: who asks this has checks of its own for them.
+    Other faults of its messages are left as they are: who asks this has checks of its own for them.
     """
     if np.any(np.diff(recording.t) < 0.0):
         return recording, ""
-    ordered, faults = despiked(*in_order(recording))
-    if faults.frozen or not (faults.polled or faults.jitter or faults.spiked):
+    ordered, faults = in_order(recording)
+    if faults.frozen:
         return recording, ""
-    return ordered, faults.in_words()
+    if not (faults.polled or faults.jitter):
+        ordered, faults = recording, replace(faults, repeated=0, dropped=0, late=0, unordered=0)
+    cleaned, faults = despiked(ordered, faults)
+    return cleaned, faults.in_words()
 
 
 def find_message_faults(t: FloatArray, q: FloatArray, tau: FloatArray) -> MessageFaults:

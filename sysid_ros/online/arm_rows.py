@@ -233,7 +233,8 @@ class ArmRows:
         for pushed, unit in zip(self._pushed, np.sqrt(variance) * np.eye(self.rows), strict=True):
             self._compiled.fill(sample.t, sample.q, zero, unit, zero, pushed)
         moved = self._pushed - self._still
-        also = np.pad(moved[:, :, p + BESIDE :], ((0, 0), (0, 0), (0, self._gains)))
+        also = np.zeros((*moved.shape[:2], moved.shape[2] - p - BESIDE + self._gains))
+        also[:, :, : also.shape[2] - self._gains] = moved[:, :, p + BESIDE :]
         return np.ascontiguousarray(moved[:, :, :p]), moved[:, :, p].copy(), also
 
 
