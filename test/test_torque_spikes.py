@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sysid_ros.diagnosis.fault_findings import message_finding
 from sysid_ros.input_gate.message_faults import at_own_times, despiked, in_order
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
@@ -86,5 +87,10 @@ def test_spikes_are_said_and_are_a_finding_of_their_own_where_they_are_many() ->
         messages = int(np.sum(where.any(axis=1)))
         assert 0.8 * messages <= faults.spiked <= messages
         assert ("spiked" in faults.named()) is named
+        findings = message_finding([faults], ("a", "b", "c"))
+        assert len(findings) == named
+        for finding in findings:
+            assert "gave way to the middle" in finding.remark
+            assert "order of their stamps" not in finding.remark
         assert f"{faults.spiked} hold a torque far from those before and after it" in faults.in_words()
         assert np.sqrt(np.mean((ordered.tau - whole.tau) ** 2)) < 0.3 * np.sqrt(np.mean((tau - whole.tau) ** 2))

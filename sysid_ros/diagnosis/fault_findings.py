@@ -201,19 +201,24 @@ def message_finding(found: Sequence[MessageFaults], joints: Sequence[str]) -> li
         return []
     sizes = ", ".join(f"{100 * p.value:.1f} % {p.name}" for p in values)
     words = f"messages with faults ({sizes})"
-    remark = (
-        "They were put in the order of their stamps, and those that repeat another, are late or have frozen efforts were left "
-        "out before anything else. Correct the driver; two publishers on one topic look alike."
-    )
+    remarks = []
+    if any(p.name != "spiked" for p in values):
+        remarks.append(
+            "They were put in the order of their stamps, and those that repeat another, are late or have frozen efforts were "
+            "left out before anything else. Correct the driver; two publishers on one topic look alike."
+        )
     if any(f.polled for f in found):
-        remark += " A driver that polls a slower source should publish when a sample comes, with the sample's own stamp."
+        remarks.append("A driver that polls a slower source should publish when a sample comes, with the sample's own stamp.")
     if any(f.spiked for f in found):
-        remark += " Torques that are far from those before and after them, in one joint alone, gave way to the middle of these."
+        remarks.append(
+            "A torque of one joint that is far from those before and after it gave way to the middle of these. Look at that "
+            "joint's sensor, its cable and its driver."
+        )
     signature = "stairs and jumps in the raw values of all joints at once, or a torque by itself"
     label, cure = "message faults", "stamps that the hardware sets, and one publisher"
     # stamps without any fault have no distribution that these counts could be judged by
     of_stamps = Finding(MESSAGE_FAULTS, label, tuple(joints), tuple(values), None, None, None, (), words, signature, cure)
-    return [replace(of_stamps, of_data=True, remark=remark)]
+    return [replace(of_stamps, of_data=True, remark=" ".join(remarks))]
 
 
 def _finding(
