@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -267,9 +268,10 @@ main.main()
 
 
 def sysid(body: str, **streams: Any) -> subprocess.Popen[str]:
-    """The process of a command that does this."""
+    """The process of a command that does this. It heeds ctrl-C, which a shell lets ignore what it starts in the background."""
     return subprocess.Popen(
         [sys.executable, "-c", STAND_IN.format(body=body)],
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
         stderr=subprocess.PIPE,
         text=True,
         **{"stdout": subprocess.PIPE, **streams},
