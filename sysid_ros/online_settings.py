@@ -171,7 +171,7 @@ class OnlineSettings(Settings):
         0.003, "without a model, error of each coordinate of the links' centres of mass in the URDF", "m", 0.0, 0.1
     )
     effort_gain_error: float = setting(
-        0.0,
+        0.01,
         "without a model, error of each joint's effort, as a part of it: torque constants, calibration; 0: none",
         "",
         0.0,

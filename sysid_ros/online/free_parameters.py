@@ -251,9 +251,14 @@ class FreeParameters:
 
     @property
     def least_mass(self) -> float:
-        """What the payload's mass need not be known better to [kg]: legs hold the robot, too, and of an arm whose efforts may be
-        off by a part so much of what it weighs by itself looks like a payload."""
-        return _OF_ROBOT * self._base.mass if self._base else self.model.error.gain * float(np.sum(self._robot.pi[::10]))
+        """What the payload's mass need not be known better to [kg]: legs hold the robot, too."""
+        return _OF_ROBOT * self._base.mass if self._base else 0.0
+
+    def lasting_mass_std(self, sensitivity: FloatArray) -> float:
+        """Standard deviation of the payload's mass that errors of the efforts' gains make [kg]: what an arm weighs by itself
+        looks like a payload by so much, on every motion. ``sensitivity``: of the payload to what is considered, shape (10, c)."""
+        gains = self._robot.n if self.model.error.gain else 0
+        return float(np.linalg.norm(sensitivity[0, sensitivity.shape[1] - gains :]))
 
     def error_directions(self) -> FloatArray:
         """What a payload and the considered errors of the links are in the links' inertials, shape (10 n, 10 + c)."""

@@ -251,10 +251,10 @@ class OnlineEstimation:
         front_end = self._front_end if self.base is not None else None
         repeated = self._free.repeated_covariance(self.estimator, front_end, self._floor) if front_end is not None else None
         if self._changes.tare.taken or repeated is not None:
-            theta, noise, model = self._changes.tare.tared(self.estimator, repeated)
+            (theta, noise, model), lasting = self._changes.tare.tared(self.estimator, repeated), 0.0
         else:
             theta, noise, sensitivity = self.estimator.parts(PAYLOAD)
-            model = sensitivity @ sensitivity.T
+            model, lasting = sensitivity @ sensitivity.T, self._free.lasting_mass_std(sensitivity)
         covariance = noise + model
         if self.base is not None:
             covariance[0, 0] += self._doubt(float(theta[0])) ** 2
@@ -266,7 +266,7 @@ class OnlineEstimation:
             self._changes.rows_so_far.clear()
         if asked and self._free.tilt is not None and self._free.tilt.told:
             self._warnings["tilt"] = self._free.tilt.told
-        status, reason = judgement.status(estimate, self.estimator, float(theta[0]), float(std[0]))
+        status, reason = judgement.status(estimate, self.estimator, float(theta[0]), float(std[0]), lasting)
         inconsistent = status == "inconsistent"
         if self._changes.trial is not None or self._changes.standstill.told:
             status, reason = self._changes.status(t, status, reason)

@@ -245,15 +245,19 @@ class Judgement:
         self.check = ModelCheck(robot, rows=floor.size)
         self._known = False
 
-    def status(self, estimate: Estimate, estimator: Estimator, mass: float, mass_std: float) -> tuple[str, str]:
-        """Status and reason for a mass [kg] and its standard deviation [kg]."""
+    def status(
+        self, estimate: Estimate, estimator: Estimator, mass: float, mass_std: float, lasting: float = 0.0
+    ) -> tuple[str, str]:
+        """Status and reason for a mass [kg] and its standard deviation [kg]; a ``lasting`` part of that, which no motion lessens,
+        is not waited for."""
         s, n, noise_known = self._settings, self._floor.size, estimator.noise_known
         if noise_known:
             wrong = self.check.verdict(estimator.noise_variance[:n], estimator.row_variance[:n], self._floor)
             if wrong:
                 return "inconsistent", wrong
         limit = max(self._limit, 0.05 * abs(mass))
-        self._known = mass_std <= (_STAYS_KNOWN if self._known else 1.0) * limit
+        left = float(np.sqrt(max(mass_std**2 - lasting**2, 0.0)))
+        self._known = left <= (_STAYS_KNOWN if self._known else 1.0) * limit
         unknown = not self._known
         if estimate.status == "not_excited" and (unknown or not noise_known):
             known_to = f"the mass is known to {mass_std:.2g} kg only" if unknown else "the noise of the torques is not known yet"
