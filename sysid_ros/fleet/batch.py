@@ -21,7 +21,11 @@ from sysid_ros.fleet.rules import Entry, Rules
 from sysid_ros.fleet.store import KEY, Done, Results, Store
 
 _AHEAD = 4
-"""Tasks that are handed over for each that runs: enough that no worker waits, and few that are lost with a scheduler."""
+"""Bags that are handed over for each that is at work: enough that no worker waits, and few that are lost with a scheduler."""
+_WORTH = 1.0
+"""Work in one task of Dask's, of as many bags as that takes [s]: beside it the milliseconds that a task costs are little."""
+_TOGETHER = 8
+"""Bags in one task at most."""
 _OFTEN = 10.0
 """Results are written at least so often [s]: what a stop of this process costs at most."""
 _MANY = 256
@@ -80,7 +84,7 @@ class Batch:
         self._stale: set[Done] = set()
         self._last_write = time.monotonic()
         self._entries: dict[tuple[str, ...], Any] = {}
-        self._threads, self._asked = 1, -math.inf
+        self._threads, self._asked, self._ends = 1, -math.inf, False
         self._hard: list[tuple[Task, tuple[Entry, ...]]] = []
 
     def run(self, patterns: Sequence[str]) -> Counts:
@@ -127,9 +131,11 @@ class Batch:
         known = len(self._index) > 0  # else nothing that a bag contains can be done
         ready: list[tuple[Task, tuple[Entry, ...]]] = []
         while True:
-            more = list(islice(tasks, max(0, self._window() - len(flight) - len(ready))))
+            wanted = max(0, self._window() - len(flight) - len(ready))
+            more = list(islice(tasks, wanted))
+            self._ends = len(more) < wanted
             if known:
-                flight.submit(fingerprint, [((*item, True), (item[0].bag,)) for item in more])
+                flight.submit(fingerprint, [((*item, True), (item[0].bag,)) for item in more], self._together())
             else:
                 ready += more
             self._submit(flight, ready)
@@ -149,7 +155,7 @@ class Batch:
                     self._take(found)
 
     def _window(self) -> int:
-        """How many tasks are handed over at once: workers come and go, and are asked for now and then.
+        """How many bags are handed over at once: workers come and go, and are asked for now and then.
 
         Raises:
             ClusterError: the scheduler was lost.
@@ -161,10 +167,19 @@ class Batch:
             except (OSError, TimeoutError) as error:
                 raise ClusterError(LOST) from error
             self._asked = now
-        return _AHEAD * self._threads
+        return max(_AHEAD, 2 * self._together()) * self._threads
+
+    def _together(self) -> int:
+        """How many bags are one task of Dask's, by what a bag took so far; of the last ones each is its own, so that none of the
+        workers is long at work when the others are done."""
+        through = self.counts.done + self.counts.failed
+        if self._ends or through < self._threads:
+            return 1
+        each = self.counts.seconds * len(self._jobs) / through
+        return int(min(max(_WORTH / max(each, 1e-3), 1.0), _TOGETHER))
 
     def _submit(self, flight: InFlight, work: Sequence[tuple[Task, tuple[Entry, ...]]]) -> None:
-        flight.submit(run, [((task, entries, False), (task, self._sent(entries))) for task, entries in work])
+        flight.submit(run, [((task, entries, False), (task, self._sent(entries))) for task, entries in work], self._together())
 
     def _sent(self, entries: tuple[Entry, ...]) -> Any:
         """The entries as a result of its own, which is made again where the worker that has it dies."""

@@ -18,7 +18,7 @@ LOST: Final = (
 
 
 class InFlight:
-    """Tasks at work. What is handed over at once goes to the scheduler in one message, and what is done at once comes back in
+    """Calls at work. What is handed over at once goes to the scheduler in one message, and what is done at once comes back in
     one: with a hundred workers a message for each bag takes the driver longer than the workers need for it.
 
     Args:
@@ -27,20 +27,26 @@ class InFlight:
 
     def __init__(self, client: Any) -> None:
         self._client, self._completed = client, require_dask().as_completed()
-        self._running: dict[Any, Any] = {}
+        self._running: dict[Any, list[Any]] = {}
+        self._calls = 0
 
     def __len__(self) -> int:
-        return len(self._running)
+        return self._calls
 
-    def submit(self, function: Callable[..., Any], work: Sequence[tuple[Any, tuple[Any, ...]]]) -> None:
+    def submit(self, function: Callable[..., Any], work: Sequence[tuple[Any, tuple[Any, ...]]], together: int = 1) -> None:
         """Hand over calls of a function.
 
         Args:
-            work: what to know each call by, and its arguments, as many for each.
+            work: what to know each call by, and its arguments. together: so many are one task of Dask's, which costs scheduler,
+                worker and driver some milliseconds whatever is in it.
         """
         if work:
-            futures = self._client.map(function, *zip(*(arguments for _, arguments in work), strict=True), pure=False)
-            self._running.update(zip((future.key for future in futures), (what for what, _ in work), strict=True))
+            groups = [work[k : k + together] for k in range(0, len(work), together)]
+            arguments = [[each for _, each in group] for group in groups]
+            futures = self._client.map(_calls, [function] * len(groups), arguments, pure=False)
+            known_by = [[what for what, _ in group] for group in groups]
+            self._running.update(zip((future.key for future in futures), known_by, strict=True))
+            self._calls += len(work)
             self._completed.update(futures)
 
     def next(self) -> Iterator[tuple[Any, Any]]:
@@ -52,7 +58,9 @@ class InFlight:
         futures = self._completed.next_batch()
         for future, found in self._found(futures):
             future.release()
-            yield self._running.pop(future.key), found
+            known_by = self._running.pop(future.key)
+            self._calls -= len(known_by)
+            yield from zip(known_by, [KILLED] * len(known_by) if found is KILLED else found, strict=True)
 
     def _found(self, futures: list[Any]) -> Iterator[tuple[Any, Any]]:
         good = [future for future in futures if future.status == "finished"]
@@ -78,3 +86,8 @@ class InFlight:
                 f"Dask's workers can't run the package: {type(error).__name__}: {in_a_line(error)}. Install the same sysid_ros "
                 f"({__version__}) there as here."
             ) from error
+
+
+def _calls(function: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
+    """What the function makes of each of some arguments."""
+    return [function(*each) for each in arguments]
