@@ -19,6 +19,7 @@ from sysid_ros.fleet import batch as batch_module
 from sysid_ros.fleet.bags import at_hand, content_hash, find, stamp_of
 from sysid_ros.fleet.batch import Batch, Counts, failed_before
 from sysid_ros.fleet.cluster import connected
+from sysid_ros.fleet.in_flight import KILLED, InFlight
 from sysid_ros.fleet.rules import Rules
 from sysid_ros.fleet.schema import TABLES
 from sysid_ros.fleet.store import Store
@@ -113,6 +114,38 @@ def test_what_is_written_before_a_stop_is_not_done_again(
     rest = done(tmp_path / "store", fleet, client)
     assert rest.skipped == 2
     assert content(tmp_path / "store") == content(tmp_path / "whole")
+
+
+def test_calls_that_are_one_task_are_known_apart(client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def through() -> dict[int, Any]:
+        flight, found = InFlight(client), dict[int, Any]()
+        flight.submit(divmod, [(k, (k, 3)) for k in range(7)], 3)
+        assert len(flight) == 7
+        while flight:
+            found |= dict(flight.next())
+        return found
+
+    assert through() == {k: divmod(k, 3) for k in range(7)}
+    monkeypatch.setattr(InFlight, "_found", lambda self, futures: [(future, KILLED) for future in futures])
+    assert through() == dict.fromkeys(range(7), KILLED)
+
+
+def test_bags_of_a_batch_share_tasks_but_for_the_last(tmp_path: Path, client: Any) -> None:
+    write_fleet(tmp_path / "bags", robots=2, bags=12)
+    sizes: list[int] = []
+    submit = client.map
+
+    def counted(function: Any, functions: list[Any], arguments: list[list[Any]], **options: Any) -> Any:
+        sizes.extend(map(len, arguments))
+        return submit(function, functions, arguments, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(client, "map", counted)
+        patch.setattr(batch_module, "_TOGETHER", 3)
+        counts = done(tmp_path / "store", tmp_path / "bags", client)
+    assert counts.done == sum(sizes) == 24
+    assert max(sizes) == 3  # each of them takes much less than a second
+    assert sizes[-1] == 1
 
 
 def test_ctrl_c_keeps_what_is_known(tmp_path: Path, fleet: Path, client: Any) -> None:

@@ -21,7 +21,7 @@ pytest.importorskip("distributed", reason="the extra fleet is not installed")
 
 from sysid_ros.exceptions import ClusterError
 from sysid_ros.fleet.batch import Batch
-from sysid_ros.fleet.cluster import connected
+from sysid_ros.fleet.cluster import CALM, connected
 from sysid_ros.fleet.store import Store
 
 pytestmark = pytest.mark.slow
@@ -77,6 +77,13 @@ def expected(fleet: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     with distributed.Client(processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None) as client:
         done(store, fleet, client)
     return store
+
+
+def test_processes_on_this_machine_keep_free_memory() -> None:
+    """Dask has the C library give back all but 64 kB: each larger array of a job would be fetched anew."""
+    name = "MALLOC_TRIM_THRESHOLD_"
+    with connected(workers=1) as client:
+        assert list(client.run(os.environ.get, name).values()) == [str(CALM[f"distributed.nanny.pre-spawn-environ.{name}"])]
 
 
 def test_processes_of_their_own_give_the_same_values(tmp_path: Path, fleet: Path, expected: Path) -> None:

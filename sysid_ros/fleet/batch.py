@@ -24,8 +24,8 @@ _AHEAD = 4
 """Bags that are handed over for each that is at work: enough that no worker waits, and few that are lost with a scheduler."""
 _WORTH = 1.0
 """Work in one task of Dask's, of as many bags as that takes [s]: beside it the milliseconds that a task costs are little."""
-_TOGETHER = 8
-"""Bags in one task at most."""
+_TOGETHER, _NEW = 8, 0.2
+"""Bags in one task at most; what the newest counts in the mean of what one takes: a worker's first ones load and compile."""
 _OFTEN = 10.0
 """Results are written at least so often [s]: what a stop of this process costs at most."""
 _MANY = 256
@@ -85,6 +85,7 @@ class Batch:
         self._last_write = time.monotonic()
         self._entries: dict[tuple[str, ...], Any] = {}
         self._threads, self._asked, self._ends = 1, -math.inf, False
+        self._each = math.inf
         self._hard: list[tuple[Task, tuple[Entry, ...]]] = []
 
     def run(self, patterns: Sequence[str]) -> Counts:
@@ -131,9 +132,10 @@ class Batch:
         known = len(self._index) > 0  # else nothing that a bag contains can be done
         ready: list[tuple[Task, tuple[Entry, ...]]] = []
         while True:
-            wanted = max(0, self._window() - len(flight) - len(ready))
+            free = self._window() - len(flight) - len(ready)
+            wanted = free if free >= self._together() else 0  # else they would go one by one as they come back
             more = list(islice(tasks, wanted))
-            self._ends = len(more) < wanted
+            self._ends = self._ends or len(more) < wanted
             if known:
                 flight.submit(fingerprint, [((*item, True), (item[0].bag,)) for item in more], self._together())
             else:
@@ -170,13 +172,9 @@ class Batch:
         return max(_AHEAD, 2 * self._together()) * self._threads
 
     def _together(self) -> int:
-        """How many bags are one task of Dask's, by what a bag took so far; of the last ones each is its own, so that none of the
+        """How many bags are one task of Dask's, by what a bag took lately; of the last ones each is its own, so that none of the
         workers is long at work when the others are done."""
-        through = self.counts.done + self.counts.failed
-        if self._ends or through < self._threads:
-            return 1
-        each = self.counts.seconds * len(self._jobs) / through
-        return int(min(max(_WORTH / max(each, 1e-3), 1.0), _TOGETHER))
+        return 1 if self._ends else int(min(max(_WORTH / max(self._each, 1e-3), 1.0), _TOGETHER))
 
     def _submit(self, flight: InFlight, work: Sequence[tuple[Task, tuple[Entry, ...]]]) -> None:
         flight.submit(run, [((task, entries, False), (task, self._sent(entries))) for task, entries in work], self._together())
@@ -215,6 +213,8 @@ class Batch:
 
     def _take(self, found: list[Results]) -> None:
         """Results of one bag, to be written."""
+        took = sum(one.bag.get("seconds") or 0.0 for one in found)
+        self._each = took if math.isinf(self._each) else self._each + _NEW * (took - self._each)
         for one in found:
             row = one.bag
             if row["version"] != __version__:
