@@ -141,7 +141,7 @@ def test_links_that_are_off_are_in_the_interval(seed: int) -> None:
 def test_a_tare_takes_out_what_the_links_are_wrong_by() -> None:
     """They are learned from the motion before it, and so is what an offset makes of a mass."""
     off = np.repeat(0.02 * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0]), 10) * MODEL.pi
-    online = OnlineEstimation(MODEL, OnlineSettings())
+    online = OnlineEstimation(MODEL, OnlineSettings(effort_gain_error=0.0))
     recording = stream(links=off)
     empty = [m for m in recording if m.t - START < 5.8]
     for m in empty:

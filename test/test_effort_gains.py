@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from motions import Motion, measurements
 from robots import robot
+from test_changes import Wakes
 
 from sysid_ros.effects import Payload
 from sysid_ros.effects.stribeck_friction import StribeckFriction
-from sysid_ros.online.change_trial import ChangeTrial
+from sysid_ros.online.change_trial import ChangeTrial, Verdict
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.online_settings import OnlineSettings
@@ -58,6 +59,31 @@ def test_the_mass_need_not_be_known_better_than_the_efforts_tell() -> None:
     assert 0.05 * estimate.mass < estimate.mass_std < 0.01 * float(np.sum(MODEL.pi[::10]))
 
 
+def tared(seed: int, gain: float) -> float:
+    """Error of the mass over its standard deviation, after a tare on another motion, where links and efforts are off."""
+    rng = np.random.default_rng(seed)
+    true = MODEL.with_links(np.repeat(0.02 * rng.choice([-1.0, 1.0], MODEL.n), 10) * MODEL.pi)
+    factor = 1.0 + 0.01 * rng.normal(size=MODEL.n)
+    body = inertial_parameters.from_com(MASS, np.array([0.03, -0.02, 0.08]), MASS * np.diag([0.003, 0.004, 0.0035]))
+    stream = measurements(Wakes(true, seed), 12.0, RATE, [(Payload(true), body, 6.0, np.inf)], 0.1, 1e-5, velocity=False)
+    online = OnlineEstimation(MODEL, OnlineSettings(effort_gain_error=gain))
+    last = None
+    for m in stream:
+        if m.t - stream[0].t == 5.5:
+            assert "Tared" in online.tare()
+        last = online.step(replace(m, tau=factor * m.tau)) or last
+    assert last is not None
+    return float((last.theta[0] - MASS) / last.mass_std)
+
+
+@pytest.mark.slow
+def test_after_a_tare_the_interval_knows_that_efforts_may_be_off() -> None:
+    errors = {gain: np.array([tared(seed, gain) for seed in range(8)]) for gain in (0.0, 0.01)}
+    assert np.abs(errors[0.0]).max() > 3.5
+    assert np.abs(errors[0.01]).max() < 2.5
+    assert 0.3 < np.sqrt(np.mean(errors[0.01] ** 2)) < 1.4
+
+
 def stribeck(seed: int) -> list[Measurement]:
     """An empty arm whose dry friction is a third higher at low speed."""
     effect = StribeckFriction(MODEL, vs=0.1)
@@ -69,5 +95,5 @@ def stribeck(seed: int) -> list[Measurement]:
 def test_bumps_of_friction_are_no_changes_of_the_payload(monkeypatch: pytest.MonkeyPatch) -> None:
     recordings = [stribeck(seed) for seed in range(2)]
     assert [e for r in recordings for e in last(r)[1].events] == []
-    monkeypatch.setattr(ChangeTrial, "_is_the_same", lambda self, estimator: False)
+    monkeypatch.setattr(ChangeTrial, "_against_before", lambda self, estimator: Verdict.BODY)
     assert [e for r in recordings for e in last(r)[1].events] != []

@@ -87,7 +87,7 @@ def test_links_that_are_settled_under_way_are_as_if_they_had_been_from_the_start
     loads = np.hstack([columns, directions])
     first = FrontEnd(TorqueModel(model, [payload], inexact=directions), 0.004, 100.0)
     known = TorqueModel(model, [payload], inexact=directions)
-    known.settle_links(loads @ mean, loads @ root)
+    known.settle_links(loads @ mean, loads @ root, np.zeros((model.n, 5)))
     second = FrontEnd(known, 0.004, 100.0)
     recording = measurements(Motion(model), 3.0, 250.0, [], torque_noise=0.1)
     rows_of(second, recording[:500])

@@ -267,7 +267,7 @@ def test_disabled_it_gives_nothing_and_goes_on_where_it_was(carried: list[Measur
 
 
 def test_tare_makes_what_is_carried_zero(carried: list[Measurement]) -> None:
-    online = estimation()
+    online = estimation(effort_gain_error=0.0)
     before = run(online, carried[:2500])[-1]
     sentence = online.tare()
     assert re.search(r"Tared at 1\.(49|50)\d kg", sentence)

@@ -145,7 +145,7 @@ class ArmRows:
     ) -> None:
         n, rate = model.robot.n, 1.0 / period
         self.rows, self._p, self._every = n, model.p, every
-        self._gain, self._gains = model.error.gain, n if model.error.gain else 0
+        self._error = model.error
         self.derivative = CausalDerivative(n, period, window_half_width(rate), use_message_velocity)
         self._compiled = model.compiled()
         self.bank = LowPassBank(self._compiled.empty.shape, cutoff_hz, rate)
@@ -195,11 +195,10 @@ class ArmRows:
         known = np.r_[load, first : self.bank.output.shape[1]]
         matrix = np.eye(self.bank.output.shape[1], first + root.shape[1])
         matrix[first:] = 0.0
-        matrix[known, self._p] -= mean
-        matrix[known, first:] = root
+        matrix[known, self._p] -= mean[: known.size]
+        matrix[known, first:] = root[: known.size]
         self.bank.mix(matrix)
         self._history.settle(mean, root, matrix)
-        self._gain, self._gains = model.error.gain, self.rows if model.error.gain else 0
         self._compiled = model.compiled()
         self._pushed, self._still = np.tile(self._compiled.empty, (self.rows, 1, 1)), self._compiled.empty.copy()
 
@@ -214,9 +213,9 @@ class ArmRows:
     def _rows(self, sample: Sample) -> Rows:
         """What the low-pass shows now, one row a joint."""
         p, out = self._p, self.bank.output
-        n, c = out.shape
-        Y, considered, beside = np.empty((n, p)), np.zeros((n, c - p - BESIDE + self._gains)), np.empty((5, n))
-        filled = _split(out, p, Y, beside, considered, self._gain)
+        n, error = self.rows, self._error
+        Y, considered, beside = np.empty((n, p)), np.empty(error.gains.shape), np.empty((5, n))
+        filled = _split(out, p, Y, beside, considered, error.gains)
         self._fresh = self._filling if filled < _FILLED else max(self._fresh - 1, 0)
         y, speed, slow, acceleration, tau = beside
         self._since = (self._since + 1) % _NOISE_EVERY
@@ -233,27 +232,28 @@ class ArmRows:
         for pushed, unit in zip(self._pushed, np.sqrt(variance) * np.eye(self.rows), strict=True):
             self._compiled.fill(sample.t, sample.q, zero, unit, zero, pushed)
         moved = self._pushed - self._still
-        also = np.zeros((*moved.shape[:2], moved.shape[2] - p - BESIDE + self._gains))
-        also[:, :, : also.shape[2] - self._gains] = moved[:, :, p + BESIDE :]
+        also = np.zeros((*moved.shape[:2], self._error.gains.shape[1]))
+        also[:, :, : self._error.c] = moved[:, :, p + BESIDE :]
         return np.ascontiguousarray(moved[:, :, :p]), moved[:, :, p].copy(), also
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _split(out: FloatArray, p: int, Y: FloatArray, beside: FloatArray, considered: FloatArray, gain: float) -> float:
+def _split(out: FloatArray, p: int, Y: FloatArray, beside: FloatArray, considered: FloatArray, gains: FloatArray) -> float:
     """What the low-pass shows, in the arrays of :class:`.Rows`: y, speed, slow, acceleration and tau are rows of ``beside``.
-    How far the low-pass is filled, over which the means beside the equation are taken. The last columns of what is considered, if
-    there are more than the low-pass has, are of a ``gain`` of each effort, and zero so far."""
+    How far the low-pass is filled, over which the means beside the equation are taken. ``gains``: see :class:`.KnownError`."""
     known = out.shape[1] - p - BESIDE
     filled = out[0, p + 5]
     part = max(filled, 0.02) if filled < _FILLED else 1.0
     for i in range(out.shape[0]):
         Y[i] = out[i, :p]
-        considered[i, :known] = out[i, p + BESIDE :]
-        if considered.shape[1] > known:
-            considered[i, known + i] = gain * out[i, p + 3]
+        torque = out[i, p + 3]
+        for k in range(considered.shape[1]):
+            considered[i, k] = gains[i, k] * torque
+        for k in range(known):
+            considered[i, k] += out[i, p + BESIDE + k]
         beside[0, i] = out[i, p]
         beside[1, i] = abs(out[i, p + 1]) / part
         beside[2, i] = abs(out[i, p + 4]) / part
         beside[3, i] = out[i, p + 2] / part
-        beside[4, i] = out[i, p + 3]
+        beside[4, i] = torque
     return float(filled)

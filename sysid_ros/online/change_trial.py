@@ -30,6 +30,8 @@ _LONGEST = 3.0
 """What nothing has spoken against for so long is a body; a force that has not passed after so long may be one [s]."""
 _MATTERS = np.diag(np.square([*LEAST_JUMP[:4], *[1e-3] * 6]))
 """What is too small for a body is too small for a force: nothing is carried, and the model is a little wrong."""
+_TOLD = 0.3
+"""Part of the prior's standard deviation up to which a parameter is told by the rows."""
 _NO_BODY = 29.6
 """99.9 % quantile of chi-squared with 10 degrees of freedom."""
 
@@ -91,6 +93,7 @@ class ChangeTrial:
         self._impossible_since = np.inf
         self._part, self._young, self._returned = front_end.passed, _YOUNG * front_end.memory, _RETURNED * front_end.memory
         self._compared: deque[tuple[float, float]] = deque(maxlen=max(round(self._returned / front_end.period), 2))
+        self._one = 1.0 / (self._part * max(round(self._returned / front_end.period), 2))
 
     def once_more(self, t: float, front_end: FrontEnd) -> ChangeTrial:
         """The trial of a force that has stayed until ``t`` [s], as a body that moves by itself."""
@@ -107,20 +110,29 @@ class ChangeTrial:
         self._impossible_since = np.inf
         self._compared.clear()
 
-    def compare(self, Y: FloatArray, y: FloatArray, extra: FloatArray | None, estimator: Estimator) -> None:
-        """How likely a row is, shapes (m, p) and (m,), after what was before and after what ``estimator`` has learned since,
-        which has not seen it; with ``extra`` variance (m,)."""
+    def resumed_outer(self) -> ChangeTrial | None:
+        """The trial that goes on when this one is over; what it compared with the estimate since this one began tells nothing."""
         if self.outer is not None:
-            self.outer.compare(Y, y, extra, estimator)
+            self.outer._compared.clear()
+        return self.outer
+
+    def compare(self, Y: FloatArray, y: FloatArray, extra: FloatArray | None, estimator: Estimator, stands: bool) -> None:
+        """How likely a row is, shapes (m, p) and (m,), after what was before and after what ``estimator`` has learned since,
+        which has not seen it; with ``extra`` variance (m,). While the robot ``stands``, what friction hides of its rows is the
+        same in all: they count as one."""
+        if self.outer is not None:
+            self.outer.compare(Y, y, extra, estimator, stands)
         misfit, likely = self.before.predict(Y, y, extra)
-        self._compared.append((misfit, np.inf if self.force else likely - estimator.predict(Y, y, extra)[1]))
+        likelier = np.inf if self.force else likely - estimator.predict(Y, y, extra)[1]
+        self._compared.append((misfit, likelier * self._one if stands else likelier))
 
     def judge(self, t: float, estimator: Estimator, tare: Tare) -> Verdict:
         """What is known at ``t`` [s], after the estimator has taken in the row that was compared."""
-        if self.outer is not None and self.outer.has_passed():
+        passed = self.has_passed()
+        if self.outer is not None and self.outer.has_passed() and not (passed and self.likelier() >= self.outer.likelier()):
             return Verdict.ALL_PASSED
-        if self.has_passed():
-            return Verdict.PASSED
+        if passed:
+            return Verdict.PASSED if self.force or self._was_force(estimator) else Verdict.SAME
         if self.force:
             return Verdict.AGAIN if t - self._force_since > _LONGEST else Verdict.FORCE
         if t - self._newest < self._young:
@@ -136,13 +148,17 @@ class ChangeTrial:
         settled = t - self._newest >= (_STAYS if clear else _LONGEST)
         if not settled or self._impossible_since <= t:
             return Verdict.OPEN
-        return Verdict.SAME if self._is_the_same(estimator) else Verdict.BODY
+        verdict = self._against_before(estimator)
+        return Verdict.SAME if verdict is Verdict.OPEN and t - self._newest >= _LONGEST else verdict
 
     def has_passed(self) -> bool:
         """What was before is again: it has fitted for a while, and is likelier than what is estimated since."""
-        compared = np.array(self._compared)
-        fits = len(compared) == self._compared.maxlen and bool(np.all(compared[:, 0] <= _FITS))
-        return fits and self._part * float(np.sum(compared[:, 1])) > _LIKELIER
+        fits = len(self._compared) == self._compared.maxlen and max(misfit for misfit, _ in self._compared) <= _FITS
+        return fits and self.likelier() > _LIKELIER
+
+    def likelier(self) -> float:
+        """Logarithm of how much likelier than what is estimated since what was before makes the rows that were compared."""
+        return self._part * float(sum(likelier for _, likelier in self._compared))
 
     def mass_after(self, estimator: Estimator, tare: Tare) -> float:
         """Mass that is carried as far as is known yet [kg]: of what may be a body it is not negative, however little is known."""
@@ -166,16 +182,25 @@ class ChangeTrial:
         heaviest = max(theta[0] + 3.0 * std[0], 0.0)
         return bool(np.all(np.abs(theta[1:4]) - 3.0 * std[1:4] <= heaviest * self._reach))
 
-    def _is_the_same(self, estimator: Estimator) -> bool:
-        """Whether one payload explains what was estimated before and since, which differ by less than what counts as one: errors
-        of the model are the same in both."""
+    def _against_before(self, estimator: Estimator) -> Verdict:
+        """Whether one payload explains what was estimated before and since: SAME where they differ by less than what counts as
+        one, BODY where they differ by more than chance, else OPEN. Errors of the model are the same in both. A mass that differs
+        by d, known to s, is likelier another one where ``(d / s)^2 / 2 > log(s0 / s)``, with the prior's s0."""
         now, noise, by_model = estimator.parts(PAYLOAD)
         was, its_noise, as_before = self.before.parts(PAYLOAD)
-        if abs(float(now[0] - was[0])) >= self._empty:
-            return False
         differs = by_model - as_before if by_model.shape == as_before.shape else np.hstack([by_model, as_before])
         covariance = noise + its_noise + differs @ differs.T + _MATTERS
-        return float((now - was) @ np.linalg.solve(covariance, now - was)) <= _NO_BODY
+        if float((now - was) @ np.linalg.solve(covariance, now - was)) > _NO_BODY:
+            return Verdict.BODY
+        mass, std = abs(float(now[0] - was[0])), float(np.sqrt(covariance[0, 0]))
+        if mass < self._empty:
+            return Verdict.SAME
+        return Verdict.BODY if 0.5 * (mass / std) ** 2 > np.log(self._prior_std[0] / std) else Verdict.OPEN
+
+    def _was_force(self, estimator: Estimator) -> bool:
+        """Whether what has passed was more than the model is wrong by: it looked like another body, or too little was seen."""
+        unknown = np.sqrt(estimator.noise_covariance()[0, 0]) > _TOLD * self._prior_std[0]
+        return bool(unknown) or self._against_before(estimator) is Verdict.BODY
 
     def _is_nothing(self, estimator: Estimator, tare: Tare) -> bool:
         """Whether nothing is carried: no force makes that of a body."""
@@ -188,5 +213,5 @@ class ChangeTrial:
         """Whether mass and centre of mass are known so well that a force would show."""
         theta, std = estimator.theta[PAYLOAD], np.sqrt(estimator.noise_covariance().diagonal())[PAYLOAD]
         mass = max(abs(float(theta[0])), 0.3)
-        told = bool(np.all(std[:4] <= 0.3 * self._prior_std[:4]))  # by the motion, not by the prior
+        told = bool(np.all(std[:4] <= _TOLD * self._prior_std[:4]))  # by the motion, not by the prior
         return told and bool(std[0] <= 0.05 * mass and np.all(std[1:4] <= 0.03 * mass))

@@ -87,7 +87,7 @@ class ChangeWatch:
         self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd, trial: ChangeTrial
     ) -> tuple[Estimator, Estimate]:
         """Take in a row; the estimator that goes on, and what it says. ``hold``: nothing excites the parameters."""
-        trial.compare(rows.Y, rows.y, self._free.extra_variance(rows, trial.before, front_end.passed), estimator)
+        trial.compare(rows.Y, rows.y, self._free.extra_variance(rows, trial.before, front_end.passed), estimator, hold)
         if trial.force:
             innovation = rows.y - rows.Y @ estimator.theta
             estimate = Estimate(estimator.theta, innovation, "outlier", "a force acts on the robot")
@@ -162,7 +162,8 @@ class ChangeWatch:
         t, since = self._begin_anew(before, estimator, hold, front_end)
         if known and (self.trial is None or self.trial.rests(t)):
             mass, outer = self._mass_before(before.theta), self.trial
-            outer = outer if outer is None or outer.outer is None else None  # two that are open are enough
+            if outer is not None:
+                outer.outer = None  # two that are open are enough: what the oldest began with has been carried since
             about = self._reach, self._prior_std, self._free.empty
             self.trial = ChangeTrial(before, t, mass, *about, front_end, outer=outer)
         elif self.trial is not None:
@@ -200,7 +201,7 @@ class ChangeWatch:
             self._log.body((trial.after or trial).t, t, trial.mass, self._mass_before(estimator.theta))
         elif verdict is Verdict.SAME:
             self._log.withdraw((trial.after or trial).t)
-            estimator, self.trial = trial.before, trial.outer
+            estimator, self.trial = trial.before, trial.resumed_outer()
         elif verdict is Verdict.DOUBT:
             estimator = copy.deepcopy(trial.before)
             trial.jumped(self._begin_anew(trial.before, estimator, hold, front_end)[0])
@@ -210,7 +211,7 @@ class ChangeWatch:
         elif verdict is Verdict.PASSED:
             if not was_force:
                 self._log.force((trial.after or trial).t, trial.mass)
-            estimator, self.trial = trial.before, trial.outer
+            estimator, self.trial = trial.before, trial.resumed_outer()
             front_end.rest()
         elif verdict is Verdict.ALL_PASSED:
             assert trial.outer is not None

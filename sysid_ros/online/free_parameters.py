@@ -257,14 +257,14 @@ class FreeParameters:
     def lasting_mass_std(self, sensitivity: FloatArray) -> float:
         """Standard deviation of the payload's mass that errors of the efforts' gains make [kg]: what an arm weighs by itself
         looks like a payload by so much, on every motion. ``sensitivity``: of the payload to what is considered, shape (10, c)."""
-        gains = self._robot.n if self.model.error.gain else 0
-        return float(np.linalg.norm(sensitivity[0, sensitivity.shape[1] - gains :]))
+        return float(np.linalg.norm(sensitivity[0, sensitivity.shape[1] - self.model.error.gained :]))
 
     def error_directions(self) -> FloatArray:
-        """What a payload and the considered errors of the links are in the links' inertials, shape (10 n, 10 + c)."""
+        """What a payload and the considered errors are in the links' inertials, shape (10 n, 10 + d): nothing of the efforts'."""
         columns = self.payload.link_columns()
         assert columns is not None  # it hangs on a link
-        return np.hstack([columns, self.model.error.links])
+        error = self.model.error
+        return np.hstack([columns, error.links, np.zeros((columns.shape[0], error.gains.shape[1] - error.c))])
 
 
 def white_noise_variance(measurements: list[Measurement]) -> FloatArray:

@@ -117,7 +117,9 @@ class FrontEnd:
         """What is known of an arm's links and load is wrong by ``directions (mean + root z)``, see :class:`.Told`: this is made
         good in the model and in all that has gone into the rows."""
         assert self.arm is not None
-        self._model.settle_links(directions @ mean, directions @ root)
+        gains = self._model.error.gains
+        gains = gains @ root[root.shape[0] - gains.shape[1] :]
+        self._model.settle_links(directions @ mean, directions @ root, gains)
         self.arm.settle_links(self._model, mean, root)
 
     def since_change(self, theta: FloatArray, variance: FloatArray, prior_variance: FloatArray) -> tuple[float, list[Rows]]:

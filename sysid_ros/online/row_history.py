@@ -60,7 +60,7 @@ class RowHistory:
     def settle(self, mean: FloatArray, root: FloatArray, matrix: FloatArray) -> None:
         """As of :meth:`.ArmRows.settle_links`; ``matrix``: that of :meth:`.LowPassBank.mix`."""
         self.ring = self.ring @ matrix
-        rows = [(Y, y, np.hstack([Y[:, self._block], Z])[:, : mean.size]) for Y, y, Z in self.updates]
+        rows = [(Y, y, np.hstack([Y[:, self._block], Z])) for Y, y, Z in self.updates]
         self.updates.clear()
         self.updates.extend((Y, y - known @ mean, known @ root) for Y, y, known in rows)
 

@@ -19,6 +19,9 @@ _SPAN = 10.0
 """So much of the time before a tare is kept [s]: what the node's queue of messages holds while it is worked through twice."""
 _MOST = 2000
 """Rows that are kept at most: of so long a time at twice the usual rate."""
+_LEFT_OUT = 1e-8
+"""Part of the variance of the torque that the directions make together which are left out: beside a payload of which the rows may
+tell little, what links and a tilt of the base still share is small, and is most of what the tilt is uncertain by."""
 _NOTHING = (0.03, 5e-3, 5e-3, 5e-3, *[1e-3] * 6)
 """What may have been put on an arm that carries nothing, and is no change of the payload: standard deviations."""
 
@@ -49,7 +52,8 @@ class RowsSoFar:
 
     is the equation from then on, in which what is carried, theta', is nothing at first. phi given z' is learned from the same
     rows: as ``p(phi, x | rows) = p(phi | x, rows) p(x | rows)``, nothing is counted twice, and what the rows do not tell apart,
-    as an offset and a mass, stays together. Of M those directions are kept that make torque on some motion.
+    as an offset and a mass, stays together. Of M those directions are kept that make torque on some motion. Errors z_g of the
+    efforts' gains stay considered: they move m by ``S z_g``, which goes on beside M z' with what they make of the rows to come.
 
     Args:
         free: what is estimated.
@@ -68,21 +72,29 @@ class RowsSoFar:
 
     def tell(self, front_end: FrontEnd, floor: FloatArray) -> Told | None:
         """What all rows tell together; None where they do not. ``floor``: as of :meth:`.FreeParameters.make_estimator`."""
-        free, p, c = self._free, self._free.model.p, self._free.model.error.c
+        free, p, error = self._free, self._free.model.p, self._free.model.error
+        c = error.gains.shape[1] - error.gained
         while self.rows and not 0.0 <= self.rows[-1].sample.t - self.rows[0].sample.t <= _SPAN:
             self.rows.popleft()
         if not self.rows:
             return None
         both = free.make_again(front_end, floor, c)
-        if not self._learn(lambda Y, y, Z: (np.concatenate([Y, Z], axis=-1), y, Z[..., :0]), both, front_end):
+
+        def free_of_links(Y: FloatArray, y: FloatArray, Z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+            return np.concatenate([Y, Z[..., :c]], axis=-1), y, Z[..., c:]
+
+        if not self._learn(free_of_links, both, front_end):
             return None
         where = np.r_[PAYLOAD, p : p + c]
-        mean, covariance = both.theta[where], both.covariance()[np.ix_(where, where)]
+        covariance, by_gains = both.noise_covariance()[np.ix_(where, where)], both.sensitivity[where]
+        mean = np.append(both.theta[where], np.zeros(error.gained))
         if not (np.isfinite(mean).all() and np.linalg.eigvalsh(_scaled(covariance))[0] > 0.0):
             return None
-        scale = np.sqrt(covariance.diagonal())
-        root = scale[:, None] * np.linalg.cholesky(_scaled(covariance))
-        root = root @ principal_directions(free.model.robot, free.error_directions() @ root)
+        std = float(np.sqrt(both.covariance()[0, 0]))
+        root = np.sqrt(covariance.diagonal())[:, None] * np.linalg.cholesky(_scaled(covariance))
+        root = root @ principal_directions(free.model.robot, free.error_directions()[:, : where.size] @ root, left_out=_LEFT_OUT)
+        behind = np.zeros((error.gained, root.shape[1]))
+        root = np.block([[root, by_gains], [behind, np.eye(error.gained)]])
         again = free.make_again(front_end, floor)
 
         def corrected(Y: FloatArray, y: FloatArray, Z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -94,7 +106,7 @@ class RowsSoFar:
         if not self._learn(corrected, again, front_end):
             return None
         again.suppose(PAYLOAD, np.array(_NOTHING))
-        return Told(again, (float(mean[0]), float(scale[0])), mean, root)
+        return Told(again, (float(mean[0]), std), mean, root)
 
     def _learn(
         self,
@@ -104,14 +116,13 @@ class RowsSoFar:
     ) -> bool:
         """Let an estimator take in what ``change`` makes of Y, y and Z of all rows, and of what noise does to them; whether they
         are rows of one payload, with noise that is known."""
-        c = self._free.model.error.c  # what errors of the efforts' gains make of the links' torque is learned as the links'
         for rows in self.rows:
             extra = self._free.extra_variance(rows, estimator, front_end.passed)
-            Y, y, Z = map(np.ascontiguousarray, change(rows.Y, rows.y, rows.considered[:, :c]))
+            Y, y, Z = map(np.ascontiguousarray, change(rows.Y, rows.y, rows.considered))
             estimator.update(Y, y, False, extra, Z)
             if rows.noise is not None:
                 moved, made, also = rows.noise
-                moved, made, also = map(np.ascontiguousarray, change(moved, made, also[..., :c]))
+                moved, made, also = map(np.ascontiguousarray, change(moved, made, also))
                 estimator.compensate((moved, made, also), False, extra)
         return estimator.noise_known and not (estimator.jumps or estimator.misfits)
 

@@ -12,7 +12,7 @@ _POSTURES = 300
 _SPEED, _ACCELERATION = 1.0, 3.0
 """Of the random motions on which directions are compared [rad/s], [rad/s^2]."""
 _LEFT_OUT = 1e-6
-"""Part of the variance of the torque that the directions left out make together: some mN m, which a tare does not resolve."""
+"""Part of the variance of the torque that the directions left out make together: some mN m."""
 _LEFT_OUT_FLOATING = 5e-3
 """The same of force and moment on a trunk, to which many small links of the legs add."""
 _NEAR = 0.25

@@ -40,7 +40,9 @@ class KnownError:
 
     Attributes:
         c: number of directions. links: L of the link inertials, shape (10 n, c). others: other effects with their rows of L.
-        gain: as above; no part of the directions, since what it makes of a row is that row's measured torque.
+        gains: of the error of each joint's effort over the torque, as a part of it, ``gains z``, shape (n, d): what they make of
+            a row is that row's measured torque. Of z only the last ``gained`` are of the efforts, and go on after the c of the
+            directions as long as these know nothing of them.
 
     Raises:
         ModelFileError: L does not fit the effects.
@@ -54,7 +56,7 @@ class KnownError:
         links: FloatArray | None = None,
         gain: float = 0.0,
     ) -> None:
-        self.gain = gain
+        self.gained = robot.n if gain else 0
         count = sum(k.effect.p for k in known)
         if directions is not None and directions.shape[0] != count:
             raise ModelFileError(
@@ -65,8 +67,10 @@ class KnownError:
         if directions is None:
             self.links = np.zeros((10 * robot.n, 0)) if links is None else links
             self.c = self.links.shape[1]
+            self.gains = np.hstack([np.zeros((robot.n, self.c)), gain * np.eye(robot.n)[:, : self.gained]])
             return
         self.c = directions.shape[1]
+        self.gains = np.zeros((robot.n, self.c))
         self.links = np.zeros((10 * robot.n, self.c))
         start = 0
         for k in known:

@@ -234,11 +234,11 @@ class TorqueModel:
             self._left_out,
         )
 
-    def settle_links(self, error: FloatArray, directions: FloatArray) -> None:
+    def settle_links(self, error: FloatArray, directions: FloatArray, gains: FloatArray) -> None:
         """The inertials of the URDF's links have turned out to be wrong by ``error + directions z``, z ~ N(0, 1), shapes (10 n,)
-        and (10 n, c); what errors of the efforts' gains make of the links' torque is in that."""
+        and (10 n, c), while the efforts are off by ``gains z``, shape (n, c)."""
         self._correction = error if self._correction is None else self._correction + error
-        self.error.links, self.error.c, self.error.gain = directions, directions.shape[1], 0.0
+        self.error.links, self.error.c, self.error.gains = directions, directions.shape[1], gains
 
     def leave_out(self, *effects: Effect) -> None:
         """The columns of these free effects, and of no others, are not needed: :meth:`split_into` leaves them alone."""
