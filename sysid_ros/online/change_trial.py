@@ -149,7 +149,7 @@ class ChangeTrial:
         if not settled or self._impossible_since <= t:
             return Verdict.OPEN
         verdict = self._against_before(estimator)
-        return Verdict.SAME if verdict is Verdict.OPEN and t - self._newest >= _LONGEST else verdict
+        return Verdict.BODY if verdict is Verdict.OPEN and t - self._newest >= _LONGEST else verdict
 
     def has_passed(self) -> bool:
         """What was before is again: it has fitted for a while, and is likelier than what is estimated since."""
