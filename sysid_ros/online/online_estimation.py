@@ -212,7 +212,7 @@ class OnlineEstimation:
         if quiet or self._changes.standstill.lasts:
             self._changes.stand(rows, quiet, estimator, front_end)
         if not hold and estimator.noise_known:
-            judgement.check.add(rows.tau, rows.Y, rows.y, estimate.theta[PAYLOAD])
+            judgement.add(rows.tau, rows.Y, rows.y, estimate.theta[PAYLOAD])
         if estimate.status == "not_finite":
             self._forget_filters()
             self.fault = f"The estimation was no longer finite at {t:.3f} s: {estimate.reason}."

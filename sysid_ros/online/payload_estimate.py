@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from sysid_ros.estimators import Estimate, Estimator
+from sysid_ros.online.known_share import KnownShare
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.inertial_parameters import body_of, project_into
 from sysid_ros.robot.robot_model import RobotModel
@@ -168,7 +169,7 @@ class ModelCheck:
         memory: time constant of the averages [updates]. rows: how many of its joints have rows, from the first on; None: all.
 
     Attributes:
-        ready: True once there are enough updates for a verdict.
+        memory: as given. ready: True once there are enough updates for a verdict.
         part: as of the last verdict, rms of what is unexplained over rms of the torque, a joint, shape (n,); 0 where the joint
             carries next to nothing.
     """
@@ -184,7 +185,7 @@ class ModelCheck:
         self._cure = _IDENTIFY if rows in (None, robot.n) else _LOOK
         self._names = robot.joint_names[:n]
         self._weak = 0.005 * np.where(np.isfinite(robot.effort_limit), robot.effort_limit, 50.0)[:n]
-        self._memory = memory
+        self.memory = memory
         self._torque = np.zeros(n)
         self._unexplained = np.zeros(n)
         self._count = 0
@@ -196,7 +197,7 @@ class ModelCheck:
         of the payload, after the low-pass [N m]."""
         self._count += 1
         self.ready = self._count >= self.FEWEST
-        rate = max(1.0 / self._count, 1.0 / self._memory)
+        rate = max(1.0 / self._count, 1.0 / self.memory)
         _average(torque, Y, y, theta, rate, self._torque, self._unexplained)
 
     def verdict(self, noise: FloatArray, residual: FloatArray, floor: FloatArray) -> str:
@@ -235,7 +236,7 @@ class Judgement:
             rows that are torques. least: what the mass need not be known better to [kg].
 
     Attributes:
-        check: takes in the rows of a moving robot.
+        check: of the model.
     """
 
     def __init__(self, robot: RobotModel, settings: OnlineSettings, floor: FloatArray, least: float = 0.0) -> None:
@@ -243,7 +244,14 @@ class Judgement:
         self._limit = max(settings.mass_std_limit, least)
         self._floor = floor
         self.check = ModelCheck(robot, rows=floor.size)
+        self._share = KnownShare(floor.size, 1.0 / settings.update_rate, self.check.memory) if floor.size == robot.n else None
         self._known = False
+
+    def add(self, torque: FloatArray, Y: FloatArray, y: FloatArray, theta: FloatArray) -> None:
+        """As of :meth:`ModelCheck.add`."""
+        self.check.add(torque, Y, y, theta)
+        if self._share is not None:
+            self._share.add(torque, y)
 
     def status(
         self, estimate: Estimate, estimator: Estimator, mass: float, mass_std: float, lasting: float = 0.0
@@ -252,7 +260,8 @@ class Judgement:
         is not waited for."""
         s, n, noise_known = self._settings, self._floor.size, estimator.noise_known
         if noise_known:
-            wrong = self.check.verdict(estimator.noise_variance[:n], estimator.row_variance[:n], self._floor)
+            wrong = self._share.verdict() if self._share is not None else ""
+            wrong = wrong or self.check.verdict(estimator.noise_variance[:n], estimator.row_variance[:n], self._floor)
             if wrong:
                 return "inconsistent", wrong
         limit = max(self._limit, 0.05 * abs(mass))
