@@ -24,8 +24,10 @@ from sysid_ros.fleet.changes.alarms import alarms, changed_share, percent, told
 from sysid_ros.fleet.changes.carried import carried_evidence
 from sysid_ros.fleet.changes.evidence import JointEvidence, interval, shapes
 from sysid_ros.fleet.changes.fleet_changes import FleetChanges, fleet_changes
+from sysid_ros.fleet.changes.levels import in_levels, levels
 from sysid_ros.fleet.changes.pooled import OneSeries, pooled
-from sysid_ros.fleet.changes.series import FleetSeries, RobotSeries, fleet_series
+from sysid_ros.fleet.changes.quantities import Costs
+from sysid_ros.fleet.changes.series import FleetSeries, RobotSeries, Series, fleet_series
 from sysid_ros.fleet.fleet_page import answer, fleet_page
 from sysid_ros.fleet.schema import JOINT_PARAMETERS
 from sysid_ros.fleet.store import Results, Store
@@ -65,6 +67,36 @@ def test_what_is_drawn_is_found_named_and_dated(changes: FleetChanges) -> None:
         assert change.quantity == (true.parameter if true.joint else "payload")
         assert abs(change.since[0] - true.day) < 14.0
         assert np.sign(change.size) == np.sign(true.size)
+
+
+def test_sizes_are_told_in_units_of_the_parameter(changes: FleetChanges) -> None:
+    found = {(a.change.robot, a.change.joint): a.change for a in alarms(changes)}
+    for true in small_fleet().changes:
+        assert found[true.robot, true.joint].size == pytest.approx(true.size, rel=0.3)
+
+
+def of_friction(usual: float, bags: int, seed: int) -> Series:
+    """A joint whose Coulomb friction scatters by 5 % of itself, and whose offset is another on each."""
+    rng, p = np.random.default_rng(seed), len(JOINT_PARAMETERS)
+    y = np.full((bags, p), np.nan)
+    y[:, 0] = usual * (1.0 + 0.05 * rng.normal(size=bags))
+    y[:, JOINT_PARAMETERS.index("torque_offset")] = rng.normal()
+    return Series("j", np.arange(bags), y, np.tile(0.01 * np.eye(p), (bags, 1, 1)), np.full(bags, 30.0), Costs("j"))
+
+
+def test_frictions_count_as_parts_of_what_they_are() -> None:
+    series = [of_friction(usual, 30, seed) for seed, usual in enumerate((0.5, 1.0, 2.0))]
+    found = levels(series)
+    np.testing.assert_allclose([of[0] for of in found], [0.5, 1.0, 2.0], rtol=0.04)
+    assert np.all(np.array(found)[:, 1:] == 1.0)
+    scaled = [in_levels(s, level) for s, level in zip(series, found, strict=True)]
+    np.testing.assert_allclose([np.std(s.y[:, 0]) for s in scaled], 0.05, rtol=0.4)
+    np.testing.assert_allclose([s.covariance[0, 0, 0] for s in scaled], 0.01 / np.array([0.5, 1.0, 2.0]) ** 2, rtol=0.1)
+
+
+def test_of_one_bag_a_level_is_that_of_the_kind() -> None:
+    found = levels([of_friction(usual, 1, seed) for seed, usual in enumerate((0.5, 1.0, 2.0))])
+    assert np.all(np.array(found) == 1.0)
 
 
 def test_dates_count_from_the_first_bag(changes: FleetChanges) -> None:

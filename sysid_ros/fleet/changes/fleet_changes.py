@@ -12,6 +12,7 @@ from sysid_ros.fleet.changes.candidates import Candidate, Found, candidates_of, 
 from sysid_ros.fleet.changes.carried import carried_evidence, scatter_of
 from sysid_ros.fleet.changes.covariances import covariance_of, expected, one_bag, trend
 from sysid_ros.fleet.changes.evidence import JointEvidence, Shapes, shapes
+from sysid_ros.fleet.changes.levels import in_levels, levels
 from sysid_ros.fleet.changes.pooled import OneSeries, Pooled, pooled
 from sysid_ros.fleet.changes.series import FleetSeries, RobotSeries, Series
 from sysid_ros.fleet.schema import JOINT_PARAMETERS
@@ -44,7 +45,8 @@ class FleetChanges:
 
     Attributes:
         series: what it was looked for in. candidates: what may have changed. looks: the logarithm of the e-value of every look,
-            also of those that found nothing. histories: of every joint. pooled: by kind, joint and parameter.
+            also of those that found nothing. histories: of every joint. pooled: by kind, joint and parameter, in units of the
+            robots' own :mod:`.levels`.
     """
 
     series: FleetSeries
@@ -56,10 +58,12 @@ class FleetChanges:
 
 @dataclass(slots=True)
 class _Joint:
-    """One joint while it is worked on."""
+    """One joint while it is worked on: ``series`` is in units of ``level`` (8,), ``course`` too."""
 
     robot: RobotSeries
+    told: Series
     series: Series
+    level: FloatArray
     days: FloatArray
     x: FloatArray
     course: FloatArray
@@ -72,7 +76,7 @@ def fleet_changes(series: FleetSeries, said: Callable[[str], None] = lambda s: N
     for robot in series.robots:
         for of in robot.joints:
             days = robot.days[of.bags]
-            entry = _Joint(robot, of, days, np.zeros((len(days), 0)), np.zeros_like(of.y), [])
+            entry = _Joint(robot, of, of, np.ones(len(JOINT_PARAMETERS)), days, np.zeros((len(days), 0)), np.zeros_like(of.y), [])
             kinds.setdefault((robot.kind, of.joint), []).append(entry)
     everything: list[Found] = []
     looks: list[float] = []
@@ -81,6 +85,8 @@ def fleet_changes(series: FleetSeries, said: Callable[[str], None] = lambda s: N
     for number, (key, joints) in enumerate(kinds.items(), start=1):
         said(f"Joint {key[1]} of {key[0]} ({number} of {len(kinds)})")
         _covariates(joints)
+        for joint, level in zip(joints, levels([j.told for j in joints]), strict=True):
+            joint.level, joint.series = level, in_levels(joint.told, level)
         rounds = []
         for robust in (True, False):
             shared[key] = tuple(_pooled(joints, p, robust) for p in range(len(JOINT_PARAMETERS)))
@@ -158,7 +164,8 @@ def _looked_at(joint: _Joint, shared: Sequence[Pooled], known: dict[bytes, Shape
         best = int(np.argmax(look.log_of))
         chance = np.exp(look.log_of - logsumexp(look.log_of))
         kinds = {name: float(c) for name, c in zip(JOINT_PARAMETERS, chance, strict=True)}
-        found.append(found_in(joint.robot.name, joint.series.joint, look, best, kinds, courses))
+        one = found_in(joint.robot.name, joint.series.joint, look, best, kinds, courses)
+        found.append(replace(one, size=joint.level[best] * one.size, square=joint.level[best] ** 2 * one.square))
         joint.course[:, best] += model.take(look, best)
     return found, looks
 
@@ -166,9 +173,9 @@ def _looked_at(joint: _Joint, shared: Sequence[Pooled], known: dict[bytes, Shape
 def _history(joint: _Joint, shared: Sequence[Pooled]) -> JointHistory:
     y = joint.series.y.copy()
     y[joint.odd] = np.nan
-    levels = [
+    trends = [
         trend(y[:, p], joint.series.covariance[:, p, p], joint.days, joint.x, of, joint.course[:, p])
         for p, of in enumerate(shared)
     ]
-    level, std = (np.column_stack(part) for part in zip(*levels, strict=True))
-    return JointHistory(joint.robot.name, joint.series.joint, joint.series, joint.days, level, std, tuple(joint.odd))
+    level, std = (joint.level * np.column_stack(part) for part in zip(*trends, strict=True))
+    return JointHistory(joint.robot.name, joint.series.joint, joint.told, joint.days, level, std, tuple(joint.odd))
