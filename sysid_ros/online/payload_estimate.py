@@ -244,7 +244,8 @@ class Judgement:
         self._limit = max(settings.mass_std_limit, least)
         self._floor = floor
         self.check = ModelCheck(robot, rows=floor.size)
-        self._share = KnownShare(floor.size, 1.0 / settings.update_rate, self.check.memory) if floor.size == robot.n else None
+        weighs = floor.size == robot.n and settings.effort_type == "total"
+        self._share = KnownShare(robot.n, 1.0 / settings.update_rate, self.check.memory) if weighs else None
         self._known = False
 
     def add(self, torque: FloatArray, Y: FloatArray, y: FloatArray, theta: FloatArray) -> None:
