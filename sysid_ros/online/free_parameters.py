@@ -117,7 +117,7 @@ class FreeParameters:
             inexact=inexact,
             gain=gain,
         )
-        self.tilt_is_open = self.tilt is not None
+        self.tilt_is_open, self.gained = self.tilt is not None, self.model.error.gained
         self.bias = self.legs.bias if self.legs else None
         self.tilt_slice = self.model.slices[effects.index(self.tilt)] if self.tilt else slice(0, 0)
         self.friction_slice = self.model.slices[1] if self.friction in effects else slice(0, 0)
@@ -253,11 +253,6 @@ class FreeParameters:
     def least_mass(self) -> float:
         """What the payload's mass need not be known better to [kg]: legs hold the robot, too."""
         return _OF_ROBOT * self._base.mass if self._base else 0.0
-
-    def lasting_mass_std(self, sensitivity: FloatArray) -> float:
-        """Standard deviation of the payload's mass that errors of the efforts' gains make [kg]: what an arm weighs by itself
-        looks like a payload by so much, on every motion. ``sensitivity``: of the payload to what is considered, shape (10, c)."""
-        return float(np.linalg.norm(sensitivity[0, sensitivity.shape[1] - self.model.error.gained :]))
 
     def error_directions(self) -> FloatArray:
         """What a payload and the considered errors are in the links' inertials, shape (10 n, 10 + d): nothing of the efforts'."""

@@ -212,7 +212,7 @@ class OnlineEstimation:
         if quiet or self._changes.standstill.lasts:
             self._changes.stand(rows, quiet, estimator, front_end)
         if not hold and estimator.noise_known:
-            judgement.add(rows.tau, rows.Y, rows.y, estimate.theta[PAYLOAD])
+            judgement.check.add(rows.tau, rows.Y, rows.y, estimate.theta[PAYLOAD])
         if estimate.status == "not_finite":
             self._forget_filters()
             self.fault = f"The estimation was no longer finite at {t:.3f} s: {estimate.reason}."
@@ -254,7 +254,7 @@ class OnlineEstimation:
             (theta, noise, model), lasting = self._changes.tare.tared(self.estimator, repeated), 0.0
         else:
             theta, noise, sensitivity = self.estimator.parts(PAYLOAD)
-            model, lasting = sensitivity @ sensitivity.T, self._free.lasting_mass_std(sensitivity)
+            model, lasting = sensitivity @ sensitivity.T, math.hypot(*sensitivity[0, sensitivity.shape[1] - self._free.gained :])
         covariance = noise + model
         if self.base is not None:
             covariance[0, 0] += self._doubt(float(theta[0])) ** 2

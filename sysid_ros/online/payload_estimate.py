@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from sysid_ros.estimators import Estimate, Estimator
+from sysid_ros.online.arm_rows import average_row
 from sysid_ros.online.known_share import KnownShare
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.inertial_parameters import body_of, project_into
@@ -171,14 +171,14 @@ class ModelCheck:
     Attributes:
         memory: as given. ready: True once there are enough updates for a verdict.
         part: as of the last verdict, rms of what is unexplained over rms of the torque, a joint, shape (n,); 0 where the joint
-            carries next to nothing.
+            carries next to nothing. share: of what the arm weighs, where the efforts hold it; not_shown: its verdict.
     """
 
     PART = 0.25
     TIMES_NOISE = 10.0
     JOINTS = 0.6
     REMAINS = 0.03
-    FEWEST = 300
+    FEWEST, ASK = 300, 50
 
     def __init__(self, robot: RobotModel, memory: float = 3000.0, rows: int | None = None) -> None:
         n = robot.n if rows is None else rows
@@ -191,6 +191,8 @@ class ModelCheck:
         self._count = 0
         self.ready = False
         self.part: FloatArray = np.zeros(n)
+        self.share: KnownShare | None = None
+        self.not_shown, self._nothing = "", np.zeros((5, 0))
 
     def add(self, torque: FloatArray, Y: FloatArray, y: FloatArray, theta: FloatArray) -> None:
         """Take in measured torque, shape (n,), and the first columns of the equation ``y = Y theta`` with their parameters, those
@@ -198,7 +200,10 @@ class ModelCheck:
         self._count += 1
         self.ready = self._count >= self.FEWEST
         rate = max(1.0 / self._count, 1.0 / self.memory)
-        _average(torque, Y, y, theta, rate, self._torque, self._unexplained)
+        moments = self.share.moments if self.share is not None else self._nothing
+        average_row(torque, Y, y, theta, rate, self._torque, self._unexplained, moments)
+        if self.share is not None and self._count % self.ASK == 0:
+            self.not_shown = self.share.verdict(self._count)
 
     def verdict(self, noise: FloatArray, residual: FloatArray, floor: FloatArray) -> str:
         """A sentence that names the worst joints where the model is wrong, else an empty string.
@@ -245,14 +250,8 @@ class Judgement:
         self._floor = floor
         self.check = ModelCheck(robot, rows=floor.size)
         weighs = floor.size == robot.n and settings.effort_type == "total"
-        self._share = KnownShare(robot.n, 1.0 / settings.update_rate, self.check.memory) if weighs else None
+        self.check.share = KnownShare(robot.n, 1.0 / settings.update_rate, self.check.memory) if weighs else None
         self._known = False
-
-    def add(self, torque: FloatArray, Y: FloatArray, y: FloatArray, theta: FloatArray) -> None:
-        """As of :meth:`ModelCheck.add`."""
-        self.check.add(torque, Y, y, theta)
-        if self._share is not None:
-            self._share.add(torque, y)
 
     def status(
         self, estimate: Estimate, estimator: Estimator, mass: float, mass_std: float, lasting: float = 0.0
@@ -261,8 +260,9 @@ class Judgement:
         is not waited for."""
         s, n, noise_known = self._settings, self._floor.size, estimator.noise_known
         if noise_known:
-            wrong = self._share.verdict() if self._share is not None else ""
-            wrong = wrong or self.check.verdict(estimator.noise_variance[:n], estimator.row_variance[:n], self._floor)
+            wrong = self.check.not_shown or self.check.verdict(
+                estimator.noise_variance[:n], estimator.row_variance[:n], self._floor
+            )
             if wrong:
                 return "inconsistent", wrong
         limit = max(self._limit, 0.05 * abs(mass))
@@ -285,16 +285,3 @@ class Judgement:
         if abs(mass) < level:
             return "no_payload", f"No payload above {level:.2g} kg."
         return "ok", "The robot stands; the estimate is held." if estimate.status == "not_excited" else reason
-
-
-@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _average(
-    torque: FloatArray, Y: FloatArray, y: FloatArray, theta: FloatArray, rate: float, whole: FloatArray, unexplained: FloatArray
-) -> None:
-    """Means of the squared torque and of the square of what ``Y theta`` leaves of y, shape (n,) each, go on by a row."""
-    for i in range(whole.size):
-        left = y[i]
-        for k in range(theta.size):
-            left -= Y[i, k] * theta[k]
-        whole[i] += rate * (torque[i] * torque[i] - whole[i])
-        unexplained[i] += rate * (left * left - unexplained[i])
