@@ -26,9 +26,9 @@ CALM = {
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": _KEPT,
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": _KEPT // 2,
 }
-"""What Dask's processes look at beside the work, and how often: as it comes, up to a hundred times a second, driver, scheduler
-and worker add 15 % to the processor time of ``track``, so 8 % (24 bags). Nothing here is copied: there are no replicas to
-remove."""
+"""What Dask's processes keep, and what they look at beside the work, how often: as it comes, up to a hundred times a second,
+driver, scheduler and worker add 15 % to the processor time of ``track``, so 8 % (24 bags). Nothing here is copied: there are no
+replicas to remove."""
 
 
 def require_dask() -> Any:

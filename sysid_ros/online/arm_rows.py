@@ -30,8 +30,6 @@ _LONGEST_FILL = 10.5
 """Longest step that is interpolated over [periods]."""
 _FILLED = 0.98
 """Part of the low-pass above which it counts as filled."""
-_ABSURD = 1e12
-"""No torque [N m]."""
 _NOISE_EVERY = 10
 """Rows after which what the noise of the accelerations does to them is looked at again."""
 
@@ -259,33 +257,3 @@ def _split(out: FloatArray, p: int, Y: FloatArray, beside: FloatArray, considere
         beside[3, i] = out[i, p + 2] / part
         beside[4, i] = torque
     return float(filled)
-
-
-@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def average_row(
-    torque: FloatArray,
-    Y: FloatArray,
-    y: FloatArray,
-    theta: FloatArray,
-    rate: float,
-    whole: FloatArray,
-    unexplained: FloatArray,
-    moments: FloatArray,
-) -> None:
-    """Means of the squared torque and of the square of what ``Y theta`` leaves of y, shape (n,) each, go on by a row, and the
-    ``moments`` of :class:`.KnownShare`, shape (5, n) or of none."""
-    for i in range(whole.size):
-        left = y[i]
-        for k in range(theta.size):
-            left -= Y[i, k] * theta[k]
-        whole[i] += rate * (torque[i] * torque[i] - whole[i])
-        unexplained[i] += rate * (left * left - unexplained[i])
-    for i in range(moments.shape[1]):
-        measured, known = torque[i], torque[i] - y[i]
-        if not abs(measured) + abs(known) < _ABSURD:
-            continue
-        moments[0, i] += rate * (known - moments[0, i])
-        moments[1, i] += rate * (measured - moments[1, i])
-        moments[2, i] += rate * (known * measured - moments[2, i])
-        moments[3, i] += rate * (known * known - moments[3, i])
-        moments[4, i] += rate * (measured * measured - moments[4, i])

@@ -92,8 +92,9 @@ class ChangeTrial:
         self._jumps, self._newest, self._force_since = 1, t, t
         self._impossible_since = np.inf
         self._part, self._young, self._returned = front_end.passed, _YOUNG * front_end.memory, _RETURNED * front_end.memory
-        self._compared: deque[tuple[float, float]] = deque(maxlen=max(round(self._returned / front_end.period), 2))
-        self._one = 1.0 / (self._part * max(round(self._returned / front_end.period), 2))
+        rows = max(round(self._returned / front_end.period), 2)
+        self._compared: deque[tuple[float, float]] = deque(maxlen=rows)
+        self._one = 1.0 / (self._part * rows)
 
     def once_more(self, t: float, front_end: FrontEnd) -> ChangeTrial:
         """The trial of a force that has stayed until ``t`` [s], as a body that moves by itself."""

@@ -56,7 +56,7 @@ class FreeParameters:
             asked still. friction_slice: where those of friction stand.
         legs: what is not known of a robot on legs beside its payload, None of an arm.
         friction: of an arm; its parameters, if they are free, come after the payload's. None of a floating base.
-        model: known and free effects.
+        model: known and free effects. gained: how many of its considered errors, the last ones, are of the efforts' gains.
         extra_colour: as of :class:`.Problem`, of the estimator that was made last.
         trunk_noise: of a floating base, once :meth:`noise_density` has run: density of the noise of the legs' torques, shape
             (n,), and what the six rows have beside, shape (6,).

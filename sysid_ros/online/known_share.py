@@ -1,15 +1,20 @@
-"""KnownShare: how much of what the arm itself costs shows in its efforts."""
+"""KnownShare: how much of what the arm itself costs shows in its efforts; average_row: the means by which a model is checked."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from numba import njit
+
+from sysid_ros.sample import FloatArray
 
 _ALONE = 0.5
 """After so long a row is another one: about what it takes an arm to get elsewhere [s]."""
 _SURE = math.log(1000.0)
 """Logarithm of how much likelier it must be that nothing of it shows than that all does, which is the rule."""
+_ABSURD = 1e12
+"""No torque [N m]."""
 _FEWEST = 200
 """Rows that it takes."""
 
@@ -24,7 +29,7 @@ class KnownShare:
         n: joints. period: between rows [s]. memory: time constant of the averages [rows].
 
     Attributes:
-        moments: means of k, tau, k tau, k^2 and tau^2, shape (5, n); who takes in the rows writes them.
+        moments: means of k, tau, k tau, k^2 and tau^2, shape (5, n), which :func:`average_row` writes.
     """
 
     def __init__(self, n: int, period: float, memory: float) -> None:
@@ -50,3 +55,33 @@ class KnownShare:
             "takes: are they compensated for gravity by the driver (effort_type), or in another unit (effort_scale)? The payload "
             "can't be trusted."
         )
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def average_row(
+    torque: FloatArray,
+    Y: FloatArray,
+    y: FloatArray,
+    theta: FloatArray,
+    rate: float,
+    whole: FloatArray,
+    unexplained: FloatArray,
+    moments: FloatArray,
+) -> None:
+    """Means of the squared torque and of the square of what ``Y theta`` leaves of y, shape (n,) each, go on by a row, and the
+    ``moments`` of :class:`.KnownShare`, shape (5, n) or of none."""
+    for i in range(whole.size):
+        left = y[i]
+        for k in range(theta.size):
+            left -= Y[i, k] * theta[k]
+        whole[i] += rate * (torque[i] * torque[i] - whole[i])
+        unexplained[i] += rate * (left * left - unexplained[i])
+    for i in range(moments.shape[1]):
+        measured, known = torque[i], torque[i] - y[i]
+        if not abs(measured) + abs(known) < _ABSURD:
+            continue
+        moments[0, i] += rate * (known - moments[0, i])
+        moments[1, i] += rate * (measured - moments[1, i])
+        moments[2, i] += rate * (known * measured - moments[2, i])
+        moments[3, i] += rate * (known * known - moments[3, i])
+        moments[4, i] += rate * (measured * measured - moments[4, i])

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sysid_ros.estimators import Estimate, Estimator
-from sysid_ros.online.arm_rows import average_row
-from sysid_ros.online.known_share import KnownShare
+from sysid_ros.online.known_share import KnownShare, average_row
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.inertial_parameters import body_of, project_into
 from sysid_ros.robot.robot_model import RobotModel
