@@ -10,7 +10,7 @@ from robots import random_body, robot
 from sysid_ros.effects import CoulombFriction, LinkInertia, Payload, TorqueOffset, ViscousFriction
 from sysid_ros.online.free_parameters import white_noise_variance
 from sysid_ros.online.front_end import FrontEnd
-from sysid_ros.online.payload_estimate import ModelCheck
+from sysid_ros.online.model_check import ModelCheck
 from sysid_ros.online.payload_events import EventLog
 from sysid_ros.online.rows import Rows
 from sysid_ros.robot import inertial_parameters

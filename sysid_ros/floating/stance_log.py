@@ -131,6 +131,10 @@ class StanceLog:
         """Part of the time in which it steps."""
         return self.steps / max(self.samples, 1)
 
+    def mass_error(self, mass: float) -> float:
+        """By how much a mass [kg] that hangs on the feet is wrong if that excess is a bias that is not estimated [kg]."""
+        return 0.0 if self.bias_is_free else mass * self.excess / self._gravity
+
     @property
     def excess(self) -> float:
         """By how much more than gravity the accelerometer shows, as far as that is no noise [m/s^2]."""

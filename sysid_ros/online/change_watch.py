@@ -11,6 +11,7 @@ from sysid_ros.estimators import Estimate, Estimator
 from sysid_ros.online.change_trial import ChangeTrial, Verdict
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
 from sysid_ros.online.front_end import FrontEnd
+from sysid_ros.online.model_evidence import ModelEvidence
 from sysid_ros.online.payload_events import EventLog
 from sysid_ros.online.put_down import SELDOM, with_row
 from sysid_ros.online.rows import Rows
@@ -37,6 +38,8 @@ class ChangeWatch:
     Attributes:
         tare: taken from what is estimated. trial: of the newest change, while it is not known what it was.
         standstill: what may have changed while the arm hardly moves. rows_so_far: what a tare may learn the links from.
+        evidence: takes in the rows of an arm while nothing changes, to tell by how much its model is wrong; None where efforts do
+            not hold what it weighs.
     """
 
     def __init__(self, free: FreeParameters, log: EventLog) -> None:
@@ -47,6 +50,7 @@ class ChangeWatch:
         self.standstill = Standstill(self._prior_std**2)
         self._put_down = 0.0
         self.rows_so_far = RowsSoFar(free)
+        self.evidence: ModelEvidence | None = None
 
     def take_tare(
         self, estimator: Estimator, front_end: FrontEnd | None, floor: FloatArray
@@ -135,6 +139,10 @@ class ChangeWatch:
             return self.changed(rows, hold, estimator, front_end, estimate, jumped, known, gone)
         if not hold:
             self.rows_so_far.rows.append(rows)
+            if self.evidence is not None and estimator.noise_known and estimate.status == "ok":
+                self.evidence.waits += 1
+                if self.evidence.waits >= self.evidence.every:
+                    self.evidence.add(rows, self._free.friction_slice, self._free.gained)
         return estimate
 
     def changed(
@@ -160,6 +168,8 @@ class ChangeWatch:
             estimator.undo_misfits()
         before = copy.deepcopy(estimator)
         t, since = self._begin_anew(before, estimator, hold, front_end)
+        if self.evidence is not None:
+            self.evidence.drop()
         if known and (self.trial is None or self.trial.rests(t)):
             mass, outer = self._mass_before(before.theta), self.trial
             if outer is not None:
@@ -198,6 +208,8 @@ class ChangeWatch:
         verdict = trial.judge(t, estimator, self.tare)
         if verdict is Verdict.BODY:
             self.trial = None
+            if self.evidence is not None:
+                self.evidence.renew()
             self._log.body((trial.after or trial).t, t, trial.mass, self._mass_before(estimator.theta))
         elif verdict is Verdict.SAME:
             self._log.withdraw((trial.after or trial).t)

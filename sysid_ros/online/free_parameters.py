@@ -15,6 +15,7 @@ from sysid_ros.floating.stance_log import STEP
 from sysid_ros.online.friction_correction import FrictionCorrection
 from sysid_ros.online.front_end import FrontEnd
 from sysid_ros.online.leg_parameters import LegParameters
+from sysid_ros.online.model_evidence import BY_LOAD, ROTOR, ModelEvidence
 from sysid_ros.online.rows import Rows
 from sysid_ros.online.small_tilt import SmallTilt
 from sysid_ros.online_settings import OnlineSettings
@@ -123,6 +124,17 @@ class FreeParameters:
         self.friction_slice = self.model.slices[1] if self.friction in effects else slice(0, 0)
         self.prior_std = np.concatenate(prior_std)
 
+    def evidence(self) -> ModelEvidence | None:
+        """Takes in rows to tell by how much the model of an arm is wrong; None where efforts do not hold what it weighs."""
+        s, n = self._settings, self._robot.n
+        if self.friction is None or s.effort_type != "total":
+            return None
+        shared = np.concatenate([self.prior_std[PAYLOAD], self.prior_std[self.tilt_slice]])
+        own = self.friction.expected_std.reshape(3, n)
+        return ModelEvidence(
+            n, 1.0 / s.update_rate, shared, np.vstack([own, ROTOR * own[1], own[1], np.full(n, BY_LOAD)]), s.effort_gain_error
+        )
+
     def _payload_prior(self) -> FloatArray:
         prior = self._settings.payload_prior
         if self._base is None:
@@ -131,9 +143,9 @@ class FreeParameters:
         least = np.array([mass] + [mass * size] * 3 + [mass * size**2] * 6)
         return np.asarray(np.maximum(prior, least))
 
-    def settle_tilt(self, estimator: Estimator) -> bool:
-        """Ask whether the base is tilted; True where gravity was turned because it is, so that rows of before do not hold.
-        Not to be asked once it is known to be level, see ``tilt_is_open``."""
+    def settle_tilt(self, estimator: Estimator) -> FloatArray | None:
+        """Ask whether the base is tilted; the two angles [rad] by which gravity was turned because it is, so that rows of before
+        do not hold, else None. Not to be asked once it is known to be level, see ``tilt_is_open``."""
         assert self.tilt is not None
         where = self.tilt_slice
         theta = estimator.theta[where]
@@ -147,7 +159,7 @@ class FreeParameters:
             estimator.fix(where, _LEVEL * self._settings.base_tilt_std)
             self.model.leave_out(self.tilt)
             self.tilt_is_open = False
-        return turned
+        return theta if turned else None
 
     def carry(self, estimator: Estimator, front_end: FrontEnd) -> None:
         """Take in what is known of the free parameters of a robot on legs now."""

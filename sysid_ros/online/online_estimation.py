@@ -19,7 +19,7 @@ from sysid_ros.online.change_watch import ChangeWatch
 from sysid_ros.online.free_parameters import PAYLOAD, FreeParameters
 from sysid_ros.online.front_end import FrontEnd
 from sysid_ros.online.imu_doubts import name_imu
-from sysid_ros.online.payload_estimate import NOT_A_BODY, Judgement, PayloadEstimate, PayloadEvent, nearest_body
+from sysid_ros.online.payload_estimate import ALL_OF_IT, NOT_A_BODY, Judgement, PayloadEstimate, PayloadEvent, nearest_body
 from sysid_ros.online.payload_events import EventLog
 from sysid_ros.online.rows import Rows
 from sysid_ros.online_settings import OnlineSettings
@@ -176,7 +176,8 @@ class OnlineEstimation:
 
     def _make_judgement(self) -> None:
         robot, floor = (self.base.robot, self._floor[:FREE]) if self.base else (self.robot, self._floor)
-        self._judgement = Judgement(robot, self.settings, floor, self._free.least_mass)
+        self._changes.evidence = self._free.evidence()
+        self._judgement = Judgement(robot, self.settings, floor, self._free.least_mass, self._changes.evidence)
 
     def _take(self, rows: Rows, t: float) -> PayloadEstimate | None:
         """One update, and what it gives if that is due; ``t``: stamp of the newest measurement [s]."""
@@ -211,7 +212,7 @@ class OnlineEstimation:
         quiet = hold or (friction is not None and fastest < self.settings.low_velocity)
         if quiet or self._changes.standstill.lasts:
             self._changes.stand(rows, quiet, estimator, front_end)
-        if not hold and estimator.noise_known:
+        if judgement.evidence is None and not hold and estimator.noise_known:
             judgement.check.add(rows.tau, rows.Y, rows.y, estimate.theta[PAYLOAD])
         if estimate.status == "not_finite":
             self._forget_filters()
@@ -251,22 +252,25 @@ class OnlineEstimation:
         front_end = self._front_end if self.base is not None else None
         repeated = self._free.repeated_covariance(self.estimator, front_end, self._floor) if front_end is not None else None
         if self._changes.tare.taken or repeated is not None:
-            (theta, noise, model), lasting = self._changes.tare.tared(self.estimator, repeated), 0.0
+            theta, noise, model = self._changes.tare.tared(self.estimator, repeated)
+            covariance, parts = noise + model, ALL_OF_IT
         else:
             theta, noise, sensitivity = self.estimator.parts(PAYLOAD)
-            model, lasting = sensitivity @ sensitivity.T, math.hypot(*sensitivity[0, sensitivity.shape[1] - self._free.gained :])
-        covariance = noise + model
-        if self.base is not None:
-            covariance[0, 0] += self._doubt(float(theta[0])) ** 2
+            covariance, parts = judgement.with_errors(noise, sensitivity, self._free.gained)
+        held = self.base.mass if self.base is not None and not self._changes.tare.taken else 0.0
+        if self._stances is not None:
+            covariance[0, 0] += self._stances.mass_error(held + max(float(theta[0]), 0.0)) ** 2
         std = np.sqrt(covariance.diagonal())
         fits = self.estimator.noise_known and self._changes.trial is None and estimate.status == "ok"
         asked = fits and self._free.tilt_is_open
-        if asked and self._free.settle_tilt(self.estimator) and self._front_end is not None:
+        if asked and (turned := self._free.settle_tilt(self.estimator)) is not None and self._front_end is not None:
             self._front_end.rest()
             self._changes.rows_so_far.clear()
+            if judgement.evidence is not None:
+                judgement.evidence.turn(turned)
         if asked and self._free.tilt is not None and self._free.tilt.told:
             self._warnings["tilt"] = self._free.tilt.told
-        status, reason = judgement.status(estimate, self.estimator, float(theta[0]), float(std[0]), lasting)
+        status, reason = judgement.status(estimate, self.estimator, float(theta[0]), float(std[0]), parts)
         inconsistent = status == "inconsistent"
         if self._changes.trial is not None or self._changes.standstill.told:
             status, reason = self._changes.status(t, status, reason)
@@ -275,7 +279,7 @@ class OnlineEstimation:
             if not distance <= NOT_A_BODY:
                 status, reason = "not_physical", "No body of positive density has these parameters, whatever the noise."
         if self._free.legs is not None and self._stances is not None:
-            doubt = self._doubt(0.0) / float(std[0])
+            doubt = self._stances.mass_error(held) / float(std[0])
             reason = name_imu(self._free.legs, self._stances, self.estimator, status, reason, doubt, self._warnings)
         self._warnings.pop("inconsistent", None)
         self._warnings |= {"inconsistent": reason} if inconsistent else {}
@@ -292,9 +296,3 @@ class OnlineEstimation:
             residual = projection.leg_torque(projection.wrench(residual[:FREE]))
         observable = std < self._observable_std
         return PayloadEstimate(t, self.frame, theta, covariance, status, reason, observable, residual, effort)
-
-    def _doubt(self, mass: float) -> float:
-        """By how much the mass is wrong if the accelerometer's excess over gravity is a bias that is not estimated [kg]."""
-        if self._stances is None or self._stances.bias_is_free or self.base is None:
-            return 0.0
-        return ((0.0 if self._changes.tare.taken else self.base.mass) + max(mass, 0.0)) * self._stances.excess / self._gravity

@@ -10,7 +10,6 @@ from motions import Motion, measurements
 from robots import robot
 
 from sysid_ros.effects import Payload
-from sysid_ros.online.known_share import KnownShare
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online.payload_estimate import PayloadEstimate
 from sysid_ros.online_settings import OnlineSettings
@@ -60,13 +59,3 @@ def test_of_torques_it_is_never_said(factor: float, mass: float) -> None:
     assert not any(
         "The efforts show only" in e.reason for e in estimates([replace(m, tau=factor * m.tau) for m in carried(mass)])
     )
-
-
-@pytest.mark.parametrize(("moves", "said"), [(0.01, False), (3.0, True)])
-def test_an_arm_that_hardly_moves_tells_nothing(moves: float, said: bool) -> None:
-    share, rng = KnownShare(2, 0.01, 3000.0), np.random.default_rng(0)
-    known = np.array([10.0, 3.0]) + moves * rng.normal(size=(1000, 2))
-    torque = np.array([2.0, 1.0]) + 0.3 * rng.normal(size=(1000, 2))
-    share.moments[:] = [x.mean(axis=0) for x in (known, torque, known * torque, known**2, torque**2)]
-    assert bool(share.verdict(1000)) == said
-    assert share.verdict(100) == ""

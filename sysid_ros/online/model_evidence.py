@@ -1,0 +1,258 @@
+"""ModelEvidence: by how much the arm's model is wrong, and how much of what the arm takes shows, as the rows so far tell it."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid_ros.online.evidence_kernels import (
+    BEHIND,
+    LOCAL,
+    close_block,
+    learn_noise,
+    likelihoods,
+    reduced,
+    settle,
+    take,
+    together,
+    without_payload,
+)
+from sysid_ros.online.rows import Rows
+from sysid_ros.sample import FloatArray
+
+ROTOR = 0.1
+"""Prior standard deviation of a rotor's inertia behind its gear, for a joint's usual friction [kg m^2 per N m]."""
+BY_LOAD = 0.05
+"""Prior standard deviation of the part of what a joint carries that its gear loses."""
+_EVERY = 0.05
+"""Between rows that are taken in [s]: those between them tell hardly more."""
+_PENDING = 0.5
+"""So long rows wait, as a change of what is carried is found after it has happened [s]."""
+_BLOCK = 1.0
+"""Time over which sums tell the colour of the noise [s]."""
+_MEMORY = 30.0
+"""In which rows are forgotten [s]."""
+_KEEP = math.exp(-_BLOCK / _MEMORY)
+"""What is kept of blocks before, a block."""
+_COLOUR, _WEIGHT = 5.0, 2.0
+"""How many rows of noise count as one, before data tell it: noise of a quarter of a second; that counts like so many blocks."""
+_FEWEST = 40
+"""Rows of each joint that are taken in before anything is said."""
+_ASK = 0.5
+"""Between two looks [s]."""
+_SCALES = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 64.0])
+"""By how many times what is known of the arm may be further off than is said; twice as far is ten times rarer."""
+_RARER = math.log(4.0)
+_GAIN = 0.01
+"""As which gains are asked for that are said to be exact."""
+_OWN_FACTOR = 16.0
+"""Efforts whose gains are so many times further off are not torques with an error, but have their own factor on each joint."""
+_SELDOM = math.log(1000.0)
+"""How rare it is that efforts are not what they are said to be."""
+_ONLY = 0.5
+"""Efforts that show less of what the arm takes are compensated or in another unit; else each joint has its own factor."""
+_EXACT = 1e12
+_PAYLOAD = 10
+
+
+class Hypotheses(NamedTuple):
+    """By how much links and gains may be further off than is said, and whether efforts are what they are said to be.
+
+    Attributes:
+        priors: of the c errors of the links, of the part that is missing, and of the n gains: inverse variances, shape
+            (m, c + 1 + n); the last is the widest. chance: logarithm of that of each, but for what is common, shape (m,).
+        links, gains: s^2 and g^2, shape (m,). other: where efforts are something else, shape (m,).
+    """
+
+    priors: FloatArray
+    chance: FloatArray
+    links: FloatArray
+    gains: FloatArray
+    other: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, c: int, n: int) -> Hypotheses:
+        missing, links, gains = (x.ravel() for x in np.meshgrid([False, True], _SCALES, _SCALES, indexing="ij"))
+        columns = (
+            np.repeat(links[:, None] ** -2, c, axis=1),
+            np.where(missing, 1.0, _EXACT),
+            np.repeat(gains[:, None] ** -2, n, axis=1),
+        )
+        chance = -_RARER * np.log2(links * gains) - _SELDOM * missing
+        return cls(np.column_stack(columns), chance, links**2, gains**2, missing | (gains >= _OWN_FACTOR))
+
+
+class ModelEvidence:
+    """Rows ``y = Y theta + Z z + F f - k d + noise`` of all joints, taken together: theta is what is carried and how the base is
+    tilted, ``z ~ N(0, s^2)`` what the links are wrong by and ``N(0, g^2)`` what the efforts' gains are, f what each joint has for
+    itself, rotors included, and k what the arm itself takes as it is known.
+
+    Two questions are asked of their marginal likelihood. First by how much the model is further off than is said, s and g: the
+    covariance that is given out grows with them (empirical Bayes; Robbins 1956, Morris 1983). Then whether efforts hold what the
+    arm takes: all of it (d = 0), or any part of it (``d ~ N(0, 1)``), as after a driver that compensates gravity, or in another
+    unit, each joint with its own factor perhaps. The noise of each joint is what the rows leave at the largest s and g, and as
+    many rows count as one as sums of the residual over a second tell.
+
+    A change of what is carried leaves what the rows before tell of the rest (the Schur complement).
+
+    Args:
+        n: joints. period: between rows [s]. shared_std: prior standard deviation of the payload's parameters and of the tilt,
+            shape (10 + t,). local_std: of each joint's, shape (6, n). gain: of each joint's effort, as a part of it.
+
+    Attributes:
+        every: rows of which one is to be added. waits: rows since the last one. ready: True once there were rows enough for a
+            verdict. links, gains: rms of s and g, 1 where nothing speaks against what is said. other: probability that efforts
+            are not what they are said to be. factors: of each joint's effort beside the torque if so, shape (n,). share: of what
+            the arm takes that shows then, and its standard deviation. not_shown: a sentence where that is the likelier, else
+            empty.
+    """
+
+    def __init__(self, n: int, period: float, shared_std: FloatArray, local_std: FloatArray, gain: float) -> None:
+        self._n, self._shared_std, self._local_std, self._gain = n, shared_std, local_std, gain or _GAIN
+        self.every = max(round(_EVERY / period), 1)
+        self._wait = max(round(_PENDING / (self.every * period)), 1)
+        self._keep = math.exp(-_PENDING / _MEMORY)
+        self._asks, self._block = max(round(_ASK / (self.every * period)), 1), max(round(_BLOCK / (self.every * period)), 2)
+        self.ready = False
+        self.restart()
+
+    def restart(self, links: int = 0) -> None:
+        """Forget all rows, as what is known of the arm is another; ``links``: considered errors that are of the links."""
+        self._count = self.waits = 0
+        self._links, n, s = links, self._n, self._shared_std.size
+        self.links = self.gains = 1.0
+        self.other, self.factors, self.share, self.not_shown = 0.0, np.ones(n), (1.0, math.inf), ""
+        self._first, width = s + LOCAL * n, s + LOCAL + links + BEHIND
+        size = self._first + links + 1 + n
+        self._moments, self._rows = np.zeros((3, n, width, width)), np.zeros((3, n))
+        self._past, self._before = np.zeros((size + 1, size + 1)), np.zeros((2, n))
+        self._column, self._mean, self._noise = np.zeros(width), np.zeros(size), np.zeros(n)
+        self._blocks, self._residual = 0.0, np.zeros((4, n))
+        self._hypotheses = Hypotheses.of(links, n)
+        self._widest = np.ones(size)
+        self._widest[self._first :] = self._hypotheses.priors[-1]
+
+    def add(self, rows: Rows, friction: slice, gained: int) -> None:
+        """Take in a row; ``friction``: where its columns stand in Y. ``gained``: of the considered errors the last ones that are
+        of the gains."""
+        links = rows.considered.shape[1] - gained
+        if links != self._links:
+            self.restart(links)
+        self.waits = 0
+        self._take(rows, friction)
+        if self._count % self._asks == 0 and (self._rows[0] + self._before[1]).min() >= _FEWEST:
+            self._look()
+
+    def _take(self, rows: Rows, friction: slice) -> None:
+        where = friction.start, friction.stop - friction.start
+        take(
+            rows.Y, rows.considered, rows.y, rows.tau, rows.acceleration, rows.speed, where, self._gain, self._shared_std,
+            self._local_std, self._column, self._moments[2], self._rows[2], self._mean, self._residual,
+        )  # fmt: skip
+        self._count += 1
+        if self._count % self._block == 0:
+            close_block(self._residual, self._block, _KEEP)
+            self._blocks = _KEEP * self._blocks + 1.0
+        if self._count % self._wait == 0:
+            settle(self._moments, self._rows, self._past, self._before, self._keep)
+
+    def drop(self) -> None:
+        """Something has changed, or may have: rows that wait are left out."""
+        self._moments[1:], self._rows[1:] = 0.0, 0.0
+
+    def renew(self) -> None:
+        """Something else is carried from now on; what the rows so far tell of the rest is kept."""
+        self.drop()
+        if self._noise.all():
+            self._past = without_payload(together(self._past, self._moments[0], self._noise, self._shared_std.size))
+            self._before[1] += self._rows[0]
+            self._before[0] = self._noise / self._colour() * self._before[1]
+        self._moments[0], self._rows[0] = 0.0, 0.0
+
+    def turn(self, by: FloatArray) -> None:
+        """The known torque holds a tilt by two more angles, shape (2,) [rad], from now on."""
+        tilt = slice(_PAYLOAD, self._shared_std.size)
+        part = by / self._shared_std[tilt]
+        whole = np.tril(self._moments) + np.swapaxes(np.tril(self._moments, -1), -1, -2)
+        own, all_columns = np.eye(whole.shape[-1]), np.eye(len(self._past))
+        for moved, missing in ((own, -BEHIND), (all_columns, self._first + self._links)):
+            moved[tilt, missing] = moved[tilt, -1] = -part
+        self._moments = np.ascontiguousarray(own.T @ whole @ own)
+        self._past = np.ascontiguousarray(all_columns.T @ self._past @ all_columns)
+
+    def _look(self) -> None:
+        """Work out what the rows tell."""
+        s, colour = self._shared_std.size, self._colour()
+        first = not self._noise.all()
+        if first:
+            self._noise = np.maximum(colour * self._moments[0, :, -1, -1] / self._rows[0], 1e-12)
+        about = self._past, self._moments[0], self._rows[0], self._before, colour, self._widest, self._noise, s
+        if first:
+            self._blocks = self._residual[:] = 0.0  # of what no mean had been taken off
+        try:
+            self._mean = learn_noise(*about, 6 if first else 2)
+            J, h = reduced(together(self._past, self._moments[0], self._noise, s), self._first)
+            self._tell(J, h, likelihoods(J, h, self._hypotheses.priors) + self._hypotheses.chance)
+            self.ready = True
+        except np.linalg.LinAlgError:  # no two columns can be told apart yet
+            return
+
+    def _tell(self, J: FloatArray, h: FloatArray, found: FloatArray) -> None:
+        """From what the rows tell of links, missing torque and gains alone, and the logarithm of the chance of each case."""
+        if not np.isfinite(found).all():
+            return
+        hypotheses, chance = self._hypotheses, np.exp(found - found.max())
+        self.other = float(chance[hypotheses.other].sum() / chance.sum())
+        usual = np.where(hypotheses.other, 0.0, chance)
+        if usual.any():
+            of_links, of_gains = usual @ hypotheses.links, usual @ hypotheses.gains
+            self.links, self.gains = math.sqrt(of_links / usual.sum()), math.sqrt(of_gains / usual.sum())
+        best = hypotheses.priors[np.argmax(np.where(hypotheses.other, found, -math.inf))]
+        covariance = np.linalg.inv(J + np.diag(best))
+        mean, k = covariance @ h, self._links
+        self.factors = 1.0 - mean[k] + self._gain * mean[k + 1 :]
+        size = self._moments[0, :, -3, -3]
+        weights = size / size.sum() if size.sum() > 0.0 else np.full(self._n, 1.0 / self._n)
+        by = np.append(-1.0, self._gain * weights)
+        self.share = float(weights @ self.factors), math.sqrt(float(by @ covariance[k:, k:] @ by))
+        self.not_shown = self._in_words()
+
+    def _colour(self) -> FloatArray:
+        """How many rows count as one, shape (n,)."""
+        sums, rows = self._residual[2:]
+        blocks = self._blocks if rows.all() else 0.0
+        told = blocks * blocks * sums / np.maximum(blocks * rows, 1e-300)
+        return np.asarray(np.clip((told + _COLOUR * _WEIGHT) / (blocks + _WEIGHT), 1.0, self._block))
+
+    @property
+    def times(self) -> int:
+        """By how many times the model is further off than is said."""
+        return round(max(self.gains, self.links))
+
+    @property
+    def further_off(self) -> str:
+        """A sentence that says what is wrong, and by how much."""
+        what = (
+            "the efforts' gains are wrong by" if self.gains > self.links else "the links weigh and lie otherwise than is said, by"
+        )
+        return f"The torques show that {what} {self.times} times as much as is usual."
+
+    def _in_words(self) -> str:
+        """A sentence where the efforts are not what they are said to be, else an empty string."""
+        if not self.other > 0.5:
+            return ""
+        share, std = self.share
+        if share < _ONLY:
+            shown = f"{100.0 * max(share, 0.0):.0f} % (std {100.0 * std:.0f})"
+            return (
+                f"The efforts show only {shown} of the torque that the arm itself takes: are they compensated for gravity by the "
+                "driver (effort_type), or in another unit (effort_scale)? The payload can't be trusted."
+            )
+        listed = ", ".join(f"{x:.2f}" for x in self.factors)
+        return (
+            f"The efforts are the torques that the arm itself takes by another factor on each joint, about {listed} in their "
+            "order (effort_scale; below zero: the sign), or the model is another arm's. The payload can't be trusted."
+        )
