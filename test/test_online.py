@@ -372,8 +372,10 @@ def _fields(model: ModelFile) -> dict[str, Any]:
     return {name: getattr(model, name) for name in ("robot_name", "joints", "effects", "torque_std", "correlation_time")}
 
 
-def test_a_model_that_does_not_explain_the_torques_is_inconsistent() -> None:
-    """The URDF's masses are wrong by 40 %: no payload can explain that, and it must not be called one."""
+@pytest.mark.parametrize("estimate_friction", [True, False])
+def test_a_model_that_does_not_explain_the_torques_is_inconsistent(estimate_friction: bool) -> None:
+    """The URDF's masses are wrong by 40 %: no payload can explain that, and it must not be called one. Where friction is not
+    estimated its torques are noise, which hides even that; then nothing is known."""
     heavy = urdf("iiwa")
     for value in ("4", "3", "2.7", "1.7", "1.8", "0.3"):
         heavy = heavy.replace(f'<mass value="{value}"', f'<mass value="{float(value) * 1.4}"')
@@ -385,9 +387,14 @@ def test_a_model_that_does_not_explain_the_torques_is_inconsistent() -> None:
         [(Payload(MODEL), BODY), *((e, 6.0 * t) for e, t in friction())],
         **NOISE,
     )
-    online = OnlineEstimation(wrong, OnlineSettings(estimate_friction=False))
-    final = run(online, stream)[-1]
+    online = OnlineEstimation(wrong, OnlineSettings(estimate_friction=estimate_friction))
+    found = run(online, stream)
+    final = found[-1]
+    assert not any(e.status in ("ok", "no_payload") for e in found)
+    if not estimate_friction:
+        return
     assert final.status == "inconsistent"
+    assert "71 %" in final.reason
     assert "sysid identify" in final.reason
     assert final.reason in online.warnings
 

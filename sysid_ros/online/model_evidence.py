@@ -20,6 +20,7 @@ from sysid_ros.online.evidence_kernels import (
     together,
     without_payload,
 )
+from sysid_ros.online.model_check import IDENTIFY
 from sysid_ros.online.rows import Rows
 from sysid_ros.sample import FloatArray
 
@@ -31,7 +32,7 @@ _EVERY = 0.05
 """Between rows that are taken in [s]: those between them tell hardly more."""
 _PENDING = 0.5
 """So long rows wait, as a change of what is carried is found after it has happened [s]."""
-_BLOCK = 1.0
+_BLOCK = 2.0
 """Time over which sums tell the colour of the noise [s]."""
 _MEMORY = 30.0
 """In which rows are forgotten [s]."""
@@ -39,7 +40,7 @@ _KEEP = math.exp(-_BLOCK / _MEMORY)
 """What is kept of blocks before, a block."""
 _COLOUR, _WEIGHT = 5.0, 2.0
 """How many rows of noise count as one, before data tell it: noise of a quarter of a second; that counts like so many blocks."""
-_FEWEST = 40
+_FEWEST = 20
 """Rows of each joint that are taken in before anything is said."""
 _ASK = 0.5
 """Between two looks [s]."""
@@ -54,6 +55,8 @@ _SELDOM = math.log(1000.0)
 """How rare it is that efforts are not what they are said to be."""
 _ONLY = 0.5
 """Efforts that show less of what the arm takes are compensated or in another unit; else each joint has its own factor."""
+_SAME = 0.1
+"""Factors of the joints that differ by less are one."""
 _EXACT = 1e12
 _PAYLOAD = 10
 
@@ -104,7 +107,8 @@ class ModelEvidence:
 
     Attributes:
         every: rows of which one is to be added. waits: rows since the last one. ready: True once there were rows enough for a
-            verdict. links, gains: rms of s and g, 1 where nothing speaks against what is said. other: probability that efforts
+            verdict. links, gains: rms of s and g, 1 where nothing speaks against what is said. times: the larger of
+            the likeliest. other: probability that efforts
             are not what they are said to be. factors: of each joint's effort beside the torque if so, shape (n,). share: of what
             the arm takes that shows then, and its standard deviation. not_shown: a sentence where that is the likelier, else
             empty.
@@ -123,8 +127,8 @@ class ModelEvidence:
         """Forget all rows, as what is known of the arm is another; ``links``: considered errors that are of the links."""
         self._count = self.waits = 0
         self._links, n, s = links, self._n, self._shared_std.size
-        self.links = self.gains = 1.0
-        self.other, self.factors, self.share, self.not_shown = 0.0, np.ones(n), (1.0, math.inf), ""
+        self.times = 1.0
+        self.factors, self.share, self.not_shown = np.ones(n), (1.0, math.inf), ""
         self._first, width = s + LOCAL * n, s + LOCAL + links + BEHIND
         size = self._first + links + 1 + n
         self._moments, self._rows = np.zeros((3, n, width, width)), np.zeros((3, n))
@@ -132,6 +136,7 @@ class ModelEvidence:
         self._column, self._mean, self._noise = np.zeros(width), np.zeros(size), np.zeros(n)
         self._blocks, self._residual = 0.0, np.zeros((4, n))
         self._hypotheses = Hypotheses.of(links, n)
+        self._weigh(self._hypotheses.chance)
         self._widest = np.ones(size)
         self._widest[self._first :] = self._hypotheses.priors[-1]
 
@@ -204,12 +209,8 @@ class ModelEvidence:
         """From what the rows tell of links, missing torque and gains alone, and the logarithm of the chance of each case."""
         if not np.isfinite(found).all():
             return
-        hypotheses, chance = self._hypotheses, np.exp(found - found.max())
-        self.other = float(chance[hypotheses.other].sum() / chance.sum())
-        usual = np.where(hypotheses.other, 0.0, chance)
-        if usual.any():
-            of_links, of_gains = usual @ hypotheses.links, usual @ hypotheses.gains
-            self.links, self.gains = math.sqrt(of_links / usual.sum()), math.sqrt(of_gains / usual.sum())
+        self._weigh(found)
+        hypotheses = self._hypotheses
         best = hypotheses.priors[np.argmax(np.where(hypotheses.other, found, -math.inf))]
         covariance = np.linalg.inv(J + np.diag(best))
         mean, k = covariance @ h, self._links
@@ -220,6 +221,17 @@ class ModelEvidence:
         self.share = float(weights @ self.factors), math.sqrt(float(by @ covariance[k:, k:] @ by))
         self.not_shown = self._in_words()
 
+    def _weigh(self, found: FloatArray) -> None:
+        """From the logarithm of the chance of each case to how far off the model is."""
+        hypotheses, chance = self._hypotheses, np.exp(found - found.max())
+        self.other = float(chance[hypotheses.other].sum() / chance.sum())
+        usual = np.where(hypotheses.other, 0.0, chance)
+        if usual.any():
+            of_links, of_gains = usual @ hypotheses.links, usual @ hypotheses.gains
+            self.links, self.gains = math.sqrt(of_links / usual.sum()), math.sqrt(of_gains / usual.sum())
+            likeliest = np.argmax(usual)
+            self.times = math.sqrt(max(hypotheses.links[likeliest], hypotheses.gains[likeliest]))
+
     def _colour(self) -> FloatArray:
         """How many rows count as one, shape (n,)."""
         sums, rows = self._residual[2:]
@@ -228,31 +240,29 @@ class ModelEvidence:
         return np.asarray(np.clip((told + _COLOUR * _WEIGHT) / (blocks + _WEIGHT), 1.0, self._block))
 
     @property
-    def times(self) -> int:
-        """By how many times the model is further off than is said."""
-        return round(max(self.gains, self.links))
-
-    @property
     def further_off(self) -> str:
         """A sentence that says what is wrong, and by how much."""
-        what = (
-            "the efforts' gains are wrong by" if self.gains > self.links else "the links weigh and lie otherwise than is said, by"
-        )
-        return f"The torques show that {what} {self.times} times as much as is usual."
+        what = "the efforts' gains are" if self.gains > self.links else "what the links weigh and where is"
+        return f"The torques show that {what} wrong by some {self.times:.0f} times as much as is usual."
 
     def _in_words(self) -> str:
         """A sentence where the efforts are not what they are said to be, else an empty string."""
         if not self.other > 0.5:
             return ""
         share, std = self.share
-        if share < _ONLY:
-            shown = f"{100.0 * max(share, 0.0):.0f} % (std {100.0 * std:.0f})"
+        shown, least = f"{100.0 * max(share, 0.0):.0f} % (std {100.0 * std:.0f})", float(self.factors.min())
+        if share < _ONLY and least > -_ONLY:
             return (
                 f"The efforts show only {shown} of the torque that the arm itself takes: are they compensated for gravity by the "
                 "driver (effort_type), or in another unit (effort_scale)? The payload can't be trusted."
             )
+        if float(self.factors.max()) - least < _SAME:
+            return (
+                f"The efforts show {shown} of the torque that the arm itself takes: are they in another unit (effort_scale), or is "
+                f"the model heavier or lighter than the arm? The payload can't be trusted. {IDENTIFY}"
+            )
         listed = ", ".join(f"{x:.2f}" for x in self.factors)
         return (
             f"The efforts are the torques that the arm itself takes by another factor on each joint, about {listed} in their "
-            "order (effort_scale; below zero: the sign), or the model is another arm's. The payload can't be trusted."
+            f"order (effort_scale; below zero: the sign), or the model is another arm's. The payload can't be trusted. {IDENTIFY}"
         )

@@ -218,7 +218,7 @@ class Judgement:
         limit *= _STAYS_KNOWN if self._known else 1.0
         self._known = left <= limit
         unknown = not self._known
-        if self.evidence is not None and self.evidence.times > 1 and math.sqrt(max(mass_std**2 - as_said**2, 0.0)) > limit:
+        if self.evidence is not None and self.evidence.times > 1.0 and math.sqrt(max(mass_std**2 - as_said**2, 0.0)) > limit:
             return (
                 "inconsistent",
                 f"{self.evidence.further_off} With that the mass is known to {mass_std:.2g} kg only. {IDENTIFY}",
