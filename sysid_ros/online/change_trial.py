@@ -150,7 +150,7 @@ class ChangeTrial:
         if not settled or self._impossible_since <= t:
             return Verdict.OPEN
         verdict = self._against_before(estimator)
-        return Verdict.BODY if verdict is Verdict.OPEN and t - self._newest >= _LONGEST else verdict
+        return Verdict.SAME if verdict is Verdict.OPEN and t - self._newest >= _LONGEST else verdict
 
     def has_passed(self) -> bool:
         """What was before is again: it has fitted for a while, and is likelier than what is estimated since."""
@@ -184,19 +184,23 @@ class ChangeTrial:
         return bool(np.all(np.abs(theta[1:4]) - 3.0 * std[1:4] <= heaviest * self._reach))
 
     def _against_before(self, estimator: Estimator) -> Verdict:
-        """Whether one payload explains what was estimated before and since: SAME where they differ by less than what counts as
-        one, BODY where they differ by more than chance, else OPEN. Errors of the model are the same in both. A mass that differs
-        by d, known to s, is likelier another one where ``(d / s)^2 / 2 > log(s0 / s)``, with the prior's s0."""
+        """Whether one payload explains what was estimated before and since: BODY where they differ by more than chance, SAME where
+        they do not and differ by less than what counts as one, else OPEN. Errors of the model are the same in both.
+
+        A difference d of the covariance C is likelier of another payload, which differs by ``P`` as its prior says, than of the
+        same by ``N(d; 0, C + P) / N(d; 0, C)``; so is that of the masses alone."""
         now, noise, by_model = estimator.parts(PAYLOAD)
         was, its_noise, as_before = self.before.parts(PAYLOAD)
         differs = by_model - as_before if by_model.shape == as_before.shape else np.hstack([by_model, as_before])
-        covariance = noise + its_noise + differs @ differs.T + _MATTERS
-        if float((now - was) @ np.linalg.solve(covariance, now - was)) > _NO_BODY:
+        same = noise + its_noise + differs @ differs.T + _MATTERS
+        other = same + np.diag(self._prior_std**2)
+        moved = now - was
+        if _log_density(moved, other) - _log_density(moved, same) > _LIKELIER:
             return Verdict.BODY
-        mass, std = abs(float(now[0] - was[0])), float(np.sqrt(covariance[0, 0]))
-        if mass < self._empty:
+        if abs(float(moved[0])) < self._empty:
             return Verdict.SAME
-        return Verdict.BODY if 0.5 * (mass / std) ** 2 > np.log(self._prior_std[0] / std) else Verdict.OPEN
+        mass = moved[:1], same[:1, :1], other[:1, :1]
+        return Verdict.BODY if _log_density(mass[0], mass[2]) > _log_density(mass[0], mass[1]) else Verdict.OPEN
 
     def _was_force(self, estimator: Estimator) -> bool:
         """Whether what has passed was more than the model is wrong by: it looked like another body, or too little was seen."""
@@ -216,3 +220,10 @@ class ChangeTrial:
         mass = max(abs(float(theta[0])), 0.3)
         told = bool(np.all(std[:4] <= _TOLD * self._prior_std[:4]))  # by the motion, not by the prior
         return told and bool(std[0] <= 0.05 * mass and np.all(std[1:4] <= 0.03 * mass))
+
+
+def _log_density(x: FloatArray, covariance: FloatArray) -> float:
+    """Logarithm of the density of x, shape (k,), that is normal about zero, but for what is common to all of one k."""
+    root = np.linalg.cholesky(covariance)
+    way = np.linalg.solve(root, x)
+    return float(-0.5 * way @ way - np.log(np.diag(root)).sum())

@@ -30,7 +30,7 @@ BY_LOAD = 0.05
 """Prior standard deviation of the part of what a joint carries that its gear loses."""
 _EVERY = 0.05
 """Between rows that are taken in [s]: those between them tell hardly more."""
-_PENDING = 0.5
+_PENDING = 0.25
 """So long rows wait, as a change of what is carried is found after it has happened [s]."""
 _BLOCK = 2.0
 """Time over which sums tell the colour of the noise [s]."""
@@ -258,11 +258,12 @@ class ModelEvidence:
             )
         if float(self.factors.max()) - least < _SAME:
             return (
-                f"The efforts show {shown} of the torque that the arm itself takes: are they in another unit (effort_scale), or is "
-                f"the model heavier or lighter than the arm? The payload can't be trusted. {IDENTIFY}"
+                f"The efforts show {shown} of the torque that the arm itself takes: are they in another unit (effort_scale), or "
+                f"is the model heavier or lighter than the arm? The payload can't be trusted. {IDENTIFY}"
             )
         listed = ", ".join(f"{x:.2f}" for x in self.factors)
         return (
             f"The efforts are the torques that the arm itself takes by another factor on each joint, about {listed} in their "
-            f"order (effort_scale; below zero: the sign), or the model is another arm's. The payload can't be trusted. {IDENTIFY}"
+            "order: are they currents (effort_scale; below zero: the sign), compensated for gravity (effort_type), or is the model "
+            f"another arm's? The payload can't be trusted. {IDENTIFY}"
         )
