@@ -108,7 +108,7 @@ def test_a_sign_that_is_wrong() -> None:
 
 
 def test_nothing_is_said_before_there_are_rows() -> None:
-    found = after(usual(share=0.0), count=30)
+    found = after(usual(share=0.0), count=15)
     assert not found.ready
     assert found.not_shown == ""
 

@@ -388,7 +388,7 @@ def test_an_estimate_that_is_frozen_is_withdrawn(bench: Callable[..., Bench], ho
     one.until(lambda: one.heard["estimate"])
     assert one.enable(False) if how == "disable" else one.node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
     one.until(lambda: told(one.heard["estimate"][-1])["status"] == "stale")
-    assert np.isnan(one.heard["payload_valid"][-1].inertia.m)
+    one.until(lambda: np.isnan(one.heard["payload_valid"][-1].inertia.m))  # of topics of their own either may come first
 
 
 def test_nan_effort_is_an_error_and_nothing_is_committed(bench: Callable[..., Bench]) -> None:

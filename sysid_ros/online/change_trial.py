@@ -184,8 +184,8 @@ class ChangeTrial:
         return bool(np.all(np.abs(theta[1:4]) - 3.0 * std[1:4] <= heaviest * self._reach))
 
     def _against_before(self, estimator: Estimator) -> Verdict:
-        """Whether one payload explains what was estimated before and since: BODY where they differ by more than chance, SAME where
-        they do not and differ by less than what counts as one, else OPEN. Errors of the model are the same in both.
+        """Whether one payload explains what was estimated before and since: BODY where they differ by more than chance, SAME
+        where they do not and differ by less than what counts as one, else OPEN. Errors of the model are the same in both.
 
         A difference d of the covariance C is likelier of another payload, which differs by ``P`` as its prior says, than of the
         same by ``N(d; 0, C + P) / N(d; 0, C)``; so is that of the masses alone."""

@@ -130,7 +130,7 @@ class FreeParameters:
         if self.friction is None or s.effort_type != "total":
             return None
         shared = np.concatenate([self.prior_std[PAYLOAD], self.prior_std[self.tilt_slice]])
-        own = self.friction.expected_std.reshape(3, n)
+        own = self.friction.unknown_std().reshape(3, n)  # whatever a model knows of it may have drifted
         return ModelEvidence(
             n, 1.0 / s.update_rate, shared, np.vstack([own, ROTOR * own[1], own[1], np.full(n, BY_LOAD)]), s.effort_gain_error
         )

@@ -44,12 +44,13 @@ class FrictionCorrection(Effect):
             (np.abs(k.effect.as_dry_friction(k.theta)) for k in known or ()), robot.friction if stated else nothing
         )
         self._viscous = np.abs(sum((k.effect.as_damping(k.theta) for k in known or ()), nothing))
-        self.expected_std = self._drifted() if known is not None else self._unknown()
+        self.expected_std = self._drifted() if known is not None else self.unknown_std()
         joints = np.arange(robot.n)
         self._rows, self._columns = np.tile(joints, 3), np.arange(3 * robot.n)
         self._curves = np.ones((3, robot.n))
 
-    def _unknown(self) -> FloatArray:
+    def unknown_std(self) -> FloatArray:
+        """As ``expected_std``, of an arm whose friction nothing is known of."""
         limit = self.robot.effort_limit
         size = self._settings.friction_unknown * np.where(np.isfinite(limit), limit, 50.0)
         return np.concatenate([0.2 * size, size, 2.0 * size])

@@ -52,8 +52,9 @@ class ModelCheck:
         self._count += 1
         self.ready = self._count >= self.FEWEST
         rate = max(1.0 / self._count, 1.0 / self.memory)
-        self._torque += rate * (torque**2 - self._torque)
-        self._unexplained += rate * ((y - Y[:, : theta.size] @ theta) ** 2 - self._unexplained)
+        n = self._torque.size
+        self._torque += rate * (torque[:n] ** 2 - self._torque)
+        self._unexplained += rate * ((y[:n] - Y[:n, : theta.size] @ theta) ** 2 - self._unexplained)
 
     def verdict(self, noise: FloatArray, residual: FloatArray, floor: FloatArray) -> str:
         """A sentence that names the worst joints where the model is wrong, else an empty string.

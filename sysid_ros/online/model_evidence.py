@@ -264,6 +264,6 @@ class ModelEvidence:
         listed = ", ".join(f"{x:.2f}" for x in self.factors)
         return (
             f"The efforts are the torques that the arm itself takes by another factor on each joint, about {listed} in their "
-            "order: are they currents (effort_scale; below zero: the sign), compensated for gravity (effort_type), or is the model "
-            f"another arm's? The payload can't be trusted. {IDENTIFY}"
+            "order: are they currents (effort_scale; below zero: the sign), compensated for gravity (effort_type), or is the "
+            f"model another arm's? The payload can't be trusted. {IDENTIFY}"
         )
