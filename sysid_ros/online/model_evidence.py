@@ -45,8 +45,9 @@ _FEWEST = 20
 _ASK = 0.5
 """Between two looks [s]."""
 _SCALES = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 64.0])
-"""By how many times what is known of the arm may be further off than is said; twice as far is ten times rarer."""
+"""By how many times what is known of the arm may be further off than is said."""
 _RARER = math.log(4.0)
+"""Logarithm of how much rarer twice as far off is."""
 _GAIN = 0.01
 """As which gains are asked for that are said to be exact."""
 _OWN_FACTOR = 16.0
@@ -97,7 +98,7 @@ class ModelEvidence:
     covariance that is given out grows with them (empirical Bayes; Robbins 1956, Morris 1983). Then whether efforts hold what the
     arm takes: all of it (d = 0), or any part of it (``d ~ N(0, 1)``), as after a driver that compensates gravity, or in another
     unit, each joint with its own factor perhaps. The noise of each joint is what the rows leave at the largest s and g, and as
-    many rows count as one as sums of the residual over a second tell.
+    many rows count as one as sums of the residual over two seconds tell.
 
     A change of what is carried leaves what the rows before tell of the rest (the Schur complement).
 
@@ -107,11 +108,10 @@ class ModelEvidence:
 
     Attributes:
         every: rows of which one is to be added. waits: rows since the last one. ready: True once there were rows enough for a
-            verdict. links, gains: rms of s and g, 1 where nothing speaks against what is said. times: the larger of
-            the likeliest. other: probability that efforts
-            are not what they are said to be. factors: of each joint's effort beside the torque if so, shape (n,). share: of what
-            the arm takes that shows then, and its standard deviation. not_shown: a sentence where that is the likelier, else
-            empty.
+            verdict. links, gains: rms of s and g, 1 where nothing speaks against what is said. times: the larger of the likeliest
+            two. other: probability that efforts are not what they are said to be. factors: of each joint's effort beside the
+            torque if so, shape (n,). share: of what the arm takes that shows then, and its standard deviation. not_shown: a
+            sentence where that is the likelier, else empty.
     """
 
     def __init__(self, n: int, period: float, shared_std: FloatArray, local_std: FloatArray, gain: float) -> None:
@@ -236,7 +236,7 @@ class ModelEvidence:
         """How many rows count as one, shape (n,)."""
         sums, rows = self._residual[2:]
         blocks = self._blocks if rows.all() else 0.0
-        told = blocks * blocks * sums / np.maximum(blocks * rows, 1e-300)
+        told = blocks * sums / np.maximum(rows, 1e-300)
         return np.asarray(np.clip((told + _COLOUR * _WEIGHT) / (blocks + _WEIGHT), 1.0, self._block))
 
     @property
