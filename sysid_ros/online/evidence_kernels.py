@@ -41,8 +41,16 @@ def take(
     mean: FloatArray,
     residual: FloatArray,
 ) -> None:
-    """Add a row of each joint to its moments, all columns by their prior standard deviations, and what ``mean`` leaves of it and
-    the square of that to the sums of a block. ``friction``: where its columns stand in Y, and how many they are."""
+    """Add a row of each of n joints to its moments, all columns by their prior standard deviations, and what ``mean`` leaves of
+    it and the square of that to the sums of a block.
+
+    Args:
+        Y, Z: columns of the parameters, shape (n, p), and of the considered errors, (n, c), of which the gains' are not asked.
+        y, tau, acceleration, speed: of :class:`.Rows`, shape (n,). friction: where its columns stand in Y, and how many they are.
+        gain: standard deviation of an effort's gain. shared_std, local_std: as of :class:`.ModelEvidence`.
+        column: to work in, shape (w,). moments, rows: those that grow, lower triangles (n, w, w) and counts (n,).
+        mean: parameters as they are known, in the order of :func:`together`. residual: shape (4, n), the first two rows grow.
+    """
     n, s, width = y.size, shared_std.size, column.size
     c = width - s - LOCAL - BEHIND
     for i in range(n):
@@ -83,7 +91,12 @@ def close_block(residual: FloatArray, length: int, keep: float) -> None:
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def settle(moments: FloatArray, rows: FloatArray, past: FloatArray, before: FloatArray, keep: float) -> None:
-    """Rows that have waited are taken in, and those before forgotten by a part."""
+    """Rows that have waited are taken in, and those before forgotten by a part.
+
+    Args:
+        moments, rows: of those taken in, of those that wait and of the newest, shapes (3, n, w, w) and (3, n).
+        past, before: as of :func:`learn_noise`. keep: part that is kept of what was.
+    """
     past *= keep
     before *= keep
     moments[0] = keep * moments[0] + moments[1]
@@ -108,7 +121,12 @@ def _place(a: int, i: int, n: int, s: int, width: int) -> int:
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def together(past: FloatArray, moments: FloatArray, noise: FloatArray, s: int) -> FloatArray:
-    """Information of all rows on all columns, y among them; ``noise``: variance of a row, a joint."""
+    """Information of all rows on all columns, shape (k, k): shared ones, each joint's own, links, what is missing, gains, y.
+
+    Args:
+        past: of rows of other payloads, shape (k, k). moments: lower triangles, shape (n, w, w). noise: variance of a row, a
+            joint, shape (n,) [(N m)^2]. s: number of shared columns.
+    """
     n, width = moments.shape[0], moments.shape[1]
     whole = past.copy()
     for i in range(n):
@@ -124,7 +142,7 @@ def together(past: FloatArray, moments: FloatArray, noise: FloatArray, s: int) -
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def without_payload(whole: FloatArray) -> FloatArray:
-    """What all rows tell of all but the payload, whatever it is."""
+    """What all rows tell of all but the payload, whatever it is: the Schur complement of an information, (k, k) -> (k, k)."""
     payload, rest = whole[:_PAYLOAD, :_PAYLOAD] + np.eye(_PAYLOAD), np.ascontiguousarray(whole[:_PAYLOAD, _PAYLOAD:])
     left = np.zeros_like(whole)
     left[_PAYLOAD:, _PAYLOAD:] = whole[_PAYLOAD:, _PAYLOAD:] - rest.T @ np.linalg.solve(payload, rest)
