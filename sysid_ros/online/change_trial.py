@@ -105,8 +105,11 @@ class ChangeTrial:
         """Whether no further jump was found for a while before ``t`` [s], so that the next one is another change."""
         return not self.force and t - self._newest >= _STAYS
 
-    def jumped(self, t: float) -> None:
-        """Another jump was found at ``t`` [s]."""
+    def jumped(self, t: float, until: Estimator | None = None) -> None:
+        """Another jump was found at ``t`` [s]; ``until``: what was estimated until then since the one before. Where that is what
+        was known before, nothing had changed yet."""
+        if until is not None and not self.force and self._against_before(until) is Verdict.SAME:
+            self.t = t
         self._jumps, self._newest = self._jumps + 1, t
         self._impossible_since = np.inf
         self._compared.clear()

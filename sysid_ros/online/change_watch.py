@@ -177,7 +177,9 @@ class ChangeWatch:
             about = self._reach, self._prior_std, self._free.empty
             self.trial = ChangeTrial(before, t, mass, *about, front_end, outer=outer)
         elif self.trial is not None:
-            self.trial.jumped(t)
+            began = self.trial.t
+            self.trial.jumped(t, before)
+            self._log.move(began, self.trial.t)
         if known and self.trial is not None:
             self._log.add(t, self._mass_before(before.theta), self.trial.mass_after(estimator, self.tare))
         return since or estimate

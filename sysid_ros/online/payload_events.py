@@ -65,6 +65,10 @@ class EventLog:
         self.withdraw(t)
         self.events.append(PayloadEvent(t, "external_force", mass, mass))
 
+    def move(self, t: float, to: float) -> None:
+        """What was found at ``t`` [s] happened at another time."""
+        self.events = [replace(e, t=to) if e.t == t else e for e in self.events]
+
     def withdraw(self, t: float) -> None:
         """What was found since ``t`` [s] has changed nothing."""
         self.events = [e for e in self.events if e.t < t - self._same]
