@@ -27,7 +27,8 @@ _JUMPS = 4
 _STAYS = 0.5
 """So long without another jump, a body that is well known is one [s]."""
 _LONGEST = 3.0
-"""What nothing has spoken against for so long is a body; a force that has not passed after so long may be one [s]."""
+"""What is no more than chance after so long is what was carried before; a force that has not passed after so long may be a body
+[s]."""
 _MATTERS = np.diag(np.square([*LEAST_JUMP[:4], *[1e-3] * 6]))
 """What is too small for a body is too small for a force: nothing is carried, and the model is a little wrong."""
 _TOLD = 0.3

@@ -6,9 +6,10 @@ import numpy as np
 
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.input_gate import FloatingGate, InputGate
+from sysid_ros.online.evidence_kernels import without_payload
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online_settings import OnlineSettings
-from sysid_ros.robot.inertial_parameters import project
+from sysid_ros.robot.inertial_parameters import body_of, project
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FREE, ContactRecord, ImuRecord, JointStateRecord, Measurement
 
@@ -60,6 +61,8 @@ def warm_up(robot: RobotModel, settings: OnlineSettings, duration: float = 6.0) 
         if isinstance(measurement, Measurement) and estimation.step(measurement) is not None:
             estimates += 1
     project(np.concatenate([payload[:4], -payload[4:]]), np.eye(10))
+    body_of(payload, np.eye(10))
+    without_payload(np.eye(12))  # asked once it is known that what was picked up is a body, which takes longer than this motion
     gate.health(1.0 + duration)
     return estimates
 
