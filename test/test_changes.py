@@ -277,7 +277,7 @@ def test_a_level_base_is_known_to_be_level() -> None:
 
 def test_coarse_encoders_lower_the_cutoff_and_leave_no_bias() -> None:
     errors = []
-    for seed in range(1, 5):
+    for seed in range(5, 9):
         recording = stream(encoder_noise=2e-4, seed=seed)
         last, fast = run(recording)[1][-1], run(recording, cutoff_hz=10.0)[1][-1]
         assert abs(last.theta[0] - 1.5) < 0.02

@@ -346,6 +346,55 @@ def test_one_absurd_row_does_not_end_the_estimation(make: Factory) -> None:
     assert np.all(np.abs(estimator.theta - theta) < 0.2)
 
 
+def two_halves(make: Factory, apart: float = 0.0) -> tuple[Estimator, Estimator, Estimator]:
+    """Estimators of the first rows, of the others, whose first two parameters are ``apart``, and of all."""
+    rng = np.random.default_rng(4)
+    std, theta = np.full(4, 3.0), np.array([1.0, -0.5, 0.3, 2.0])
+    first, second, both = (make(std, np.full(2, 0.01)) for _ in range(3))
+    for k in range(80):
+        Y = rng.normal(size=(2, 4))
+        Y[:, 2:] *= k < 40  # the others tell of the first two alone
+        tau = Y @ (theta + apart * np.array([1.0, 1.0, 0.0, 0.0]) * (k >= 40)) + 0.1 * rng.normal(size=2)
+        (first if k < 40 else second).update(Y, tau)
+        both.update(Y, tau)
+    return first, second, both
+
+
+def combining(make: Factory) -> bool:
+    """Whether an estimator combines: one that learns it from rows to come need not."""
+    return type(make(np.ones(2), np.ones(1))).combine is not Estimator.combine
+
+
+@every_estimator
+def test_what_other_rows_say_is_as_good_as_the_rows(make: Factory) -> None:
+    first, second, both = two_halves(make)
+    if make is make_variable or not combining(make):  # that one weighs the rows by the noise that it has learned of them
+        return
+    block = slice(0, 2)
+    prior = second.covariance()[block, block]
+    value, covariance, sensitivity = second.parts(block)
+    # a prior counts once: of what the second says its own is taken off
+    alone = np.asarray(np.linalg.inv(np.linalg.inv(prior) - np.eye(2) / 9.0), dtype=float)
+    first.combine(block, (np.asarray(alone @ np.linalg.solve(covariance, value), dtype=float), alone, sensitivity))
+    np.testing.assert_allclose(first.theta, both.theta, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(first.covariance(), both.covariance(), rtol=1e-6, atol=1e-12)
+
+
+@every_estimator
+def test_what_is_further_apart_than_both_say_is_as_uncertain_as_that(make: Factory) -> None:
+    if not combining(make):
+        return
+    block, std = slice(0, 2), []
+    for apart in (0.0, 1.0):
+        first, second, _ = two_halves(make, apart)
+        before = first.theta[0]
+        first.combine(block, second.parts(block))
+        assert min(before, before + apart) - 0.1 < first.theta[0] < max(before, before + apart) + 0.1
+        std.append(float(np.sqrt(first.covariance()[0, 0])))
+    assert std[0] < 0.05
+    assert 0.2 < std[1] < 2.0
+
+
 @every_estimator
 def test_reset_forgets_everything_but_the_prior(make: Factory) -> None:
     Y, tau, _ = problem(phi=0.9)

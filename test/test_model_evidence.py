@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from sysid_ros.online import evidence_kernels
+from sysid_ros.online.evidence_words import further_off
 from sysid_ros.online.model_evidence import Hypotheses, ModelEvidence
 from sysid_ros.online.rows import Rows
 from sysid_ros.sample import FloatArray, Sample
@@ -80,14 +81,14 @@ def test_links_that_are_further_off(times: float) -> None:
     found = after(usual(z=times * np.array([1.0, -1.2, 0.8, 1.1])))
     assert times / 2.0 < found.links < 2.0 * times
     assert found.gains < 2.0
-    assert f"{found.times:.0f} times" in found.further_off
-    assert "links" in found.further_off
+    assert f"{found.times:.0f} times" in further_off(found.links, found.gains, found.times)
+    assert "links" in further_off(found.links, found.gains, found.times)
 
 
 def test_gains_that_are_further_off() -> None:
     found = after(usual(gains=1.0 + np.array([0.05, -0.06, 0.055])))
     assert 3.0 < found.gains < 10.0
-    assert "gains" in found.further_off
+    assert "gains" in further_off(found.links, found.gains, found.times)
     assert found.not_shown == ""
 
 
@@ -175,3 +176,51 @@ def test_the_widest_hypothesis_stands_last_and_is_rare() -> None:
     assert (all_of_them.priors[-1] == all_of_them.priors.min(axis=0)).all()
     assert all_of_them.chance[0] == 0.0 == all_of_them.chance.max()
     assert all_of_them.chance[-1] == all_of_them.chance.min()
+
+
+def changed(before: Arm, since: Arm, count: int = 60, by: float = 1.0) -> float:
+    """What is said of a change between two arms, which an estimator takes for one of everything."""
+    found, rng = after(before), np.random.default_rng(5)
+    found.drop()
+    for _ in range(count):
+        found.add_since(since.rows(rng), FRICTION, N)
+    return found.another(np.full(10, by))
+
+
+def test_another_payload_is_told_from_the_same() -> None:
+    arm = usual()
+    assert changed(arm, arm) < -3.0
+    assert changed(arm, replace(arm, payload=arm.payload + 0.3)) > 3.0
+
+
+def test_what_may_be_wrong_with_an_arm_does_not_make_another_payload_of_the_same() -> None:
+    arm = usual(z=4.0 * np.random.default_rng(7).normal(size=LINKS), gains=np.array([1.05, 0.97, 1.02]))
+    assert changed(arm, arm) < -3.0
+
+
+def test_nothing_is_said_before_the_model_was_weighed() -> None:
+    found = evidence()
+    found.add_since(usual().rows(np.random.default_rng(0)), FRICTION, N)
+    assert found.another(np.ones(10)) == np.inf
+
+
+def test_few_rows_do_not_gainsay_a_change_that_they_could_not_tell() -> None:
+    assert changed(usual(), usual(), 60, by=0.02) == np.inf
+    assert changed(usual(), usual(), 60) < -3.0
+
+
+def test_another_payload_against_the_likelihood_of_dense_rows() -> None:
+    rng = np.random.default_rng(2)
+    s, links = 12, 1
+    first, width = s + evidence_kernels.LOCAL, s + evidence_kernels.LOCAL + links + evidence_kernels.BEHIND
+    old, new = rng.normal(size=(7, width)), rng.normal(size=(5, width))
+    noise, prior = np.array([0.5]), np.array([[0.3, 2.0, 1.5]])
+    moments = [np.tril(x.T @ x)[None] for x in (old, new)]
+    whole = evidence_kernels.together(np.zeros((width, width)), moments[0], noise, s)
+    told = evidence_kernels.another_payload(whole, moments[1], noise, s, first, prior, np.zeros(1))
+    std = np.concatenate([np.ones(first), prior[0] ** -0.5])
+    X, y = np.vstack([old, new])[:, :-1] * std, np.concatenate([old[:, -1], new[:, -1]])
+    apart = np.hstack([X.copy(), np.vstack([np.zeros((7, 10)), new[:, :10]])])
+    apart[7:, :10] = 0.0
+    both = [multivariate_normal.logpdf(y, cov=Z @ Z.T + noise[0] * np.eye(12)) for Z in (apart, X)]
+    assert told == pytest.approx(both[0] - both[1], rel=1e-9)

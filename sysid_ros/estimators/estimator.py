@@ -17,6 +17,10 @@ Noise = tuple[FloatArray, FloatArray, FloatArray] | None
 STATUSES = ("warming_up", "ok", "not_excited", "outlier", "not_finite")
 
 
+Parts = tuple[FloatArray, FloatArray, FloatArray]
+"""Values of k parameters, their covariance by noise, and their derivatives by the considered errors: (k,), (k, k), (k, c)."""
+
+
 class Estimate(NamedTuple):
     """Result of one update.
 
@@ -130,7 +134,7 @@ class Estimator(ABC):
         """What unit considered errors do to theta, shape (p, c); c = 0 where none are considered."""
         return self._sensitivity.copy()
 
-    def parts(self, where: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def parts(self, where: slice) -> Parts:
         """Some of the parameters, (k,), covariance without the considered errors, (k, k), and sensitivity to these, (k, c)."""
         return self.theta[where], self.noise_covariance()[where, where], self.sensitivity[where]
 
@@ -208,6 +212,9 @@ class Estimator(ABC):
 
     def suppose(self, where: slice, std: FloatArray) -> None:  # noqa: B027 - one that learns it from rows to come is right too
         """The parameters ``where`` are zero now to within ``std``, shape (k,); here nothing."""
+
+    def combine(self, where: slice, other: Parts) -> None:  # noqa: B027 - one that learns it from rows to come is right too
+        """Other rows, not among these, say ``other`` of the parameters ``where``, as :meth:`parts` has it; here nothing."""
 
     def undo_misfits(self) -> None:  # noqa: B027 - one that finds none has nothing to do
         """Go back to before the rows that count as ``misfits``; here nothing, as of an estimator that finds none."""

@@ -8,7 +8,8 @@ from abc import abstractmethod
 import numpy as np
 
 from sysid_ros.estimators import kernels
-from sysid_ros.estimators.estimator import Estimate, Estimator, Problem
+from sysid_ros.estimators.combined import combine_in
+from sysid_ros.estimators.estimator import Estimate, Estimator, Parts, Problem
 from sysid_ros.sample import FloatArray
 
 _NOT_FINITE = "the rows hold values that are not finite, or absurd"
@@ -54,6 +55,9 @@ class JosephEstimator(Estimator):
         self._P[block, :] = 0.0
         self._P[:, block] = 0.0
         self._P[block, block] = np.diag(self.prior_variance[block])
+
+    def combine(self, where: slice, other: Parts) -> None:
+        combine_in(self._theta, self._P, self._sensitivity, where, other)
 
     @abstractmethod
     def _time_update(self, Y: FloatArray, innovation: FloatArray, variance: FloatArray) -> None:

@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sysid_ros.estimators import kernels, variable_update
-from sysid_ros.estimators.estimator import Estimate, Estimator, Noise, Problem
+from sysid_ros.estimators.combined import combine_in
+from sysid_ros.estimators.estimator import Estimate, Estimator, Noise, Parts, Problem
 from sysid_ros.estimators.first_rows import learn_first
 from sysid_ros.estimators.jump_search import JumpSearch
 from sysid_ros.estimators.lasting_jump import LastingJumpSearch
@@ -26,7 +27,7 @@ class VariableForgetting(Estimator):
       direction, only while something excites the parameters.
     - Change: a run of innovations too large for ``Y P Y' + Rd`` is fitted with a jump of the block that may jump
       (:class:`JumpSearch`, :class:`LastingJumpSearch`); if the jump explains it, that block's covariance goes back to the prior,
-      and once more when the old data have left the filters.
+      and once more when the old data have left the filters, which is the case after ``settling`` updates.
     - Outlier: an innovation too large that no jump explains gets less weight.
 
     Args:
@@ -66,7 +67,7 @@ class VariableForgetting(Estimator):
         self._state.levels[:] = self._floor * self.noise.CAUTION, self._floor, self._part * self._floor
         self.row_variance = self._state.levels[SPREAD]
         self.noise_known, self.noise_variance = False, self.noise.variance
-        self._spread_count = self._updates = self._settling = self._burst = self.jumps = self.misfits = self._taken = 0
+        self._spread_count = self._updates = self.settling = self._burst = self.jumps = self.misfits = self._taken = 0
         self._blocks = BlockInnovations(self._state)
         self._sums = RowSums(self._prior_variance, self._state)
         self._search = JumpSearch(self._jump, self._prior_variance)
@@ -75,11 +76,6 @@ class VariableForgetting(Estimator):
         self._early, self._early_jump = list[tuple[FloatArray, FloatArray, FloatArray]](), False
         self._kept: tuple[FloatArray, ...] = ()
         self.before_jump = self.last_jump = np.zeros(self._jump.least.size)
-
-    @property
-    def settling(self) -> bool:
-        """True while data from before a jump are still in the rows."""
-        return self._settling > 0
 
     def update(
         self,
@@ -96,7 +92,7 @@ class VariableForgetting(Estimator):
         innovation, done = np.empty(self.m), NOT_ORDINARY
         if self._lasting is not None:
             self._look_back(Y, tau, self._lasting)
-        if not (hold or self._settling or self._burst or self._search.hits):
+        if not (hold or self.settling or self._burst or self._search.hits):
             count = self._spread_count if self.noise_known else -1
             done = take_in(Y, tau, extra, Z, self._state.memory, innovation, self.THRESHOLD, 1.0, count)
         if done != TAKEN_IN or count < 0:
@@ -122,17 +118,17 @@ class VariableForgetting(Estimator):
             self._burst = max(self._burst - 1, 0)
             if self.jumps != jumps and self._jump.memory == 0.0:
                 return self._estimate(innovation, "warming_up", SAID.jumped)
-            outlier = z > self.THRESHOLD and not self._settling
+            outlier = z > self.THRESHOLD and not self.settling
             inflation = z if outlier else 1.0
-            count = self._spread_count if self.noise_known and not self._settling else -1
+            count = self._spread_count if self.noise_known and not self.settling else -1
             done = take_in(Y, tau, extra, Z, self._state.memory, innovation, np.inf, inflation, count)
         if done == BROKEN_DOWN:
             self.reset()
         if done not in (TAKEN_IN, BLOCK_FULL):
             return self._estimate(innovation, "not_finite", SAID.broken_down if done == BROKEN_DOWN else SAID.not_finite)
-        self._spread_count += self.noise_known and not self._settling
+        self._spread_count += self.noise_known and not self.settling
         self._taken += inflation == 1.0
-        if self._settling:
+        if self.settling:
             self._settle()
         if not self.noise.known:
             self._learn_early(Y, tau, extra)
@@ -143,13 +139,13 @@ class VariableForgetting(Estimator):
             self._forget_a_little()
         if outlier:
             return self._estimate(innovation, "outlier", "the torques do not fit the estimate; they were given less weight")
-        if self.noise.known and not self._settling:
+        if self.noise.known and not self.settling:
             return self._estimate(innovation, "ok", "")
         return self._estimate(innovation, "warming_up", SAID.jumped if self.noise.known else SAID.unknown_noise)
 
     def _forget_a_little(self) -> None:
         self.row_variance = self._state.levels[SPREAD]  # that of a deep copy is no view of its levels
-        if self.noise.known and not self._settling:  # before, theta is that of rows weighed with the least noise: it is no centre
+        if self.noise.known and not self.settling:  # before, theta is that of rows weighed with the least noise: it is no centre
             self._sums.forget(self._epsilon, self.FORGET_EVERY)
 
     def compensate(self, noise: Noise, hold: bool, extra_variance: FloatArray | None) -> None:
@@ -181,7 +177,7 @@ class VariableForgetting(Estimator):
     def _learn_early(self, Y: FloatArray, tau: FloatArray, extra: FloatArray) -> None:
         """The first residuals say nothing while the fit still follows every row: the noise is read from one fit to all first
         rows. They were weighted with the least noise; once it is known they are taken in again with what it is."""
-        if self._settling:
+        if self.settling:
             return
         self._early.append((Y, tau, extra))
         count, fewest = len(self._early), self.noise.fewest_updates
@@ -219,7 +215,7 @@ class VariableForgetting(Estimator):
     def _look_back(self, Y: FloatArray, tau: FloatArray, lasting: LastingJumpSearch) -> None:
         """Look for a jump that lasts in the rows to come and those before them."""
         too_early, self.disturbed = self._early_jump and not self.noise.known, lasting.disturbed
-        if self._settling or self._spread_count == 0 or too_early or not np.isfinite(Y.sum() + tau.sum()):
+        if self.settling or self._spread_count == 0 or too_early or not np.isfinite(Y.sum() + tau.sum()):
             return
         if (change := lasting.add(Y, tau, self._theta, self._P, self._state.levels[SPREAD])) is not None:
             self._take_jump(change)
@@ -229,11 +225,11 @@ class VariableForgetting(Estimator):
         self.jumps += 1
         self.before_jump, self.last_jump = self._theta[self._jump.block].copy(), change
         if self._jump.memory > 0.0:
-            self._settling = max(round(self._jump.memory / self._period), 1)
+            self.settling = max(round(self._jump.memory / self._period), 1)
             self._interrupt_noise()
             self._begin_again()
 
-    def parts(self, where: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def parts(self, where: slice) -> Parts:
         return self._theta[where].copy(), self._P[where, where].copy(), self._sensitivity[where].copy()
 
     def repeated_covariance(self, where: slice, density: FloatArray, step: float) -> FloatArray:
@@ -259,6 +255,10 @@ class VariableForgetting(Estimator):
         kernels.fix(self._theta, self._P, self._sensitivity, where.start, where.stop, std**2)
         self._sums.start()
 
+    def combine(self, where: slice, other: Parts) -> None:
+        combine_in(self._theta, self._P, self._sensitivity, where, other)
+        self._sums.start()
+
     def undo_misfits(self) -> None:
         if self._kept:
             self._theta[:], self._P[:], self._sensitivity[:], self._sums.known, self._state.rows[:] = self._kept
@@ -266,15 +266,15 @@ class VariableForgetting(Estimator):
         self._search, self.misfits = JumpSearch(self._jump, self._prior_variance), 0
 
     def forget(self) -> None:
-        self._theta[self._jump.block], self._settling = 0.0, 0
+        self._theta[self._jump.block], self.settling = 0.0, 0
         self._spread_count = min(self._spread_count, round(self.SPREAD_ANEW / self._period))
         self._search = JumpSearch(self._jump, self._prior_variance)
         self._interrupt_noise()
         self._begin_again()
 
     def _settle(self) -> None:
-        self._settling -= 1
-        if self._settling == 0:
+        self.settling -= 1
+        if self.settling == 0:
             self._begin_again()
             # what is carried now brings its own noise: that of the positions, through its inertia
             self._spread_count = min(self._spread_count, round(self.SPREAD_ANEW / self._period))

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid_ros.estimators.estimator import Estimate, Estimator, Noise, Problem
+from sysid_ros.estimators.estimator import Estimate, Estimator, Noise, Parts, Problem
 from sysid_ros.estimators.jump_search import JumpSearch
 from sysid_ros.estimators.variable_forgetting import VariableForgetting
 from sysid_ros.sample import FloatArray
@@ -69,6 +69,10 @@ class WatchedEstimator(Estimator):
     def suppose(self, where: slice, std: FloatArray) -> None:
         self._inner.suppose(where, std)
         self._watch.suppose(where, std)
+
+    def combine(self, where: slice, other: Parts) -> None:
+        self._inner.combine(where, other)
+        self._watch.combine(where, other)
 
     def undo_misfits(self) -> None:
         self._watch.undo_misfits()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from collections.abc import Callable
 from enum import Enum
 
 import numpy as np
@@ -40,7 +42,8 @@ _NO_BODY = 29.6
 class Verdict(Enum):
     """OPEN: not known yet. BODY: it is carried. DOUBT: it is none as the time of the change was taken; that is looked for again.
     FORCE: it is no body; it acts still. PASSED: what was before is again; ALL_PASSED: what was before the outer trial. AGAIN: a
-    force that stays is tried as a body once more. SAME: it is what was carried before, as far as rows of both times tell."""
+    force that stays is tried as a body once more. SAME: it is what was carried before, as far as rows of both times tell.
+    BEFORE: it is, and what was known before fits again."""
 
     OPEN = 0
     BODY = 1
@@ -50,6 +53,7 @@ class Verdict(Enum):
     DOUBT = 5
     ALL_PASSED = 6
     SAME = 7
+    BEFORE = 8
 
 
 class ChangeTrial:
@@ -69,7 +73,8 @@ class ChangeTrial:
 
     Attributes:
         before, t, mass: as given. force: True once it is known to be no body. strain: variance that the rows would need to be
-            those of a body, over that of their noise.
+            those of a body, over that of their noise. likelier_until: what ``another`` of :meth:`judge` said before the newest
+            jump.
     """
 
     def __init__(
@@ -88,7 +93,7 @@ class ChangeTrial:
         self.after, self.outer = after, outer
         self.strain = self._assumed = strain
         self.before, self.t, self.mass, self._reach = before, t, mass, reach
-        self.force = self._doubted = False
+        self.force, self._doubted, self.likelier_until = False, False, math.inf
         self._prior_std, self._empty = prior_std, empty
         self._jumps, self._newest, self._force_since = 1, t, t
         self._impossible_since = np.inf
@@ -107,13 +112,21 @@ class ChangeTrial:
         return not self.force and t - self._newest >= _STAYS
 
     def jumped(self, t: float, until: Estimator | None = None) -> None:
-        """Another jump was found at ``t`` [s]; ``until``: what was estimated until then since the one before. Where that is what
-        was known before, nothing had changed yet."""
-        if until is not None and not self.force and self._against_before(until) is Verdict.SAME:
+        """Another jump was found at ``t`` [s]; ``until``: what was estimated until then since the one before. Where that need
+        not be another payload than before, nothing had changed yet."""
+        if until is not None and not self.force and not self.changed_by(until):
             self.t = t
         self._jumps, self._newest = self._jumps + 1, t
         self._impossible_since = np.inf
         self._compared.clear()
+
+    def change(self, since: Estimator) -> FloatArray:
+        """By how much the payload is another, as ``since`` estimates it, shape (10,)."""
+        return np.asarray(since.theta[PAYLOAD] - self.before.theta[PAYLOAD])
+
+    def changed_by(self, until: Estimator) -> bool:
+        """Whether ``until``, estimated since it began, is of another payload than before."""
+        return self.likelier_until > _LIKELIER and self._against_before(until) is Verdict.BODY
 
     def resumed_outer(self) -> ChangeTrial | None:
         """The trial that goes on when this one is over; what it compared with the estimate since this one began tells nothing."""
@@ -131,13 +144,14 @@ class ChangeTrial:
         likelier = np.inf if self.force else likely - estimator.predict(Y, y, extra)[1]
         self._compared.append((misfit, likelier * self._one if stands else likelier))
 
-    def judge(self, t: float, estimator: Estimator, tare: Tare) -> Verdict:
-        """What is known at ``t`` [s], after the estimator has taken in the row that was compared."""
+    def judge(self, t: float, estimator: Estimator, tare: Tare, another: Callable[[FloatArray], float] | None = None) -> Verdict:
+        """What is known at ``t`` [s], after the estimator has taken in the row that was compared; ``another``: logarithm of how
+        much likelier another payload, changed by so much, is than the one before with all that may be wrong with the robot."""
         passed = self.has_passed()
         if self.outer is not None and self.outer.has_passed() and not (passed and self.likelier() >= self.outer.likelier()):
             return Verdict.ALL_PASSED
         if passed:
-            return Verdict.PASSED if self.force or self._was_force(estimator) else Verdict.SAME
+            return Verdict.PASSED if self.force or self._was_force(estimator) else Verdict.BEFORE
         if self.force:
             return Verdict.AGAIN if t - self._force_since > _LONGEST else Verdict.FORCE
         if t - self._newest < self._young:
@@ -154,6 +168,8 @@ class ChangeTrial:
         if not settled or self._impossible_since <= t:
             return Verdict.OPEN
         verdict = self._against_before(estimator)
+        if verdict is Verdict.BODY and another is not None and another(self.change(estimator)) <= _LIKELIER:
+            verdict = Verdict.OPEN
         return Verdict.SAME if verdict is Verdict.OPEN and t - self._newest >= _LONGEST else verdict
 
     def has_passed(self) -> bool:

@@ -100,6 +100,8 @@ class ChangeWatch:
             extra = self._free.extra_variance(rows, estimator, front_end.passed)
             estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
             estimator.compensate(rows.noise, hold, extra)
+            if self.evidence is not None and estimate.status == "ok" and not hold and self.evidence.due():
+                self.evidence.add_since(rows, self._free.friction_slice, self._free.gained)
             if estimator.jumps != jumps or estimator.misfits:
                 estimate = self.changed(rows, hold, estimator, front_end, estimate, estimator.jumps != jumps, known)
         assert self.trial is not None
@@ -139,10 +141,8 @@ class ChangeWatch:
             return self.changed(rows, hold, estimator, front_end, estimate, jumped, known, gone)
         if not hold:
             self.rows_so_far.rows.append(rows)
-            if self.evidence is not None and estimator.noise_known and estimate.status == "ok":
-                self.evidence.waits += 1
-                if self.evidence.waits >= self.evidence.every:
-                    self.evidence.add(rows, self._free.friction_slice, self._free.gained)
+            if self.evidence is not None and estimator.noise_known and estimate.status == "ok" and self.evidence.due():
+                self.evidence.add(rows, self._free.friction_slice, self._free.gained)
         return estimate
 
     def changed(
@@ -169,11 +169,13 @@ class ChangeWatch:
         before = copy.deepcopy(estimator)
         t, since = self._begin_anew(before, estimator, hold, front_end)
         if self.evidence is not None:
+            if self.trial is not None:
+                self.trial.likelier_until = self.evidence.another(self.trial.change(before))
             self.evidence.drop()
         if known and (self.trial is None or self.trial.rests(t)):
             mass, outer = self._mass_before(before.theta), self.trial
             if outer is not None:
-                outer.outer = None  # two that are open are enough: what the oldest began with has been carried since
+                self._close_outer(outer)  # two that are open are enough: what the oldest began with has been carried since
             about = self._reach, self._prior_std, self._free.empty
             self.trial = ChangeTrial(before, t, mass, *about, front_end, outer=outer)
         elif self.trial is not None:
@@ -204,18 +206,31 @@ class ChangeWatch:
             estimator.compensate(rows.noise, hold, extra)
         return t, estimate
 
+    def _close_outer(self, trial: ChangeTrial) -> None:
+        """A trial that was open when another one began is not followed any more: what it was is what is known until then."""
+        if trial.outer is not None and not (trial.outer.force or trial.outer.changed_by(trial.before)):
+            self._log.take_back(trial.outer.t)
+        trial.outer = None
+
     def _follow(self, trial: ChangeTrial, t: float, hold: bool, estimator: Estimator, front_end: FrontEnd) -> Estimator:
         """Whether what has changed is a body, after a row of ``t`` [s]; the estimator that goes on."""
         was_force = trial.force
-        verdict = trial.judge(t, estimator, self.tare)
+        verdict = trial.judge(t, estimator, self.tare, self.evidence.another if self.evidence is not None else None)
         if verdict is Verdict.BODY:
             self.trial = None
             if self.evidence is not None:
                 self.evidence.renew()
             self._log.body((trial.after or trial).t, t, trial.mass, self._mass_before(estimator.theta))
-        elif verdict is Verdict.SAME:
+            self._close_outer(trial)
+        elif verdict in (Verdict.SAME, Verdict.BEFORE):
             self._log.withdraw((trial.after or trial).t)
-            estimator, self.trial = trial.before, trial.resumed_outer()
+            if verdict is Verdict.SAME:
+                estimator.combine(PAYLOAD, trial.before.parts(PAYLOAD))
+            else:
+                estimator = trial.before
+            self.trial = trial.resumed_outer()
+            if self.evidence is not None and self.trial is None:
+                self.evidence.same()
         elif verdict is Verdict.DOUBT:
             estimator = copy.deepcopy(trial.before)
             trial.jumped(self._begin_anew(trial.before, estimator, hold, front_end)[0])

@@ -197,6 +197,52 @@ def reduced(whole: FloatArray, first: int) -> tuple[FloatArray, FloatArray]:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def evidence(whole: FloatArray, first: int, priors: FloatArray) -> FloatArray:
+    """Logarithms of the marginal likelihood of all rows, but for what is common to all of the same noise, shape (m,): columns
+    before ``first`` have the prior variance 1, those from there on the inverse of each of the ``priors``, shape (m, d)."""
+    size = whole.shape[0] - 1
+    root = np.linalg.cholesky(whole[:first, :first] + np.eye(first))
+    way = np.linalg.solve(root, np.ascontiguousarray(whole[:first, size]))
+    J, h = reduced(whole, first)
+    free: FloatArray = likelihoods(J, h, priors)
+    free += 0.5 * (way @ way - whole[size, size]) - np.log(np.diag(root)).sum()
+    return free
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def told_if_exact(since: FloatArray, noise: FloatArray, change: FloatArray) -> float:
+    """Logarithm of how much likelier rows with the moments ``since`` would be on average with another payload, the ``change`` by
+    its prior standard deviations, shape (10,), than with none, if all else were known."""
+    information = np.zeros((_PAYLOAD, _PAYLOAD))
+    for i in range(noise.size):
+        for a in range(_PAYLOAD):
+            for b in range(a + 1):
+                information[a, b] += since[i, a, b] / noise[i]
+    for a in range(_PAYLOAD):
+        for b in range(a):
+            information[b, a] = information[a, b]
+    root = np.linalg.cholesky(information + np.eye(_PAYLOAD))
+    return float(0.5 * change @ (information @ change) - np.log(np.diag(root)).sum())
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def another_payload(
+    before: FloatArray, since: FloatArray, noise: FloatArray, s: int, first: int, priors: FloatArray, chance: FloatArray
+) -> float:
+    """Logarithm of how much likelier another payload since a change makes all rows than the one before it.
+
+    Args:
+        before: information of the rows before, shape (k, k). since: moments of the others, as ``moments`` of :func:`together`.
+        chance: of each prior, logarithm, shape (m,). noise, s, first, priors: as of :func:`together` and :func:`evidence`.
+    """
+    same = evidence(together(before, since, noise, s), first, priors) + chance
+    other = evidence(together(without_payload(before), since, noise, s), first, priors) + chance
+    root = np.linalg.cholesky(before[:_PAYLOAD, :_PAYLOAD] + np.eye(_PAYLOAD))
+    most = max(same.max(), other.max())
+    return float(np.log(np.exp(other - most).sum()) - np.log(np.diag(root)).sum() - np.log(np.exp(same - most).sum()))
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def likelihoods(J: FloatArray, h: FloatArray, priors: FloatArray) -> FloatArray:
     """Logarithms of the marginal likelihood of rows with information J (d, d) and response h (d,), but for what is common to all,
     for prior informations (m, d) of independent parameters."""

@@ -143,14 +143,17 @@ class FreeParameters:
         least = np.array([mass] + [mass * size] * 3 + [mass * size**2] * 6)
         return np.asarray(np.maximum(prior, least))
 
-    def settle_tilt(self, estimator: Estimator) -> FloatArray | None:
+    def settle_tilt(self, estimator: Estimator, evidence: ModelEvidence | None) -> FloatArray | None:
         """Ask whether the base is tilted; the two angles [rad] by which gravity was turned because it is, so that rows of before
-        do not hold, else None. Not to be asked once it is known to be level, see ``tilt_is_open``."""
+        do not hold, else None. Not to be asked once it is known to be level, see ``tilt_is_open``. ``evidence``: by how much the
+        model is further off than is said."""
         assert self.tilt is not None
         where = self.tilt_slice
-        theta = estimator.theta[where]
+        theta, noise, sensitivity = estimator.parts(where)
+        if evidence is not None:
+            evidence.scale(sensitivity, self.gained)
         found = bool(self.tilt.told)
-        turned = self.tilt.settle(theta, estimator.covariance()[where, where], estimator.noise_covariance()[where, where])
+        turned = self.tilt.settle(theta, noise + sensitivity @ sensitivity.T, noise)
         if turned:
             estimator.shift(where, -theta)
             if not found:  # what is carried was learned as heavy in another direction

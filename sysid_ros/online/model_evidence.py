@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sysid_ros.online.evidence_kernels import (
     BEHIND,
     LOCAL,
+    another_payload,
     close_block,
     learn_noise,
     likelihoods,
@@ -18,9 +19,10 @@ from sysid_ros.online.evidence_kernels import (
     settle,
     take,
     together,
+    told_if_exact,
     without_payload,
 )
-from sysid_ros.online.model_check import IDENTIFY
+from sysid_ros.online.evidence_words import not_shown
 from sysid_ros.online.rows import Rows
 from sysid_ros.sample import FloatArray
 
@@ -54,10 +56,8 @@ _OWN_FACTOR = 16.0
 """Efforts whose gains are so many times further off are not torques with an error, but have their own factor on each joint."""
 _SELDOM = math.log(1000.0)
 """How rare it is that efforts are not what they are said to be."""
-_ONLY = 0.5
-"""Efforts that show less of what the arm takes are compensated or in another unit; else each joint has its own factor."""
-_SAME = 0.1
-"""Factors of the joints that differ by less are one."""
+_CLEAR = math.log(20.0)
+"""Logarithm of how much likelier a change must be than none, if nothing is wrong with the arm, where rows are asked more."""
 _EXACT = 1e12
 _PAYLOAD = 10
 
@@ -132,6 +132,8 @@ class ModelEvidence:
         self._first, width = s + LOCAL * n, s + LOCAL + links + BEHIND
         size = self._first + links + 1 + n
         self._moments, self._rows = np.zeros((3, n, width, width)), np.zeros((3, n))
+        self._since, self._rows_since = np.zeros((n, width, width)), np.zeros(n)
+        self._another: float | None = None
         self._past, self._before = np.zeros((size + 1, size + 1)), np.zeros((2, n))
         self._column, self._mean, self._noise = np.zeros(width), np.zeros(size), np.zeros(n)
         self._blocks, self._residual = 0.0, np.zeros((4, n))
@@ -139,6 +141,11 @@ class ModelEvidence:
         self._weigh(self._hypotheses.chance)
         self._widest = np.ones(size)
         self._widest[self._first :] = self._hypotheses.priors[-1]
+
+    def due(self) -> bool:
+        """Count a row; whether it is one to be taken in."""
+        self.waits += 1
+        return self.waits >= self.every
 
     def add(self, rows: Rows, friction: slice, gained: int) -> None:
         """Take in a row; ``friction``: where its columns stand in Y. ``gained``: of the considered errors the last ones that are
@@ -152,11 +159,7 @@ class ModelEvidence:
             self._look()
 
     def _take(self, rows: Rows, friction: slice) -> None:
-        where = friction.start, friction.stop - friction.start
-        take(
-            rows.Y, rows.considered, rows.y, rows.tau, rows.acceleration, rows.speed, where, self._gain, self._shared_std,
-            self._local_std, self._column, self._moments[2], self._rows[2], self._mean, self._residual,
-        )  # fmt: skip
+        self._add_to(self._moments[2], self._rows[2], self._residual, rows, friction)
         self._count += 1
         if self._count % self._block == 0:
             close_block(self._residual, self._block, _KEEP)
@@ -164,18 +167,67 @@ class ModelEvidence:
         if self._count % self._wait == 0:
             settle(self._moments, self._rows, self._past, self._before, self._keep)
 
+    def _add_to(self, moments: FloatArray, counts: FloatArray, residual: FloatArray, rows: Rows, friction: slice) -> None:
+        where = friction.start, friction.stop - friction.start
+        take(
+            rows.Y, rows.considered, rows.y, rows.tau, rows.acceleration, rows.speed, where, self._gain, self._shared_std,
+            self._local_std, self._column, moments, counts, self._mean, residual,
+        )  # fmt: skip
+
     def drop(self) -> None:
-        """Something has changed, or may have: rows that wait are left out."""
+        """Something has changed, or may have: rows that wait are left out, and those that come stand apart."""
         self._moments[1:], self._rows[1:] = 0.0, 0.0
+        self._forget_since()
+
+    def add_since(self, rows: Rows, friction: slice, gained: int) -> None:
+        """Take in a row after a change, or what may be one; as :meth:`add`."""
+        if not rows.fresh and rows.considered.shape[1] - gained == self._links:
+            self.waits = 0
+            self._add_to(self._since, self._rows_since, np.zeros_like(self._residual), rows, friction)
+            self._another = None
+
+    def scale(self, sensitivity: FloatArray, gained: int) -> None:
+        """Make derivatives by the considered errors, shape (k, c), as many times larger, in place, as those are further off;
+        ``gained``: as :meth:`add` has it."""
+        by_gains = sensitivity.shape[1] - gained
+        sensitivity[:, :by_gains] *= self.links
+        sensitivity[:, by_gains:] *= self.gains
+
+    def another(self, change: FloatArray) -> float:
+        """Logarithm of how much likelier the rows since a change are of another payload than of the one before, with all that may
+        be wrong with the arm the same before and since; infinite where they are too few to tell ``change``, that of the payload
+        as it is estimated, shape (10,), even if nothing were wrong."""
+        if not (self.ready and self._rows_since.all()):
+            return math.inf
+        if told_if_exact(self._since, self._noise, change / self._shared_std[:_PAYLOAD]) < _CLEAR:
+            return math.inf
+        if self._another is None:
+            before = together(self._past, self._moments[0], self._noise, self._shared_std.size)
+            about = self._noise, self._shared_std.size, self._first, self._hypotheses.priors, self._hypotheses.chance
+            try:
+                self._another = float(another_payload(before, self._since, *about))
+            except np.linalg.LinAlgError:
+                self._another = math.inf
+        return self._another
+
+    def same(self) -> None:
+        """What is carried since is what was carried before."""
+        self._moments[0] += self._since
+        self._rows[0] += self._rows_since
+        self._forget_since()
 
     def renew(self) -> None:
-        """Something else is carried from now on; what the rows so far tell of the rest is kept."""
-        self.drop()
+        """Something else is carried since the change; what the rows so far tell of the rest is kept."""
+        self._moments[1:], self._rows[1:] = 0.0, 0.0
         if self._noise.all():
             self._past = without_payload(together(self._past, self._moments[0], self._noise, self._shared_std.size))
             self._before[1] += self._rows[0]
             self._before[0] = self._noise / self._colour() * self._before[1]
-        self._moments[0], self._rows[0] = 0.0, 0.0
+        self._moments[0], self._rows[0] = self._since, self._rows_since
+        self._forget_since()
+
+    def _forget_since(self) -> None:
+        self._since[:], self._rows_since[:], self._another = 0.0, 0.0, None
 
     def turn(self, by: FloatArray) -> None:
         """The known torque holds a tilt by two more angles, shape (2,) [rad], from now on."""
@@ -186,6 +238,8 @@ class ModelEvidence:
         for moved, missing in ((own, -BEHIND), (all_columns, self._first + self._links)):
             moved[tilt, missing] = moved[tilt, -1] = -part
         self._moments = np.ascontiguousarray(own.T @ whole @ own)
+        since = np.tril(self._since) + np.swapaxes(np.tril(self._since, -1), -1, -2)
+        self._since = np.ascontiguousarray(own.T @ since @ own)
         self._past = np.ascontiguousarray(all_columns.T @ self._past @ all_columns)
 
     def _look(self) -> None:
@@ -219,7 +273,7 @@ class ModelEvidence:
         weights = size / size.sum() if size.sum() > 0.0 else np.full(self._n, 1.0 / self._n)
         by = np.append(-1.0, self._gain * weights)
         self.share = float(weights @ self.factors), math.sqrt(float(by @ covariance[k:, k:] @ by))
-        self.not_shown = self._in_words()
+        self.not_shown = not_shown(self.factors, self.share) if self.other > 0.5 else ""
 
     def _weigh(self, found: FloatArray) -> None:
         """From the logarithm of the chance of each case to how far off the model is."""
@@ -238,32 +292,3 @@ class ModelEvidence:
         blocks = self._blocks if rows.all() else 0.0
         told = blocks * sums / np.maximum(rows, 1e-300)
         return np.asarray(np.clip((told + _COLOUR * _WEIGHT) / (blocks + _WEIGHT), 1.0, self._block))
-
-    @property
-    def further_off(self) -> str:
-        """A sentence that says what is wrong, and by how much."""
-        what = "the efforts' gains are" if self.gains > self.links else "what the links weigh and where is"
-        return f"The torques show that {what} wrong by some {self.times:.0f} times as much as is usual."
-
-    def _in_words(self) -> str:
-        """A sentence where the efforts are not what they are said to be, else an empty string."""
-        if not self.other > 0.5:
-            return ""
-        share, std = self.share
-        shown, least = f"{100.0 * max(share, 0.0):.0f} % (std {100.0 * std:.0f})", float(self.factors.min())
-        if share < _ONLY and least > -_ONLY:
-            return (
-                f"The efforts show only {shown} of the torque that the arm itself takes: are they compensated for gravity by the "
-                "driver (effort_type), or in another unit (effort_scale)? The payload can't be trusted."
-            )
-        if float(self.factors.max()) - least < _SAME:
-            return (
-                f"The efforts show {shown} of the torque that the arm itself takes: are they in another unit (effort_scale), or "
-                f"is the model heavier or lighter than the arm? The payload can't be trusted. {IDENTIFY}"
-            )
-        listed = ", ".join(f"{x:.2f}" for x in self.factors)
-        return (
-            f"The efforts are the torques that the arm itself takes by another factor on each joint, about {listed} in their "
-            "order: are they currents (effort_scale; below zero: the sign), compensated for gravity (effort_type), or is the "
-            f"model another arm's? The payload can't be trusted. {IDENTIFY}"
-        )

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sysid_ros.estimators import Estimate, Estimator
+from sysid_ros.online.evidence_words import further_off
 from sysid_ros.online.model_check import IDENTIFY, ModelCheck
 from sysid_ros.online.model_evidence import ModelEvidence
 from sysid_ros.online_settings import OnlineSettings
@@ -196,8 +197,7 @@ class Judgement:
         by_gains, of_mass = sensitivity.shape[1] - gained, sensitivity[0]
         as_said = math.sqrt(noise[0, 0] + of_mass @ of_mass)
         if self.evidence is not None:
-            sensitivity[:, :by_gains] *= self.evidence.links
-            sensitivity[:, by_gains:] *= self.evidence.gains
+            self.evidence.scale(sensitivity, gained)
         return noise + sensitivity @ sensitivity.T, (math.hypot(*of_mass[by_gains:]), as_said)
 
     def status(
@@ -219,10 +219,8 @@ class Judgement:
         self._known = left <= limit
         unknown = not self._known
         if self.evidence is not None and self.evidence.times > 1.0 and math.sqrt(max(mass_std**2 - as_said**2, 0.0)) > limit:
-            return (
-                "inconsistent",
-                f"{self.evidence.further_off} With that the mass is known to {mass_std:.2g} kg only. {IDENTIFY}",
-            )
+            wrong = further_off(self.evidence.links, self.evidence.gains, self.evidence.times)
+            return "inconsistent", f"{wrong} With that the mass is known to {mass_std:.2g} kg only. {IDENTIFY}"
         if estimate.status == "not_excited" and (unknown or not noise_known):
             known_to = f"the mass is known to {mass_std:.2g} kg only" if unknown else "the noise of the torques is not known yet"
             return "not_excited", f"The robot stands; {known_to}. Move the joints that carry the payload."

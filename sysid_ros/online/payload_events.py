@@ -69,6 +69,10 @@ class EventLog:
         """What was found at ``t`` [s] happened at another time."""
         self.events = [replace(e, t=to) if e.t == t else e for e in self.events]
 
+    def take_back(self, t: float) -> None:
+        """What was found at ``t`` [s] has changed nothing; what has come since stays."""
+        self.events = [e for e in self.events if abs(e.t - t) >= self._same]
+
     def withdraw(self, t: float) -> None:
         """What was found since ``t`` [s] has changed nothing."""
         self.events = [e for e in self.events if e.t < t - self._same]

@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.input_gate import FloatingGate, InputGate
-from sysid_ros.online.evidence_kernels import without_payload
+from sysid_ros.online.evidence_kernels import BEHIND, LOCAL, another_payload, told_if_exact, without_payload
 from sysid_ros.online.online_estimation import OnlineEstimation
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.inertial_parameters import body_of, project
@@ -62,7 +62,11 @@ def warm_up(robot: RobotModel, settings: OnlineSettings, duration: float = 6.0) 
             estimates += 1
     project(np.concatenate([payload[:4], -payload[4:]]), np.eye(10))
     body_of(payload, np.eye(10))
-    without_payload(np.eye(12))  # asked once it is known that what was picked up is a body, which takes longer than this motion
+    # asked while it is not known yet whether what was picked up is a body, which takes longer than this motion
+    whole, since = np.eye(10 + LOCAL + BEHIND), np.zeros((1, 10 + LOCAL + BEHIND, 10 + LOCAL + BEHIND))
+    told_if_exact(since, np.ones(1), np.zeros(10))
+    another_payload(whole, since, np.ones(1), 10, 10 + LOCAL, np.ones((1, 2)), np.zeros(1))
+    without_payload(whole)
     gate.health(1.0 + duration)
     return estimates
 
