@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from robots import random_body, robot
+from scipy.stats import multivariate_normal
 from test_diagnosis import ARM, payload, record
 
 from sysid_ros.diagnosis.covariance import with_knobs
@@ -17,8 +18,8 @@ from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import ARM as LEVER
 from sysid_ros.diagnosis.prepare import SCALES, Prepared, inexact_links, prepare
 from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.diagnosis.sets.link_scales import odds_of_scales
-from sysid_ros.diagnosis.sets.state import Weighed
+from sysid_ros.diagnosis.set_search import SetSearch
+from sysid_ros.diagnosis.sets.set_prior import SetPrior
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.robot.inertial_parameters import by_centre, from_com
 from sysid_ros.robot.link_inexactness import by_moments
@@ -86,13 +87,46 @@ def test_a_size_is_averaged_over_how_inexact_the_links_are() -> None:
     problem.scale = (1.0, 1.0)
 
 
-def test_scales_that_predict_alike_are_alike_probable() -> None:
-    rng = np.random.default_rng(0)
-    likelihood, weights = rng.normal(size=20), rng.dirichlet(np.ones(20), 100) * 20
-    same = [Weighed((), k, likelihood, narrowed, 0.0) for k, narrowed in enumerate((0.0, 0.0, np.log(4.0)))]
-    np.testing.assert_allclose(odds_of_scales(same, weights), np.array([4.0, 4.0, 1.0]) / 9.0)
-    worse = Weighed((), 3, likelihood - 5.0, 0.0, 0.0)
-    assert odds_of_scales([*same, worse], weights)[3] < 1e-6
+def test_how_inexact_links_are_is_asked_of_the_marginal_likelihood() -> None:
+    """Of all rows as one normal distribution."""
+    train, library = rows()
+    problem, terms = train.problem, [library.local("coulomb_friction", 1)]
+    noise = problem.fit(terms, inexact=True).noise
+    prior = SetPrior(library, [int(j) for j in problem.active])
+    search = SetSearch(problem, [(problem, lambda t: t)], terms, prior, noise, np.zeros(robot(ARM).n), lambda fit, term: True)
+    each = search.left_out.of_each
+    found = {}
+    for k in (SCALES.index((0.3, 0.3)), SCALES.index((1.0, 1.0)), SCALES.index((4.0, 4.0))):
+        at, known = search._columns((0,), k)
+        # rows with the same information and score
+        X = np.linalg.cholesky(each.whole[np.ix_(at, at)] + 1e-9 * np.eye(len(at))).T
+        y = np.linalg.solve(X.T, each.score[at])
+        known = np.maximum(known, 1e-6)  # a prior of nothing is no distribution
+        density = multivariate_normal.logpdf(y, cov=X / known @ X.T + np.eye(len(at)))
+        found[k] = float(density + prior.of(prior.counts([prior.number(t) for t in terms]), 0.0, k))
+    odds = search.odds_of_scales((0,))
+    assert odds.sum() == pytest.approx(1.0)
+    (first, a), *others = found.items()
+    for k, b in others:
+        assert np.log(odds[k] / odds[first]) == pytest.approx(b - a, abs=0.02)
+
+
+def test_links_of_a_real_arm_are_not_exact() -> None:
+    """Where most of what real arms have is found the links are not those of a simulation."""
+    train, library = rows()
+    joints = [int(j) for j in train.problem.active]
+    prior = SetPrior(library, joints)
+    usual = [library.local(name, j) for name in ("coulomb_friction", "viscous_friction", "rotor_inertia") for j in joints]
+    exact, inexact = 0, SCALES.index((1.0, 1.0))
+
+    def odds(terms: list[Term]) -> float:
+        counts = prior.counts([prior.number(t) for t in terms])
+        return prior.of(counts, 0.0, exact) - prior.of(counts, 0.0, inexact)
+
+    assert odds(usual) < 0.0 < odds([])
+    counts = prior.counts([prior.number(t) for t in usual])
+    every = [prior.of(counts, 0.0, k) for k in range(len(SCALES))]
+    assert np.logaddexp.reduce(every) == pytest.approx(prior.of(counts, 0.0))
 
 
 def test_gains_made_of_the_torque_of_a_body_do_not_stand_in_for_it(monkeypatch: pytest.MonkeyPatch) -> None:

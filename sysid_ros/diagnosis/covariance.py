@@ -18,6 +18,7 @@ from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import SCALES
 from sysid_ros.diagnosis.sets.block_scatter import BlockScatter
 from sysid_ros.diagnosis.term import Term
+from sysid_ros.effects.traits import Curve
 from sysid_ros.estimators.symmetric import inverse_of, scaled_to_one
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import SLIDE, smoothed_sign, smoothed_sign_slope
@@ -37,6 +38,8 @@ _LIKELY = 0.01
 """Of the most probable inexactness of the links: what is less probable by that is not looked at."""
 _OWN = np.zeros(0)
 """No probabilities of scales: that of the fit alone."""
+_OFFSET = 0.01
+"""Part of its effort limit by which a joint's sensor is off where no offset was found: a spring that rests elsewhere is alike."""
 _GAIN = 0.02
 """Part by which the torque constant of a joint is off, where the links are not exact either."""
 
@@ -163,6 +166,7 @@ def _equations(
     slopes = {t: _slope(library, t) for t in fit.terms if t.effect.deflection or t.effect.corrects}
     never = unknown_columns(problem, dry_friction(library.robot, fit), whole=True)
     scaled_joints = {t.row for t in fit.terms if t.effect.of_own_torque}  # whose gain is a cause of its own
+    off = {t.row for t in fit.terms if _is_constant(t)}  # whose offset is a cause of its own
     first, each = count + len(knobs), len(never)
     information = np.zeros((first + each * len(fit.blocks),) * 2)
     score = np.zeros(len(information))
@@ -175,7 +179,7 @@ def _equations(
             score[start] += float(slope[:, j] @ (fit.residual[:, j] / fit.variance[:, j])) if term.effect.corrects else 0.0
         unknown = first + each * i + np.arange(each)
         links_off = max(problem.scale) if fit.inexact and j not in scaled_joints else 0.0
-        information[unknown, unknown] += unknown_prior(links_off, whole=True)[:each]
+        information[unknown, unknown] += unknown_prior(links_off, whole=True, level=j in off)[:each]
         every = np.concatenate([index, np.arange(count, first), unknown])
         root = np.sqrt(fit.variance[:, j, None])
         columns = np.concatenate([X, *(knob.slope[:, j, None] for knob in knobs), never[:, :, j].T], axis=1) / root
@@ -188,6 +192,11 @@ def _equations(
     known = np.concatenate([known, [12.0 / knob.reach**2 for knob in knobs]])
     information[np.arange(first), np.arange(first)] += known
     return information, score, blocks
+
+
+def _is_constant(term: Term) -> bool:
+    curves = term.effect.simple_curves()
+    return curves is not None and bool(np.all(curves[:, 0] == Curve.ONE))
 
 
 def dry_friction(robot: RobotModel, fit: Fit) -> FloatArray:
@@ -220,6 +229,9 @@ def unknown_columns(problem: Problem, dry: FloatArray, whole: bool = False) -> F
     if problem.considered:
         return np.zeros((0, *problem.y.shape))
     curves = []
+    given = np.max([np.abs(m.drive_torque).max(axis=0) for m in problem.band.motions], axis=0)
+    limit = problem.band.motions[0].robot.effort_limit
+    largest = np.where(np.isfinite(limit) & (limit > 0.0), limit, given)
     for motion in problem.band.motions:
         unit = np.where(motion.robot.is_prismatic, SLIDE, 1.0)
         v, a = motion.v / unit, motion.a / unit
@@ -227,18 +239,19 @@ def unknown_columns(problem: Problem, dry: FloatArray, whole: bool = False) -> F
         turning = [smoothed_sign_slope(v, width) * a for width in _WIDTHS]
         rubs = [x * dry for x in (*bumps, *turning, np.ones_like(v))]
         of_drive = (motion.drive_torque, motion.rate_of(motion.drive_torque)) if whole else (motion.link_torque,)
-        curves.append(np.stack([*rubs, *of_drive]))
+        of_sensor = (np.broadcast_to(largest, v.shape),) if whole else ()
+        curves.append(np.stack([*rubs, *of_drive, *of_sensor]))
     rows: FloatArray = problem.band.curves(curves)
     return rows
 
 
-def unknown_prior(scale: float, whole: bool = False) -> FloatArray:
+def unknown_prior(scale: float, whole: bool = False, level: bool = False) -> FloatArray:
     """Inverse variances of their parameters before any data, shape (c,).
 
     Args:
         scale: how inexact the links are, in units of the usual inexactness; 0 for a simulation, in which all is exact. whole: as
-            :func:`unknown_columns` has it.
+            :func:`unknown_columns` has it. level: the joint's offset is known.
     """
-    gain, lag = (_GAIN, _EARLY) if scale > 0.0 else (1e-6, 1e-6)
+    gain, lag, offset = (_GAIN, _EARLY, 1e-6 if level else _OFFSET) if scale > 0.0 else (1e-6, 1e-6, 1e-6)
     rubs = [*_BUMPS.values(), *(_EARLY for _ in _WIDTHS), _ONE_WAY]
-    return np.array([*rubs, gain, *([lag] if whole else [])]) ** -2.0
+    return np.array([*rubs, gain, *([lag, offset] if whole else [])]) ** -2.0

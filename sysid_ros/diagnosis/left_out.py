@@ -16,7 +16,7 @@ from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.sets.block_scatter import scatter_ratios
 from sysid_ros.diagnosis.sets.stretches import Indices, Rows, Stretches
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.estimators.symmetric import inverse_of
+from sysid_ros.estimators.symmetric import inverse_of, scaled_to_one
 from sysid_ros.sample import FloatArray
 
 
@@ -78,6 +78,14 @@ class LeftOut:
         """Covariance and parameters of columns with all fitted rows, shape (a, a) and (a,)."""
         covariance = inverse_of(self.of_each.whole[np.ix_(at, at)] + np.diag(prior))
         return covariance, covariance @ self.of_each.score[at]
+
+    def marginal(self, at: Indices, prior: FloatArray) -> float:
+        """Logarithm of the likelihood of all fitted rows with the parameters of columns integrated out, but for the determinant
+        of their prior and for what is common to all columns."""
+        information, score = self.of_each.whole[np.ix_(at, at)] + np.diag(prior), self.of_each.score[at]
+        scaled, scale = scaled_to_one(information)
+        determinant = np.linalg.slogdet(scaled)[1] - 2.0 * np.sum(np.log(scale))
+        return float(0.5 * score @ (inverse_of(information) @ score) - 0.5 * determinant)
 
     def without(self, state: Predicted, where: Indices) -> Predicted:
         """What is predicted without some of a set's columns. Args: where: their places in ``state.at``."""

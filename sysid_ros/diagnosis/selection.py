@@ -11,11 +11,12 @@ from sysid_ros.diagnosis.covariance import dry_friction
 from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.heldout import HeldOut, no_worse
 from sysid_ros.diagnosis.knobs import made_anew, refine
-from sysid_ros.diagnosis.library import Library, SetPrior
+from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import before_gains, torques
 from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, event, forms, met, proposal, refined
 from sysid_ros.diagnosis.set_search import SetSearch
 from sysid_ros.diagnosis.sets.posterior import Posterior, on_own_torques, posterior_of
+from sysid_ros.diagnosis.sets.set_prior import SetPrior
 from sysid_ros.diagnosis.sets.state import State
 from sysid_ros.diagnosis.sets.stretches import Rows
 from sysid_ros.diagnosis.term import Term, best_of_each, joined, one_on_each

@@ -6,15 +6,16 @@ from collections.abc import Callable, Collection, Sequence
 from itertools import islice
 
 import numpy as np
+from scipy import special
 
 from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.covariance import unknown_prior
 from sysid_ros.diagnosis.fit import Estimated, Fit, Problem
 from sysid_ros.diagnosis.left_out import LeftOut
-from sysid_ros.diagnosis.library import SetPrior
 from sysid_ros.diagnosis.prepare import SCALES, scales_beside
 from sysid_ros.diagnosis.sets.link_scales import LinkScales, occam_factor
 from sysid_ros.diagnosis.sets.moves import instead_of, several
+from sysid_ros.diagnosis.sets.set_prior import SetPrior
 from sysid_ros.diagnosis.sets.state import Move, Parameters, State, Weighed
 from sysid_ros.diagnosis.sets.stretches import Indices, Rows
 from sysid_ros.diagnosis.term import Term, conflicts
@@ -86,7 +87,7 @@ class SetSearch:
         if self._is_inexact(scale):
             own = np.flatnonzero(np.isin(where, self.left_out.of_each.inexact))
             narrowed = occam_factor(predicted.covariance[:, own[:, None], own], prior[own])
-        self._state = State(members, scale, predicted, narrowed, self._score(predicted.likelihood, members) - narrowed)
+        self._state = State(members, scale, predicted, narrowed, self._score(predicted.likelihood, members, scale) - narrowed)
         return self._state
 
     def _is_inexact(self, scale: int) -> bool:
@@ -103,12 +104,13 @@ class SetSearch:
         unknown = np.tile(own, rows.joints)[: len(rows.unknown)]
         return np.concatenate([*at, rows.unknown]), np.concatenate([*prior, unknown])
 
-    def _score(self, likelihood: FloatArray, members: Sequence[int]) -> float:
-        return float(np.sum(likelihood)) + self.usual(members)
+    def _score(self, likelihood: FloatArray, members: Sequence[int], scale: int) -> float:
+        return float(np.sum(likelihood)) + self.usual(members, scale)
 
-    def usual(self, members: Sequence[int]) -> float:
+    def usual(self, members: Sequence[int], scale: int) -> float:
+        """Log-probability of a set beside links so inexact before any data, up to a constant."""
         own = list(members)
-        return self.prior.of(self.prior.counts(self._number[own]), float(np.sum(self._cost[own])))
+        return self.prior.of(self.prior.counts(self._number[own]), float(np.sum(self._cost[own])), scale)
 
     def fit(self, members: Sequence[int], scale: int, noise: RowNoise | None = None) -> Fit:
         """The fitted rows with a set."""
@@ -165,7 +167,7 @@ class SetSearch:
     def single(self, state: State) -> list[Move]:
         """Score and members of each set that has one term more or less."""
         worth = self._worth_a_look(state)
-        return [(self._score(x, m) - state.narrowed, m, state.scale) for m, x in self.neighbours(state, worth)]
+        return [(self._score(x, m, state.scale) - state.narrowed, m, state.scale) for m, x in self.neighbours(state, worth)]
 
     def all_inexact(self, state: State) -> list[Weighed]:
         """Sets with the best scale of all links in place of one that is wrong, or of a body that is carried, or of all these; and
@@ -174,7 +176,7 @@ class SetSearch:
         links = {i for i in state.members if link[i] or self.pool[i].effect.carried}
         rest = {tuple(i for i in state.members if i not in gone) for gone in [*({i} for i in links), links]} - {state.members}
         other = [m for m in self.replaced(state, sorted(links)) if any(link[i] for i in set(m[0]) - old)]
-        rest |= {members for members, _ in sorted(other, key=lambda m: -self._score(m[1], m[0]))[:_TRIED]}
+        rest |= {members for members, _ in sorted(other, key=lambda m: -self._score(m[1], m[0], state.scale))[:_TRIED]}
         return [self._rescaled(members, state.scale) for members in rest]
 
     def _rescaled(self, members: tuple[int, ...], scale: int) -> Weighed:
@@ -190,12 +192,26 @@ class SetSearch:
         new = [k for k in scales if (members, k) not in self._weighed]
         if inexact := [k for k in new if self._is_inexact(k)]:
             for k, likelihood, narrowed in zip(inexact, *self._link_scales(members).of(inexact), strict=True):
-                score = self._score(likelihood, members) - narrowed
+                score = self._score(likelihood, members, k) - narrowed
                 self._weighed[members, k] = Weighed(members, k, likelihood, narrowed, score)
         for k in (k for k in new if not self._is_inexact(k)):
             exact = self.state(members, k)
             self._weighed[members, k] = Weighed(members, k, exact.likelihood, exact.narrowed, exact.score)
         return [self._weighed[members, k] for k in scales]
+
+    def odds_of_scales(self, members: Sequence[int]) -> FloatArray:
+        """Probability of each inexactness of the links beside a set, shape (scales,): the marginal likelihood of all fitted rows.
+
+        How well stretches are predicted tells which causes there are; by how much links are off is a matter of what they are off
+        by, which a prior that is too narrow predicts no worse.
+        """
+        members = tuple(sorted(members))
+        out = np.empty(len(SCALES))
+        for k in range(len(SCALES)):
+            at, prior = self._columns(members, k)
+            never = np.isin(at, [*self.left_out.of_each.inexact, *self.left_out.of_each.unknown])  # what the scale is of
+            out[k] = self.left_out.marginal(at, prior) + 0.5 * float(np.sum(np.log(prior[never]))) + self.usual(members, k)
+        return np.asarray(special.softmax(out))
 
     def _link_scales(self, members: tuple[int, ...]) -> LinkScales:
         if self._last_scales is None or self._last_scales[0] != members:
@@ -206,7 +222,7 @@ class SetSearch:
 
     def _worth_a_look(self, state: State) -> set[int]:
         """Terms that the most probable set may have more or less: the bound of what the rows gain does not say no."""
-        own, here, out = set(state.members), self.usual(state.members), set()
+        own, here, out = set(state.members), self.usual(state.members, state.scale), set()
         groups: dict[tuple[int, ...], list[int]] = {(k,): [] for k in state.members}
         for i in range(len(self.pool)):
             if i not in own:
@@ -218,7 +234,7 @@ class SetSearch:
             if len(gone) == 1:  # it alone may leave, too
                 sets, at, prior = [*sets, (gone[0], rest)], [*at, where[:0]], [*prior, np.zeros(0)]
             most = self.left_out.most(state.predicted, where, at, prior)
-            out |= {i for (i, found), gain in zip(sets, most, strict=True) if gain > here - self.usual(tuple(found))}
+            out |= {i for (i, found), gain in zip(sets, most, strict=True) if gain > here - self.usual(tuple(found), state.scale)}
         return out
 
     def neighbours(self, state: State, among: Collection[int] | None = None) -> list[tuple[tuple[int, ...], FloatArray]]:
@@ -262,7 +278,7 @@ class SetSearch:
         """Sets with an effect on all joints or on none, one term in place of another or of two, two in place of one, less two."""
         wanted = several(self.pool, self._against, state.members, most_pairs=2 * _TRIED)
         each = [x for gone, new in wanted.items() for x in self._in_place(state, gone, new)]
-        return [(self._score(likelihood, found) - state.narrowed, found, state.scale) for found, likelihood in each]
+        return [(self._score(likelihood, found, state.scale) - state.narrowed, found, state.scale) for found, likelihood in each]
 
     def _in_place(
         self, state: State, gone: frozenset[int], each: Sequence[list[int]]

@@ -18,8 +18,9 @@ from sysid_ros.diagnosis.fit import Problem
 from sysid_ros.diagnosis.legs.corrected import Corrected, bags_of, leg_model, places_of
 from sysid_ros.diagnosis.legs.leg_mixing import mixing
 from sysid_ros.diagnosis.legs.leg_noise import Gait, NoiseOfEach
-from sysid_ros.diagnosis.library import Library, Places
+from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared, inexact_links
+from sysid_ros.diagnosis.sets.set_prior import Places
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS, TRUNK_EFFECTS, Effect, Motion, Scope
 from sysid_ros.floating.floating_base import FloatingBase

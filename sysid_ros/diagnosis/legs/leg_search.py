@@ -12,10 +12,11 @@ from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.legs.leg_noise import Gait, NoiseOfEach
 from sysid_ros.diagnosis.legs.leg_rows import LegLibrary
-from sysid_ros.diagnosis.library import Library, SetPrior
+from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import SCALES
 from sysid_ros.diagnosis.set_search import SetSearch
 from sysid_ros.diagnosis.sets.posterior import Posterior, posterior_of
+from sysid_ros.diagnosis.sets.set_prior import SetPrior
 from sysid_ros.diagnosis.sets.state import State
 from sysid_ros.diagnosis.sets.stretches import Rows
 from sysid_ros.diagnosis.term import Term

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import special
 
 from sysid_ros.diagnosis.left_out import LeftOut, block
-from sysid_ros.diagnosis.sets.state import Weighed
 from sysid_ros.diagnosis.sets.stretches import Indices
 from sysid_ros.estimators.symmetric import inverse_of
 from sysid_ros.sample import FloatArray
@@ -22,16 +20,6 @@ def occam_factor(covariance: FloatArray, prior: FloatArray) -> float:
     """
     part = np.mean(covariance, axis=0) * prior
     return -0.5 * float(np.linalg.slogdet(part)[1]) - (len(prior) - float(np.trace(part)))
-
-
-def odds_of_scales(each: Sequence[Weighed], weights: FloatArray) -> FloatArray:
-    """Probability of each inexactness of the links beside one set, shape (scales,).
-
-    Args:
-        each: the set with each scale. weights: of the stretches, each draw of a Bayesian bootstrap, shape (draws, S).
-    """
-    score = np.stack([weights @ (x.likelihood - each[0].likelihood) - x.narrowed for x in each])
-    return np.asarray(np.mean(special.softmax(score, axis=0), axis=1))
 
 
 class LinkScales:

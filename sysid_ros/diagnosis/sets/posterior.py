@@ -12,9 +12,8 @@ import numpy as np
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.knobs import made_anew
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.prepare import SCALES, torques
+from sysid_ros.diagnosis.prepare import torques
 from sysid_ros.diagnosis.set_search import SetSearch
-from sysid_ros.diagnosis.sets.link_scales import odds_of_scales
 from sysid_ros.diagnosis.sets.state import State, Weighed
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS, named
@@ -61,26 +60,24 @@ def posterior_of(search: SetSearch, state: State, *others: State, anew: Callable
     rng = np.random.default_rng(0)
     weights = rng.dirichlet(np.ones(search.left_out.of_each.stretches), _DRAWS) * search.left_out.of_each.stretches
     own = state.likelihood
-    here = search.usual(state.members)
+    here = search.usual(state.members, state.scale)
     rivals: dict[int, list[_Rival]] = {i: [] for i in state.members}
     scatter = _scatter(search, state)
 
-    def compared(members: Sequence[int], likelihood: FloatArray, narrowed: float) -> tuple[FloatArray, float]:
-        more: FloatArray = weights @ (likelihood - own)
-        return more, search.usual(members) - here + state.narrowed - narrowed
+    def compared(x: State | Weighed) -> tuple[FloatArray, float]:
+        more: FloatArray = weights @ (x.likelihood - own)
+        return more, search.usual(x.members, x.scale) - here + state.narrowed - x.narrowed
 
-    whole: list[State | Weighed] = [*others, *search.all_inexact(state)]
-    beside = [(x.members, x.likelihood, x.narrowed) for x in whole]
+    beside: list[State | Weighed] = [*others, *search.all_inexact(state)]
     for members, likelihood in [*search.neighbours(state), *search.replaced(state, state.members), *search.without_effect(state)]:
-        beside.append((members, likelihood, state.narrowed))
-    for members, likelihood, narrowed in beside:
-        more, usual = compared(members, likelihood, narrowed)
+        beside.append(Weighed(members, state.scale, likelihood, state.narrowed, 0.0))
+    for x in beside:
+        members, (more, usual) = x.members, compared(x)
         new = [i for i in members if i not in state.members]
         if np.mean(more + usual > _LEAST) > _LEAST and (lawful := search.lawful(members, state.scale)) != members:
             if new:
                 continue  # likely, were it not that physics forbids it
-            less = search.state(lawful, state.scale)
-            more, usual = compared(lawful, less.likelihood, less.narrowed)
+            more, usual = compared(search.state(lawful, state.scale))
         if any(search.pool[i].on_torques for i in new) and np.mean(more + usual > _LEAST) > _LEAST:
             more = more - _stale(search, members, state.scale, anew)
         for i in set(state.members) - set(members):
@@ -98,7 +95,7 @@ def posterior_of(search: SetSearch, state: State, *others: State, anew: Callable
         for rival, s in zip(against, told, strict=True):
             if rival.name and named(rival.name) is not term.kind:
                 instead[term][rival.name] = instead[term].get(rival.name, 0.0) + float(s)
-    return Posterior(probability, nothing, instead, odds_of_scales(search.at_scales(state.members, range(len(SCALES))), weights))
+    return Posterior(probability, nothing, instead, search.odds_of_scales(state.members))
 
 
 def on_own_torques(
