@@ -186,8 +186,7 @@ class Selection:
             return posterior
         terms, self.fit = self.fit.terms, simpler
         search, plain = self._search(rows, list(dict.fromkeys([*terms, *asked])), simpler.noise)
-        whole = search.state([search.pool.index(t) for t in terms], state.scale)
-        return posterior_of(search, plain, whole, anew=anew)
+        return posterior_of(search, plain, search.state([search.pool.index(t) for t in terms], state.scale), anew=anew)
 
     def _stale(self, held: HeldOut | None = None) -> bool:
         """Make columns anew that depend on torques; True where a term may be there only for another set's."""
