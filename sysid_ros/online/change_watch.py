@@ -100,7 +100,7 @@ class ChangeWatch:
             extra = self._free.extra_variance(rows, estimator, front_end.passed)
             estimate = estimator.update(rows.Y, rows.y, hold, extra, rows.considered)
             estimator.compensate(rows.noise, hold, extra)
-            if self.evidence is not None and estimate.status == "ok" and not hold and self.evidence.due():
+            if self.evidence is not None and estimate.status == "ok" and not hold and self._due(self.evidence):
                 self.evidence.add_since(rows, self._free.friction_slice, self._free.gained)
             if estimator.jumps != jumps or estimator.misfits:
                 estimate = self.changed(rows, hold, estimator, front_end, estimate, estimator.jumps != jumps, known)
@@ -141,9 +141,15 @@ class ChangeWatch:
             return self.changed(rows, hold, estimator, front_end, estimate, jumped, known, gone)
         if not hold:
             self.rows_so_far.rows.append(rows)
-            if self.evidence is not None and estimator.noise_known and estimate.status == "ok" and self.evidence.due():
+            if self.evidence is not None and estimator.noise_known and estimate.status == "ok" and self._due(self.evidence):
                 self.evidence.add(rows, self._free.friction_slice, self._free.gained)
         return estimate
+
+    @staticmethod
+    def _due(evidence: ModelEvidence) -> bool:
+        """Count a row; whether it is one to be taken in."""
+        evidence.waits += 1
+        return evidence.waits >= evidence.every
 
     def changed(
         self, rows: Rows, hold: bool, estimator: Estimator, front_end: FrontEnd, estimate: Estimate, jumped: bool, known: bool,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -42,6 +43,10 @@ _OF_ROBOT = 0.03
 """Part of its own mass that what a robot on legs carries need not be known better to."""
 _GRAVITY_DENSITY = 1e-8
 """Least density of the noise with which the accelerometer shows gravity [(m/s^2)^2 s]."""
+
+
+WithErrors = Callable[[FloatArray, FloatArray, int], tuple[FloatArray, tuple[float, float]]]
+"""As :meth:`.Judgement.with_errors`: from noise, sensitivity and how many errors are of gains to the covariance, and more."""
 
 
 class FreeParameters:
@@ -143,17 +148,15 @@ class FreeParameters:
         least = np.array([mass] + [mass * size] * 3 + [mass * size**2] * 6)
         return np.asarray(np.maximum(prior, least))
 
-    def settle_tilt(self, estimator: Estimator, evidence: ModelEvidence | None) -> FloatArray | None:
+    def settle_tilt(self, estimator: Estimator, with_errors: WithErrors) -> FloatArray | None:
         """Ask whether the base is tilted; the two angles [rad] by which gravity was turned because it is, so that rows of before
-        do not hold, else None. Not to be asked once it is known to be level, see ``tilt_is_open``. ``evidence``: by how much the
-        model is further off than is said."""
+        do not hold, else None. Not to be asked once it is known to be level, see ``tilt_is_open``. ``with_errors``: as
+        :meth:`.Judgement.with_errors`."""
         assert self.tilt is not None
         where = self.tilt_slice
         theta, noise, sensitivity = estimator.parts(where)
-        if evidence is not None:
-            evidence.scale(sensitivity, self.gained)
         found = bool(self.tilt.told)
-        turned = self.tilt.settle(theta, noise + sensitivity @ sensitivity.T, noise)
+        turned = self.tilt.settle(theta, with_errors(noise, sensitivity, self.gained)[0], noise)
         if turned:
             estimator.shift(where, -theta)
             if not found:  # what is carried was learned as heavy in another direction

@@ -142,11 +142,6 @@ class ModelEvidence:
         self._widest = np.ones(size)
         self._widest[self._first :] = self._hypotheses.priors[-1]
 
-    def due(self) -> bool:
-        """Count a row; whether it is one to be taken in."""
-        self.waits += 1
-        return self.waits >= self.every
-
     def add(self, rows: Rows, friction: slice, gained: int) -> None:
         """Take in a row; ``friction``: where its columns stand in Y. ``gained``: of the considered errors the last ones that are
         of the gains."""
@@ -185,13 +180,6 @@ class ModelEvidence:
             self.waits = 0
             self._add_to(self._since, self._rows_since, np.zeros_like(self._residual), rows, friction)
             self._another = None
-
-    def scale(self, sensitivity: FloatArray, gained: int) -> None:
-        """Make derivatives by the considered errors, shape (k, c), as many times larger, in place, as those are further off;
-        ``gained``: as :meth:`add` has it."""
-        by_gains = sensitivity.shape[1] - gained
-        sensitivity[:, :by_gains] *= self.links
-        sensitivity[:, by_gains:] *= self.gains
 
     def another(self, change: FloatArray) -> float:
         """Logarithm of how much likelier the rows since a change are of another payload than of the one before, with all that may

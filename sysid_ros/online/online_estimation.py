@@ -263,7 +263,7 @@ class OnlineEstimation:
         std = np.sqrt(covariance.diagonal())
         fits = self.estimator.noise_known and self._changes.trial is None and estimate.status == "ok"
         asked = fits and self._free.tilt_is_open
-        turned = self._free.settle_tilt(self.estimator, judgement.evidence) if asked else None
+        turned = self._free.settle_tilt(self.estimator, judgement.with_errors) if asked else None
         if turned is not None and self._front_end is not None:
             self._front_end.rest()
             self._changes.rows_so_far.clear()

@@ -186,18 +186,19 @@ class Judgement:
         self._known = False
 
     def with_errors(self, noise: FloatArray, sensitivity: FloatArray, gained: int) -> tuple[FloatArray, tuple[float, float]]:
-        """Covariance of the payload, shape (10, 10): of noise and of errors of what is known, which are as far off as the rows
-        tell. Of the mass [kg] the standard deviation that no motion lessens, and is not waited for, and the whole if the model
-        were as it is said to be.
+        """Covariance of parameters, shape (k, k): of noise and of errors of what is known, which are as far off as the rows
+        tell. Of the first, the mass [kg], the standard deviation that no motion lessens, and is not waited for, and the whole if
+        the model were as it is said to be.
 
         Args:
-            noise: covariance without these errors, shape (10, 10). sensitivity: derivative by them, shape (10, c), of which the
+            noise: covariance without these errors, shape (k, k). sensitivity: derivative by them, shape (k, c), of which the
                 last ``gained`` are of the efforts' gains.
         """
         by_gains, of_mass = sensitivity.shape[1] - gained, sensitivity[0]
         as_said = math.sqrt(noise[0, 0] + of_mass @ of_mass)
         if self.evidence is not None:
-            self.evidence.scale(sensitivity, gained)
+            sensitivity[:, :by_gains] *= self.evidence.links
+            sensitivity[:, by_gains:] *= self.evidence.gains
         return noise + sensitivity @ sensitivity.T, (math.hypot(*of_mass[by_gains:]), as_said)
 
     def status(
