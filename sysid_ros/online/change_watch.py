@@ -173,11 +173,9 @@ class ChangeWatch:
         if not jumped:
             estimator.undo_misfits()
         before = copy.deepcopy(estimator)
+        if self.evidence is not None and self.trial is not None:
+            self.trial.likelier_until = self.evidence.another(self.trial.change(before))
         t, since = self._begin_anew(before, estimator, hold, front_end)
-        if self.evidence is not None:
-            if self.trial is not None:
-                self.trial.likelier_until = self.evidence.another(self.trial.change(before))
-            self.evidence.drop()
         if known and (self.trial is None or self.trial.rests(t)):
             mass, outer = self._mass_before(before.theta), self.trial
             if outer is not None:
@@ -202,6 +200,7 @@ class ChangeWatch:
         estimator says of the last of them. ``before``: as it was before the change."""
         prior_variance = self._free.prior_std[PAYLOAD] ** 2
         self._put_down = 0.0
+        self._drop_evidence()
         t, since = front_end.since_change(before.theta, before.row_variance, prior_variance)
         estimator.forget()
         self.rows_so_far.clear()
@@ -217,6 +216,11 @@ class ChangeWatch:
         if trial.outer is not None and not (trial.outer.force or trial.outer.changed_by(trial.before)):
             self._log.take_back(trial.outer.t)
         trial.outer = None
+
+    def _drop_evidence(self) -> None:
+        """Rows since a change that is taken for another one now, or for a force, are no payload's."""
+        if self.evidence is not None:
+            self.evidence.drop()
 
     def _follow(self, trial: ChangeTrial, t: float, hold: bool, estimator: Estimator, front_end: FrontEnd) -> Estimator:
         """Whether what has changed is a body, after a row of ``t`` [s]; the estimator that goes on."""
@@ -242,6 +246,7 @@ class ChangeWatch:
             trial.jumped(self._begin_anew(trial.before, estimator, hold, front_end)[0])
         elif verdict is Verdict.FORCE and not was_force:
             estimator = copy.deepcopy(trial.before)
+            self._drop_evidence()
             self._log.force((trial.after or trial).t, trial.mass)
         elif verdict is Verdict.PASSED:
             if not was_force:
