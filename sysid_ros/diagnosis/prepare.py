@@ -150,14 +150,19 @@ def torques(
     library: Library, fit: Fit, links: Sequence[FloatArray], nominal: Sequence[FloatArray]
 ) -> tuple[list[FloatArray], list[FloatArray], list[FloatArray]]:
     """Torque on the link side and on the motor side of the joints with the effects of a fit, and what effects of single joints
-    have in the latter, shape (N, n) a motion. Links as inexact as the fit has them are a part of both."""
+    have in the latter, shape (N, n) a motion. Links as inexact as the fit has them are a part of both.
+
+    Where a joint stands dry friction holds any torque, which nothing but its sensor tells: there that of its motor is the measured
+    one."""
     link, drive, free = ([x.copy() for x in links], [x.copy() for x in nominal], [np.zeros_like(x) for x in nominal])
+    given = [motion.tau.copy() for motion in library.motions]
     for term in fit.terms:
         theta = term.theta_of_effect(fit.theta_of(term))
-        if term.effect.acts is Acts.MEASUREMENT:
-            continue
         for i, motion in enumerate(library.motions):
             torque = term.effect.torque_along(motion, theta)
+            if term.effect.acts is Acts.MEASUREMENT:
+                given[i] -= torque
+                continue
             drive[i] += torque
             if term.row is not None:
                 free[i] += torque
@@ -168,6 +173,7 @@ def torques(
         torque = motion.regressor @ off
         link[i] += torque
         drive[i] += torque
+    drive = [np.where(moving, x, tau) for moving, x, tau in zip(library.band.moving, drive, given, strict=True)]
     return link, drive, free
 
 
