@@ -15,7 +15,7 @@ import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.prepare import SCALES
+from sysid_ros.diagnosis.prepare import SCALES, inexact_links
 from sysid_ros.diagnosis.sets.block_scatter import BlockScatter
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects.traits import Curve
@@ -40,6 +40,8 @@ _OWN = np.zeros(0)
 """No probabilities of scales: that of the fit alone."""
 _OFFSET = 0.01
 """Part of its effort limit by which a joint's sensor is off where no offset was found: a spring that rests elsewhere is alike."""
+_DIRECTIONS, _PART = 6, 0.05
+"""Ways in which inexact links load a compliant joint, those that load it most, and how far they are followed of what is usual."""
 _GAIN = 0.02
 """Part by which the torque constant of a joint is off, where the links are not exact either."""
 
@@ -73,7 +75,8 @@ def with_knobs(problem: Problem, library: Library, fit: Fit, scales: FloatArray 
     as inexact as each scale says, each scale with its probability: the rows often do not tell whether masses are off by half a
     part in a hundred or by eight, and a payload is as uncertain as they are.
 
-    The value of a compliant joint is the one that its columns were made for. The weights are those of the coloured noise, so slow
+    The value of a compliant joint is sought from the one that its columns were made for, with how its links swing if they are
+    others: what rings shows the stiffness over the inertia. The weights are those of the coloured noise, so slow
     errors count for the few independent values that they are; what scatters more than they say is given that scatter. What is
     never known of a joint, and could have taken a part of a cause, widens it.
 
@@ -164,6 +167,10 @@ def _equations(
     say of them, which is nothing but of the last and of a delay; and how their scores scatter."""
     count = len(fit.theta)
     slopes = {t: _slope(library, t) for t in fit.terms if t.effect.deflection or t.effect.corrects}
+    swings = [t for t in fit.terms if fit.inexact and (how := t.effect.deflection) and how.smooth]
+    links = np.arange(count - len(problem.prior), count)
+    by_links = sum((_by_links(problem, library, fit, t) for t in swings), np.zeros_like(problem.nuisance))
+    moved = sum((t.rows(fit.theta_of(t) - _theta(fit, t)) for t in swings), np.zeros_like(fit.residual))
     never = unknown_columns(problem, dry_friction(library.robot, fit), whole=True)
     scaled_joints = {t.row for t in fit.terms if t.effect.of_own_torque}  # whose gain is a cause of its own
     off = {t.row for t in fit.terms if _is_constant(t)}  # whose offset is a cause of its own
@@ -176,7 +183,12 @@ def _equations(
         for term, slope in slopes.items():
             start = fit.slices[fit.terms.index(term)].start
             X[:, index == start] = slope[:, j, None]
-            score[start] += float(slope[:, j] @ (fit.residual[:, j] / fit.variance[:, j])) if term.effect.corrects else 0.0
+            if term.effect.corrects or term in swings:
+                score[start] += float(slope[:, j] @ (fit.residual[:, j] / fit.variance[:, j]))
+        if swings:
+            X[:, np.isin(index, links)] += by_links[:, j]
+            score[links] += by_links[:, j].T @ (fit.residual[:, j] / fit.variance[:, j])
+            score[index] += X.T @ (moved[:, j] / fit.variance[:, j])
         unknown = first + each * i + np.arange(each)
         links_off = max(problem.scale) if fit.inexact and j not in scaled_joints else 0.0
         information[unknown, unknown] += unknown_prior(links_off, whole=True, level=j in off)[:each]
@@ -216,6 +228,20 @@ def _slope(library: Library, term: Term) -> FloatArray:
     sides = [value * (1.0 + s) for s in (_PROBE, -_PROBE)]
     torque = [library.remake(term, around=x).columns[..., 0] * x for x in sides]
     return np.asarray((torque[0] - torque[1]) / (2.0 * _PROBE * value))
+
+
+def _by_links(problem: Problem, library: Library, fit: Fit, term: Term) -> FloatArray:
+    """Derivative of a compliant joint's torque by each parameter of the inexact links, shape (K, n, c): along the directions in
+    which these, as far off as is usual, load that joint most."""
+    joint, usual = term.joints[0], problem.prior**-0.5
+    columns = problem.nuisance[:, joint] * usual / np.sqrt(fit.variance[:, joint, None])
+    directions = np.linalg.svd(columns, full_matrices=False)[2][:_DIRECTIONS]
+    basis, links = inexact_links(library.robot).basis, np.array(term.effect.settings.get("links", np.zeros(10 * library.robot.n)))
+    out = np.zeros_like(problem.nuisance)
+    for direction in directions:
+        other = library.remake(term, links=(links + _PART * basis @ (usual * direction)).tolist())
+        out += (other.columns - term.columns) * _theta(fit, term)[0] / _PART * (direction / usual)
+    return out
 
 
 def unknown_columns(problem: Problem, dry: FloatArray, whole: bool = False) -> FloatArray:
