@@ -87,25 +87,26 @@ def denied(effect: str | None) -> Iterator[None]:
 def plain(robot: RobotModel, train: list[Recording], judged: list[Recording]) -> Kept:
     """What the plainest library leaves: the URDF's links, and offset, viscous and dry friction of each joint by least squares."""
     motions = [m for r in (*train, *judged) for m in motions_of(robot, r)]
-    fitted = [m for m in motions if m.recording in {r.name for r in train}]
-    rest = []
-    for m in motions:
-        X, first = ([_friction(x) for x in xs] for xs in ([m], fitted))
-        out = np.empty_like(m.tau)
-        for j in range(robot.n):
-            rows = np.concatenate([x[j] for x in first])
-            target = np.concatenate([x.tau[:, j] - x.link_torque[:, j] for x in fitted])
-            theta = np.linalg.lstsq(rows, target, rcond=None)[0]
-            out[:, j] = m.tau[:, j] - m.link_torque[:, j] - X[0][j] @ theta
-        rest.append(out)
+    names = {r.name for r in train}
+    rest = plain_rest(robot, motions, [m.recording in names for m in motions])
     return {"names": robot.joint_names, "motions": motions, "rest": rest, "only": None}
 
 
-def _friction(m: Motion) -> list[FloatArray]:
-    return [
-        np.column_stack([np.ones(len(m.t)), m.v[:, j], as_measured(smoothed_sign(m.v[:, j]), m.period)])
-        for j in range(m.q.shape[1])
-    ]
+def plain_rest(robot: RobotModel, motions: list[Motion], fitted: list[bool]) -> list[FloatArray]:
+    """What is left of motions, shape (N, n) each [N m], by a fit to some of them, to the rows in which each joint moves: where it
+    stands the torque of dry friction may be anything up to its level, and is no function of the motion."""
+    cutoff, X = cutoff_of(motions), [_friction(m) for m in motions]
+    inputs = [RestInputs.of(m, cutoff) for m in motions]
+    rest = [np.empty_like(m.tau) for m in motions]
+    for j in range(robot.n):
+        parts = [(m, x[j], i) for m, x, i, fit in zip(motions, X, inputs, fitted, strict=True) if fit]
+        moving = [np.arange(0, len(m.t), i.every)[i.moving[:, j]] for m, _, i in parts]
+        rows = np.concatenate([x[k] for (_, x, _), k in zip(parts, moving, strict=True)])
+        target = np.concatenate([(m.tau - m.link_torque)[k, j] for (m, _, _), k in zip(parts, moving, strict=True)])
+        theta = np.linalg.lstsq(rows, target, rcond=None)[0]
+        for m, x, out in zip(motions, X, rest, strict=True):
+            out[:, j] = m.tau[:, j] - m.link_torque[:, j] - x[j] @ theta
+    return rest
 
 
 def diagnosed(seed: int, effect: str | None, fast: bool) -> Kept | None:
@@ -165,7 +166,8 @@ def judged(kept: Kept) -> dict[str, Any]:
     seen = np.array([j.left is not None for j in found.joints])
     missing = np.where(seen, left - noise, 0.0)
     true = int(np.argmax(np.where(seen, missing / torque, -np.inf)))
-    share = np.array([(j.gain or 0.0) if j.claimed else 0.0 for j in found.joints])
+    share = np.array([j.missing or 0.0 for j in found.joints])
+    there = found.joints[true]
     told = int(np.argmax(share)) if share.any() else -1
     names = list(kept["names"])
     return {
@@ -178,8 +180,10 @@ def judged(kept: Kept) -> dict[str, Any]:
         "missing": bool(missing[true] > _MISSING * noise[true]),
         "true_points": 100.0 * float(missing[true] / torque[true]),
         "points": 100.0 * float(share[told]) if told >= 0 else 0.0,
-        "points_there": 100.0 * float(found.joints[true].gain or 0.0),
-        "points_of_all": 100.0 * found.gain,
+        "points_there": 100.0 * float(there.missing or 0.0),
+        "between": [100.0 * x for x in there.missing_interval or (0.0, 0.0)],
+        "predicted_there": 100.0 * float(there.gain or 0.0),
+        "points_of_all": 100.0 * found.missing,
         "worst_joint_points": 100.0 * float(share.max()),
         "seconds": seconds,
         "sentence": found.sentence,
