@@ -47,7 +47,6 @@ from sysid_ros.signals.conditioning import as_measured  # noqa: E402
 from sysid_ros.signals.conditioning import motions as motions_of  # noqa: E402
 from sysid_ros.signals.motion import Motion  # noqa: E402
 from sysid_ros.signals.recording import Recording  # noqa: E402
-from sysid_ros.signals.zero_phase import low_passed  # noqa: E402
 
 FOLLOWING = (
     "cogging",
@@ -109,6 +108,13 @@ def plain_rest(robot: RobotModel, motions: list[Motion], fitted: list[bool]) -> 
     return rest
 
 
+def _friction(m: Motion) -> list[FloatArray]:
+    return [
+        np.column_stack([np.ones(len(m.t)), m.v[:, j], as_measured(smoothed_sign(m.v[:, j]), m.period)])
+        for j in range(m.q.shape[1])
+    ]
+
+
 def diagnosed(seed: int, effect: str | None, fast: bool) -> Kept | None:
     """What the diagnosis of a robot leaves, and the noise of its sensors on the same grids; None where it can't be drawn."""
     modules = ("sysid_ros.diagnosis.diagnose", "sysid_ros.diagnosis.reporting", "exam.case")
@@ -162,7 +168,9 @@ def judged(kept: Kept) -> dict[str, Any]:
     began = time.process_time()
     found = ceiling(kept["names"], motions, kept["rest"], kept["only"])
     seconds = time.process_time() - began
-    left, noise, torque = (_rms(motions, x) for x in (kept["rest"], kept["noise"], [m.tau for m in motions]))
+    each = [_rms(motions, x) for x in (kept["rest"], kept["noise"], [m.tau for m in motions])]
+    left, noise, torque = (x for x, _ in each)
+    left_of_all, noise_of_all, torque_of_all = (x for _, x in each)
     seen = np.array([j.left is not None for j in found.joints])
     missing = np.where(seen, left - noise, 0.0)
     true = int(np.argmax(np.where(seen, missing / torque, -np.inf)))
@@ -184,20 +192,21 @@ def judged(kept: Kept) -> dict[str, Any]:
         "between": [100.0 * x for x in there.missing_interval or (0.0, 0.0)],
         "predicted_there": 100.0 * float(there.gain or 0.0),
         "points_of_all": 100.0 * found.missing,
+        "true_points_of_all": 100.0 * (left_of_all - noise_of_all) / torque_of_all,
         "worst_joint_points": 100.0 * float(share.max()),
         "seconds": seconds,
         "sentence": found.sentence,
     }
 
 
-def _rms(motions: list[Motion], values: list[FloatArray]) -> FloatArray:
-    """While each joint moves, below the ceiling's cut-off, shape (n,)."""
-    cutoff = cutoff_of(motions)
-    inputs = [RestInputs.of(m, cutoff) for m in motions]
-    both = zip(values, motions, inputs, strict=True)
-    rows = np.concatenate([low_passed(x, cutoff, m.period)[:: i.every] for x, m, i in both])
+def _rms(motions: list[Motion], values: list[FloatArray]) -> tuple[FloatArray, float]:
+    """While each joint moves, below the ceiling's cut-off, shape (n,); and of all joints together."""
+    inputs = [RestInputs.of(m, cutoff_of(motions)) for m in motions]
+    rows = np.concatenate([i.seen(x) for x, i in zip(values, inputs, strict=True)])
     moving = np.concatenate([i.moving for i in inputs])
-    return np.asarray(np.sqrt(np.sum(np.where(moving, rows, 0.0) ** 2, axis=0) / np.maximum(moving.sum(axis=0), 1)))
+    power = np.where(moving, rows, 0.0) ** 2
+    own = np.sqrt(np.sum(power, axis=0) / np.maximum(moving.sum(axis=0), 1))
+    return np.asarray(own), float(np.sqrt(np.mean(np.sum(power, axis=1))))
 
 
 def sit(seed: int, effect: str | None, keep: Path | None, fast: bool) -> dict[str, Any]:
@@ -270,6 +279,8 @@ def _scored(rows: list[dict[str, Any]]) -> list[Target]:
     )
     part = 100.0 / max(len(missing), 1)
     quiet = 100.0 / max(len(well), 1)
+    sized = [r for r in missing if r["points_there"] > 0.0]
+    inside = 100.0 / max(len(sized), 1) * sum(r["between"][0] <= r["true_points"] <= r["between"][1] for r in sized)
     ratio = [r["points_there"] / r["true_points"] for r in missing]
     return [
         Target(
@@ -278,8 +289,14 @@ def _scored(rows: list[dict[str, Any]]) -> list[Target]:
             90,
         ),
         Target("its size within 30 % [% of them]", part * sum(abs(x - 1.0) <= 0.3 for x in ratio), 90),
+        Target("of those with a size, true size in its 95 % interval [%]", inside, 90),
         Target("size claimed over true, median", float(np.median(ratio)) if ratio else float("nan"), 0.7, 1.3),
         Target("healthy: less than 0.5 points of all torque [%]", quiet * sum(r["points_of_all"] < 0.5 for r in well), 95),
+        Target(
+            "healthy: less than 0.5 points of all torque more than what the model truly lacks [%]",
+            quiet * sum(r["points_of_all"] - max(r["true_points_of_all"], 0.0) < 0.5 for r in well),
+            95,
+        ),
         Target("healthy: nothing claimed on any joint [%]", quiet * sum(r["worst_joint_points"] == 0.0 for r in well), 95),
         Target("time of the ceiling, worst [s]", max(r["seconds"] for r in good), high=3.0),
     ]

@@ -72,9 +72,13 @@ def test_what_is_missing_is_named_with_its_size(kind: str) -> None:
         assert [j.joint for j in found.claimed] == [NAMES[1]]
         joint = found.joints[1]
         assert joint.gain is not None
+        assert joint.missing is not None
         assert joint.left is not None
         true = joint.left - float(np.sqrt(max(joint.left**2 - float(np.mean(extra**2)) / joint.torque**2, 0.0)))
-        assert joint.gain == pytest.approx(true, rel=0.3)
+        # noise of 0.15 beside an effect of 0.35 N m: its own rms is known to 1 / sqrt(2 * 600 rows), 3 %
+        assert joint.missing == pytest.approx(true, rel=0.1)
+        # a prediction is a lower bound
+        assert joint.gain < 1.05 * joint.missing
         assert NAMES[1] in found.sentence
         assert "missing" in found.sentence
 

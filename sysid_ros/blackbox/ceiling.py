@@ -1,12 +1,12 @@
 """The ceiling: how much of the torque that a physical model leaves could any model explain, on which joint, where and with what.
 
-For each joint five black boxes predict the residual of stretches that they were not fitted to. Which box and which ridge counts
-for a stretch is decided by the other stretches alone, among them a box that predicts nothing, so that having had a choice gains
-nothing. The gain is a sum over blocks of time; its standard error is that of the blocks, and it is claimed where chance is
-left less than 5 % for all joints together (Holm), by the stronger of two tests of the blocks: Student's t with Hall's
-correction for their skewness, as few blocks may hold most of a gain, and Wilcoxon's signed ranks. The interval is Hall's too.
-That something is missing is so claimed from what was predicted; how large it is, of which a prediction is a lower bound, is what is
-left less what is noise (:mod:`.missing_size`).
+For each joint five black boxes, and their sum with sizes of the largest likelihood (:mod:`.joint_parts`), predict the residual
+of stretches that they were not fitted to. Which of them and which ridge counts for a stretch is decided by the other stretches
+alone, among them a prediction of nothing, so that having had a choice gains nothing. The gain is a sum over blocks of time; its
+standard error is that of the blocks. It is claimed where few claims are chance, by the stronger of two tests of the blocks:
+Student's t with Hall's correction for their skewness, as few blocks may hold most of a gain, and Wilcoxon's signed ranks. The
+interval is Hall's too. That something is missing is so claimed from what was predicted; how large it is, of which a prediction is
+a lower bound, is what is left less what is noise.
 """
 
 from __future__ import annotations
@@ -19,24 +19,18 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from sysid_ros.blackbox.ceiling_result import Ceiling, JointCeiling
+from sysid_ros.blackbox.ceiling_rows import FOLDS, CeilingRows
+from sysid_ros.blackbox.joint_parts import JointParts
 from sysid_ros.blackbox.left_out_ridge import RIDGES, left_out
-from sysid_ros.blackbox.missing_size import JointRest, noise_of, turns_of
-from sysid_ros.blackbox.rest_boxes import BOXES, Box, single_inputs
-from sysid_ros.blackbox.rest_features import Blocks, harmonics
-from sysid_ros.blackbox.rest_inputs import RestInputs, Spread, cutoff_of
-from sysid_ros.robot.smoothed_sign import SLIDE
+from sysid_ros.blackbox.rest_boxes import BOXES
+from sysid_ros.blackbox.rest_inputs import RestInputs, cutoff_of
 from sysid_ros.blackbox.skewed_mean import SkewedMean
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.motion import Motion
 
-_BLOCK = 1.5
-"""Length of a block [s]: longer than slow noise is remembered by most joints."""
-_FOLDS = 5
 _FEWEST_BLOCKS = 6
 """Blocks below which no standard error is worth its name."""
 _LEVEL = 0.05
-_MOST_ROWS = 6000
-"""Rows beyond which more tell nothing new, and cost time."""
 
 
 def ceiling(
@@ -51,68 +45,16 @@ def ceiling(
     cutoff = cutoff_of(motions)
     inputs = [RestInputs.of(m, cutoff) for m in motions]
     both = [[i.seen(x) for x, i in zip(xs, inputs, strict=True)] for xs in (rest, [m.tau for m in motions])]
-    rows = _Rows.of(inputs, both[0], both[1])
+    rows = CeilingRows.of(inputs, both[0], both[1])
     judged = range(len(names)) if only is None else only
     asked = [_asked(rows, j, name) if j in judged else _unknown(rows, j, name) for j, name in enumerate(names)]
     claimed = _no_chance([x.found for x in asked])
-    joints = [_described(_sized(x, rows, j), x, rows, tuple(names), j) if j in claimed else x.found for j, x in enumerate(asked)]
+    joints = [_described(_sized(x), x, rows, tuple(names), j) if j in claimed else x.found for j, x in enumerate(asked)]
     # where a joint stands dry friction holds it, and no torque is due
     torque, left = (float(np.sqrt(np.mean(np.sum(np.where(rows.moving, x, 0.0) ** 2, axis=1)))) for x in (rows.tau, rows.rest))
     less = sum(_power_missing(j) * rows.moves(k) for k, j in enumerate(joints) if j.claimed)
     after = float(np.sqrt(max(left**2 - less, 0.0)))
-    return Ceiling(tuple(joints), left / max(torque, 1e-12), (left - after) / max(torque, 1e-12), len(BOXES))
-
-
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """All stretches in a row, or as many blocks of them, evenly, as have no more rows than count.
-
-    Attributes:
-        inputs: stretches. spread: of their channels. kept: rows of them that are used. t: [s]. stretch: of each row. rest, tau: shape
-            (N, n). moving: shape (N, n). stands: number of the standstill, 0 for none. block, fold: of each row.
-    """
-
-    inputs: tuple[RestInputs, ...]
-    spread: Spread
-    kept: NDArray[np.bool_]
-    t: FloatArray
-    stretch: NDArray[np.intp]
-    rest: FloatArray
-    tau: FloatArray
-    moving: NDArray[np.bool_]
-    stands: NDArray[np.intp]
-    block: NDArray[np.intp]
-    fold: NDArray[np.intp]
-
-    @classmethod
-    def of(cls, inputs: Sequence[RestInputs], rest: Sequence[FloatArray], tau: Sequence[FloatArray]) -> _Rows:
-        """Blocks never reach over the end of a stretch; a fold is blocks that follow each other."""
-        numbers, stands, start, still = [], [], 0, 0
-        for i in inputs:
-            count = max(1, round(len(i.t) * i.period / _BLOCK))
-            numbers.append(start + np.minimum(np.arange(len(i.t)) * count // max(len(i.t), 1), count - 1))
-            stands.append(np.where(i.stands > 0, i.stands + still, 0))
-            start, still = start + count, still + int(i.stands.max(initial=0))
-        block, length = np.concatenate(numbers), sum(len(i.t) for i in inputs)
-        chosen = np.linspace(0, start - 1, min(start, max(1, start * _MOST_ROWS // max(length, 1)))).round()
-        kept = np.isin(block, chosen)
-        stretch = np.concatenate([np.full(len(i.t), k) for k, i in enumerate(inputs)])
-        channels = (np.concatenate([i.t for i in inputs]), stretch, np.concatenate(rest), np.concatenate(tau))
-        more = (np.concatenate([i.moving for i in inputs]), np.concatenate(stands), block, block * _FOLDS // max(start, 1))
-        return cls(tuple(inputs), Spread.of(inputs), kept, *(x[kept] for x in channels), *(x[kept] for x in more))
-
-    def blocks(self, box: Box, joint: int) -> Blocks:
-        """Functions of a box by kind, shape (N, c) each."""
-        each = [box.blocks(i, self.spread, joint) for i in self.inputs]
-        return {name: np.concatenate([x[name] for x in each])[self.kept] for name in each[0]}
-
-    def harmonics(self, joint: int, k: FloatArray) -> FloatArray:
-        """Sines and cosines of k times a joint's position, shape (N, 2 len(k))."""
-        return np.concatenate([harmonics(i, joint, k) for i in self.inputs])[self.kept]
-
-    def moves(self, joint: int) -> float:
-        """Part of the rows in which a joint moves."""
-        return float(np.mean(self.moving[:, joint]))
+    return Ceiling(tuple(joints), left / max(torque, 1e-12), (left - after) / max(torque, 1e-12), len(BOXES) + 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,39 +62,40 @@ class _Asked:
     """What black boxes say of one joint.
 
     Attributes:
-        found: without what is told of joints where something is claimed. functions: of the motion, by kind, shape (N, c) each.
-        prediction: of left-out rows in which the joint moves.
+        found: without what is told of joints where something is claimed. parts: of what is left; None for a joint that is not
+            judged. prediction: of left-out rows in which the joint moves.
     """
 
     found: JointCeiling
-    functions: Blocks
+    parts: JointParts | None
     prediction: FloatArray
 
 
-def _unknown(rows: _Rows, joint: int, name: str) -> _Asked:
+def _unknown(rows: CeilingRows, joint: int, name: str) -> _Asked:
     torque = float(np.sqrt(np.mean(rows.tau[:, joint] ** 2)))
-    return _Asked(JointCeiling(name, None, None, None, None, False, {}, 0, torque), {}, np.zeros(0))
+    return _Asked(JointCeiling(name, None, None, None, None, False, {}, 0, torque), None, np.zeros(0))
 
 
-def _asked(rows: _Rows, j: int, joint: str) -> _Asked:
+def _asked(rows: CeilingRows, j: int, joint: str) -> _Asked:
     own = rows.moving[:, j]
     block = rows.block[own]
     number = np.unique(block, return_inverse=True)[1]
     count = int(number.max(initial=-1)) + 1
-    if count < _FEWEST_BLOCKS or len(np.unique(rows.fold[own])) < _FOLDS:
+    if count < _FEWEST_BLOCKS or len(np.unique(rows.fold[own])) < FOLDS:
         return _unknown(rows, j, joint)
     y, fold = rows.rest[own, j], rows.fold[own]
     torque = max(float(np.sqrt(np.mean(rows.tau[own, j] ** 2))), 1e-12)
     blocks = {box.name: rows.blocks(box, j) for box in BOXES}
     made = {name: left_out(np.column_stack(list(x.values()))[own], y, fold) for name, x in blocks.items()}
-    every = np.column_stack([np.zeros(len(y)), *made.values()])
+    parts = rows.parts(j, {name: x for part in blocks.values() for name, x in part.items()})
+    every = np.column_stack([np.zeros(len(y)), parts.left_out(rows.fold)[own], *made.values()])
     gains = _by_block(y, every, number, count)
-    chosen, best = _chosen(gains, np.array([fold[number == b][0] for b in range(count)]))
+    chosen = _chosen(gains, np.array([fold[number == b][0] for b in range(count)]))
     before = float(np.sqrt(np.mean(y**2)))
     gain, std, interval, p = _measured(gains[np.arange(count), chosen], len(y), before)
-    best_of = {
-        name: float(part.sum(axis=0).max()) for name, part in zip(made, np.split(gains[:, 1:], len(made), axis=1), strict=True)
-    }
+    saved = gains[:, 2:].sum(axis=0)
+    best = int(np.argmax(saved))
+    best_of = {name: float(part.max()) for name, part in zip(made, np.split(saved, len(made)), strict=True)}
     found = JointCeiling(
         joint,
         before / torque,
@@ -164,43 +107,24 @@ def _asked(rows: _Rows, j: int, joint: str) -> _Asked:
         count,
         torque,
         interval=interval and (interval[0] / torque, interval[1] / torque),
-        chosen=None if best == 0 else (BOXES[(best - 1) // len(RIDGES)].name, float(RIDGES[(best - 1) % len(RIDGES)])),
+        chosen=(BOXES[best // len(RIDGES)].name, float(RIDGES[best % len(RIDGES)])) if saved[best] > 0.0 else None,
     )
-    functions = {name: x for part in blocks.values() for name, x in part.items()}
-    return _Asked(found, functions, every[np.arange(len(y)), chosen[number]])
+    return _Asked(found, parts, every[np.arange(len(y)), chosen[number]])
 
 
 def _no_chance(found: Sequence[JointCeiling]) -> set[int]:
-    """Joints whose gain is no chance, with less than 5 % for one wrong claim among all of them (Holm 1979)."""
-    judged = [(j.p_value if j.p_value is not None else 1.0, k) for k, j in enumerate(found) if j.left is not None]
-    out: set[int] = set()
-    for tried, (p, k) in enumerate(sorted(judged)):
-        if p >= _LEVEL / (len(judged) - tried):
-            break
-        if (found[k].gain or 0.0) > 0.0:
-            out.add(k)
-    return out
+    """Joints of whose gains 5 % are chance, and where all are, with less than 5 % for one claim (Benjamini, Hochberg 1995)."""
+    judged = sorted((j.p_value if j.p_value is not None else 1.0, k) for k, j in enumerate(found) if j.left is not None)
+    few = [rank for rank, (p, _) in enumerate(judged, 1) if p < _LEVEL * rank / len(judged)]
+    return {k for _, k in judged[: max(few, default=0)] if (found[k].gain or 0.0) > 0.0}
 
 
-def _sized(asked: _Asked, rows: _Rows, j: int) -> JointCeiling:
+def _sized(asked: _Asked) -> JointCeiling:
     """A claim with the size of what is missing."""
-    found, robot = asked.found, rows.inputs[0].robot
+    found = asked.found
     assert found.left is not None
-    turn = turns_of(np.concatenate([i.q[:, j] for i in rows.inputs]), SLIDE if robot.is_prismatic[j] else 1.0)
-    rest = JointRest(
-        rows.rest[:, j],
-        rows.t,
-        rows.stretch,
-        rows.moving[:, j],
-        rows.stands,
-        rows.block,
-        asked.functions,
-        lambda k: rows.harmonics(j, k),
-        turn,
-        rows.inputs[0].cutoff,
-        rows.inputs[0].white,
-    )
-    noise, (low, high) = noise_of(rest)
+    assert asked.parts is not None
+    noise, (low, high) = asked.parts.noise()
     missing, least, most = (max(found.left - x / found.torque, 0.0) for x in (noise, high, low))
     return replace(found, claimed=True, missing=missing, missing_interval=(least, most))
 
@@ -213,13 +137,13 @@ def _by_block(y: FloatArray, predictions: FloatArray, number: NDArray[np.intp], 
     return out
 
 
-def _chosen(gains: FloatArray, fold: NDArray[np.intp]) -> tuple[NDArray[np.intp], int]:
-    """For each block the prediction that saves most in the other folds, and the one that saves most in all."""
+def _chosen(gains: FloatArray, fold: NDArray[np.intp]) -> NDArray[np.intp]:
+    """For each block the prediction that saves most in the other folds."""
     total = gains.sum(axis=0)
     out = np.zeros(len(gains), dtype=np.intp)
     for f in np.unique(fold):
         out[fold == f] = int(np.argmax(total - gains[fold == f].sum(axis=0)))
-    return out, int(np.argmax(total))
+    return out
 
 
 def _points(saved: float, rows: int, before: float) -> float:
@@ -260,16 +184,16 @@ def _power_missing(j: JointCeiling) -> float:
     return float((j.left**2 - (j.left - j.missing) ** 2) * j.torque**2)
 
 
-def _described(found: JointCeiling, asked: _Asked, rows: _Rows, names: tuple[str, ...], j: int) -> JointCeiling:
+def _described(found: JointCeiling, asked: _Asked, rows: CeilingRows, names: tuple[str, ...], j: int) -> JointCeiling:
     """The same with its frequency and with what it follows."""
     own, prediction = rows.moving[:, j], asked.prediction
     y, fold = rows.rest[own, j], rows.fold[own]
     saved = float(np.sum(y**2 - (y - prediction) ** 2))
     best = ("", 0.0)
-    for box in single_inputs(names, j):
-        made = left_out(np.column_stack(list(rows.blocks(box, j).values()))[own], y, fold, RIDGES[1::2])
+    for name, X in rows.alone(names, j):
+        made = left_out(X[own], y, fold, RIDGES[1::2])
         part = float(np.max(np.sum(y[:, None] ** 2 - (y[:, None] - made) ** 2, axis=0))) / max(saved, 1e-300)
-        best = max(best, (box.name, part), key=lambda x: x[1])
+        best = max(best, (name, part), key=lambda x: x[1])
     whole = np.zeros(len(own))
     whole[own] = prediction
     f = _middle_frequency(np.where(own, rows.rest[:, j], 0.0), whole, rows.block, rows.inputs[0].period)

@@ -55,7 +55,7 @@ class Ceiling:
 
     Attributes:
         joints: each. left, missing: of all joints together: rms over the rms of all torques [N m], and how much of it is missing
-            where that is claimed. tried: number of black boxes.
+            where that is claimed. tried: number of black boxes, their sum among them.
     """
 
     joints: tuple[JointCeiling, ...]
@@ -108,15 +108,17 @@ def in_words(found: Ceiling) -> str:
                 f"{first}; {boxes} predicts nothing of it on data that were not fitted: noise, as far as these recordings tell."
             )
         return (
-            f"{first}; {boxes} predicts {_points(best.gain or 0.0)} ({_spread(best.interval)}) of the {_percent(best.left or 0.0)} of "
-            f"{best.joint}'s torque that are left, and less elsewhere, on data that were not fitted: noise, as far as these "
-            "recordings tell."
+            f"{first}; {boxes} predicts {_points(best.gain or 0.0)} ({_spread(best.interval)}) of the "
+            f"{_percent(best.left or 0.0)} of {best.joint}'s torque that are left, and less elsewhere, on data that were not "
+            "fitted: noise, as far as these recordings tell."
         )
     parts = [_of_joint(j) for j in found.claimed[:_MOST_NAMED]]
     more = len(found.claimed) - len(parts)
     others = f"; and less on {more} more" if more > 0 else ""
     predicted = "; ".join(f"{_points(j.gain or 0.0)} of {j.joint}'s" for j in found.claimed[:_MOST_NAMED])
-    return f"{first}; missing in the model: {'; '.join(parts)}{others}. On data that were not fitted {boxes} predicts {predicted}."
+    return (
+        f"{first}; missing in the model: {'; '.join(parts)}{others}. On data that were not fitted {boxes} predicts {predicted}."
+    )
 
 
 def _of_joint(j: JointCeiling) -> str:

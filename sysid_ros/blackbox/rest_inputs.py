@@ -108,8 +108,8 @@ class RestInputs:
         pulse = np.zeros(2 * half + 1)
         pulse[half] = 1.0
         answer = low_passed(pulse, self.cutoff, self.fine_period)
-        alike = np.correlate(answer, answer, "full")[2 * half :]
-        return self.fine_period * np.arange(len(alike)), alike / alike[0]
+        alike = np.asarray(np.correlate(answer, answer, "full")[2 * half :])
+        return np.asarray(self.fine_period * np.arange(len(alike)), dtype=float), np.asarray(alike / alike[0])
 
     @cached_property
     def turned(self) -> tuple[FloatArray, FloatArray, FloatArray]:

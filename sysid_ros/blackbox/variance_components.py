@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg
 
 from sysid_ros.sample import FloatArray
@@ -22,19 +23,20 @@ _FIRST = 8
 _NOTHING = 1e-4
 """Part of the power below which a component is zero: a hundredth of the amplitude."""
 _LIFT = 1e-6
-"""Part of the power that is added to all rows as white noise, a thousandth of the amplitude, so that the covariance has an inverse
-where nothing is noise."""
+"""Part of the power that is added to all rows as white noise, a thousandth of the amplitude, so that the covariance has an
+inverse where nothing is noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class VarianceComponents:
     """``y = F b + sum_k e_k`` with ``e_k ~ N(0, s_k K_k)``, b free.
 
-    H. D. Patterson, R. Thompson (1971), Recovery of inter-block information when block sizes are unequal, Biometrika 58. The steps
-    are those of H. Zhou, L. Hu, J. Zhou, K. Lange (2019), MM algorithms for variance components models, J. Comput. Graph. Stat. 28.
+    H. D. Patterson, R. Thompson (1971), Recovery of inter-block information when block sizes are unequal, Biometrika 58. The
+    steps are those of H. Zhou, L. Hu, J. Zhou, K. Lange (2019), MM algorithms for variance components models, J. Comput. Graph.
+    Stat. 28, made longer as long as they lead up.
 
     Attributes:
-        sizes: s, shape (k,); 0 for parts that the data have no use for. kernels: K, shape (n, n) each, with a diagonal of about 1.
+        sizes: s, shape (k,); 0 for parts that the data have no use for. kernels: K, shape (n, n) each, of diagonals of about 1.
         P: ``V^-1 - V^-1 F (F' V^-1 F)^-1 F' V^-1``, shape (n, n). weights: P y, shape (n,). log_likelihood: restricted, less a
             constant.
     """
@@ -44,6 +46,12 @@ class VarianceComponents:
     P: FloatArray
     weights: FloatArray
     log_likelihood: float
+
+    @classmethod
+    def of(cls, y: FloatArray, F: FloatArray, kernels: Sequence[FloatArray], sizes: FloatArray) -> VarianceComponents:
+        """With sizes that are known."""
+        used = np.flatnonzero(sizes).tolist()
+        return cls(sizes, tuple(kernels), *_inverse(y, F, [kernels[k] for k in used], sizes[used]))
 
     @classmethod
     def fitted(
@@ -58,18 +66,20 @@ class VarianceComponents:
         last, power = -np.inf, _CAREFUL
         before = ratio = sizes
         for step in range(_STEPS):
-            used = np.flatnonzero(sizes)
+            used = np.flatnonzero(sizes).tolist()
             P, weights, likelihood = _inverse(y, F, [kernels[k] for k in used], sizes[used])
+            if step == _STEPS - 1:
+                break
             if likelihood < last and power > _CAREFUL:
                 # too far: the careful step from there never makes it less likely
                 power, sizes = _CAREFUL, before * ratio**_CAREFUL
                 continue
-            if step == _STEPS - 1 or (step > _FIRST and likelihood - last < _SETTLED):
+            if step > _FIRST and likelihood - last < _SETTLED:
                 break
             last, before = likelihood, sizes
             ratio = np.zeros(len(sizes))
             for k in used:
-                explained, expected = weights @ (kernels[k] @ weights), float(np.vdot(kernels[k], P))
+                explained, expected = float(weights @ kernels[k] @ weights), float(np.sum(kernels[k] * P))
                 ratio[k] = max(explained, 0.0) / max(expected, 1e-300)
             sizes = before * ratio**power
             if step >= _FIRST:
@@ -79,7 +89,7 @@ class VarianceComponents:
 
     def gained_by(self, K: FloatArray) -> float:
         """About how much one part more would add to the log-likelihood: its score, squared, over twice its information."""
-        score = 0.5 * (float(self.weights @ (K @ self.weights)) - float(np.vdot(K, self.P)))
+        score = 0.5 * (float(self.weights @ (K @ self.weights)) - float(np.sum(K * self.P)))
         PK = self.P @ K
         return max(score, 0.0) ** 2 / max(float(np.sum(PK * PK.T)), 1e-300)
 
@@ -96,20 +106,20 @@ class VarianceComponents:
         moved = np.column_stack([self.kernels[k] @ self.weights for k in used])
         return np.asarray(0.5 * moved.T @ self.P @ moved)
 
-    def power(self, parts: Sequence[int], rows: FloatArray) -> tuple[float, float]:
+    def power(self, parts: Sequence[int], rows: NDArray[np.bool_]) -> tuple[float, float]:
         """Mean square, over some rows (bool, shape (n,)), of what a sum of parts was in these data, and its standard deviation.
 
-        The sum is normal given the data, about ``E P y`` with covariance ``E - E P E``, E its prior covariance; that the sizes are
-        estimates adds their own variance, to first order.
+        The sum is normal given the data, about ``E P y`` with covariance ``E - E P E``, E its prior covariance; that the sizes
+        are estimates adds their own variance, to first order.
         """
         E, count = self.covariance(parts), max(int(np.sum(rows)), 1)
         A = (E @ self.P)[rows]
         mean = (E @ self.weights)[rows]
         C = E[np.ix_(rows, rows)] - A @ E[:, rows]
         power = (float(mean @ mean) + float(np.trace(C))) / count
-        spread = max(2.0 * float(np.vdot(C, C)) + 4.0 * float(mean @ C @ mean), 0.0) / count**2
-        used = np.flatnonzero(self.sizes)
-        if not used.size:
+        spread = max(2.0 * float(np.sum(C**2)) + 4.0 * float(mean @ C @ mean), 0.0) / count**2
+        used = np.flatnonzero(self.sizes).tolist()
+        if not used:
             return power, float(np.sqrt(spread))
         rest = np.eye(len(E))[rows] - A
         inner = {True: rest.T @ rest, False: A.T @ A}
@@ -117,12 +127,14 @@ class VarianceComponents:
         for u, k in enumerate(used):
             own = k in parts
             moved = (rest if own else -A) @ (self.kernels[k] @ self.weights)
-            slope[u] = (2.0 * float(mean @ moved) + float(np.vdot(inner[own], self.kernels[k]))) / count
-        of_sizes = float(slope @ np.linalg.pinv(self.information(used), hermitian=True) @ slope)
+            slope[u] = (2.0 * float(mean @ moved) + float(np.sum(inner[own] * self.kernels[k]))) / count
+        of_sizes = float(slope @ linalg.pinvh(self.information(used)) @ slope)
         return power, float(np.sqrt(spread + max(of_sizes, 0.0)))
 
 
-def _inverse(y: FloatArray, F: FloatArray, kernels: Sequence[FloatArray], sizes: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+def _inverse(
+    y: FloatArray, F: FloatArray, kernels: Sequence[FloatArray], sizes: FloatArray
+) -> tuple[FloatArray, FloatArray, float]:
     """P, P y and the restricted log-likelihood."""
     V = _LIFT * np.eye(len(y))
     for s, K in zip(sizes, kernels, strict=True):
