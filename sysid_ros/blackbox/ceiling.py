@@ -1,8 +1,8 @@
 """The ceiling: how much of the torque that a physical model leaves could any model explain, on which joint, where and with what.
 
 For each joint five black boxes, and their sum with sizes of the largest likelihood (:mod:`.joint_parts`), predict the residual
-of stretches that they were not fitted to. Which of them and which ridge counts for a stretch is decided by the other stretches
-alone, among them a prediction of nothing, so that having had a choice gains nothing. The gain is a sum over blocks of time; its
+of stretches that they were not fitted to. Which ridge counts for a stretch, and how much each of them counts for their mean, is
+decided by the other stretches alone, so that having had a choice gains nothing. The gain is a sum over blocks of time; its
 standard error is that of the blocks. It is claimed where few claims are chance, by the stronger of two tests of the blocks:
 Student's t with Hall's correction for their skewness, as few blocks may hold most of a gain, and Wilcoxon's signed ranks. The
 interval is Hall's too. That something is missing is so claimed from what was predicted; how large it is, of which a prediction is
@@ -88,12 +88,11 @@ def _asked(rows: CeilingRows, j: int, joint: str) -> _Asked:
     blocks = {box.name: rows.blocks(box, j) for box in BOXES}
     made = {name: left_out(np.column_stack(list(x.values()))[own], y, fold) for name, x in blocks.items()}
     parts = rows.parts(j, {name: x for part in blocks.values() for name, x in part.items()})
-    every = np.column_stack([np.zeros(len(y)), parts.left_out(rows.fold)[own], *made.values()])
-    gains = _by_block(y, every, number, count)
-    chosen = _chosen(gains, np.array([fold[number == b][0] for b in range(count)]))
+    each = [parts.left_out(rows.fold)[own][:, None], *made.values()]
+    prediction = _together([_by_block(y, x, number, count) for x in each], each, number, fold)
     before = float(np.sqrt(np.mean(y**2)))
-    gain, std, interval, p = _measured(gains[np.arange(count), chosen], len(y), before)
-    saved = gains[:, 2:].sum(axis=0)
+    gain, std, interval, p = _measured(_by_block(y, prediction[:, None], number, count)[:, 0], len(y), before)
+    saved = np.sum(y[:, None] ** 2 - (y[:, None] - np.column_stack(list(made.values()))) ** 2, axis=0)
     best = int(np.argmax(saved))
     best_of = {name: float(part.max()) for name, part in zip(made, np.split(saved, len(made)), strict=True)}
     found = JointCeiling(
@@ -109,7 +108,7 @@ def _asked(rows: CeilingRows, j: int, joint: str) -> _Asked:
         interval=interval and (interval[0] / torque, interval[1] / torque),
         chosen=(BOXES[best // len(RIDGES)].name, float(RIDGES[best % len(RIDGES)])) if saved[best] > 0.0 else None,
     )
-    return _Asked(found, parts, every[np.arange(len(y)), chosen[number]])
+    return _Asked(found, parts, prediction)
 
 
 def _no_chance(found: Sequence[JointCeiling]) -> set[int]:
@@ -137,12 +136,24 @@ def _by_block(y: FloatArray, predictions: FloatArray, number: NDArray[np.intp], 
     return out
 
 
-def _chosen(gains: FloatArray, fold: NDArray[np.intp]) -> NDArray[np.intp]:
-    """For each block the prediction that saves most in the other folds."""
-    total = gains.sum(axis=0)
-    out = np.zeros(len(gains), dtype=np.intp)
+def _together(
+    gains: Sequence[FloatArray], predictions: Sequence[FloatArray], number: NDArray[np.intp], fold: NDArray[np.intp]
+) -> FloatArray:
+    """One prediction from those of several boxes with several ridges, shape (N,): of each fold the mean over the boxes, each with
+    the ridge that saves most in the other folds, and with what it saves there as its weight; nothing where no box saves anything.
+
+    Args:
+        gains: of each box, by block, shape (count, ridges). predictions: shape (N, ridges). number: block of each row.
+    """
+    out = np.zeros(len(fold))
     for f in np.unique(fold):
-        out[fold == f] = int(np.argmax(total - gains[fold == f].sum(axis=0)))
+        rows = fold == f
+        others = np.unique(number[~rows])
+        saved = [x[others].sum(axis=0) for x in gains]
+        weights = [max(float(x.max()), 0.0) for x in saved]
+        for x, weight, total in zip(predictions, weights, saved, strict=True):
+            if weight > 0.0:
+                out[rows] += weight / sum(weights) * x[rows, int(np.argmax(total))]
     return out
 
 

@@ -21,7 +21,7 @@ class JointCeiling:
 
     Attributes:
         joint: name. left: rms of what the physical model leaves.
-        gain: by how much the best black box makes it smaller on left-out data. gain_std: its standard error from blocks.
+        gain: by how much the black boxes together make it smaller on left-out data. gain_std: its standard error from blocks.
         interval: of the gain, 95 %; skewed where few blocks hold most of it.
         missing: what is left less what is noise, of which the gain is a lower bound; only where something is claimed, else None.
         missing_interval: 95 %.
@@ -99,7 +99,7 @@ def in_words(found: Ceiling) -> str:
     judged = [j for j in found.joints if j.left is not None]
     if not judged:
         return "How much of what is left is noise can not be told: no joint moves for long enough to leave parts of it out."
-    boxes = f"the best of {_NUMBERS.get(found.tried, str(found.tried))} black boxes"
+    boxes = f"the mean of {_NUMBERS.get(found.tried, str(found.tried))} black boxes"
     first = f"What is left: {_percent(found.left)} of the torque"
     if not found.claimed:
         best = max(judged, key=lambda j: (j.gain or 0.0) / max(j.gain_std or 0.0, 1e-12))

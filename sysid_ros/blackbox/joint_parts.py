@@ -121,7 +121,12 @@ class JointParts:
     def noise(self) -> tuple[float, tuple[float, float]]:
         """rms of what no function of the motion makes while the joint moves, and its 95 % interval [N m]."""
         found = self._with_bands(self._with_ripples(VarianceComponents.fitted(self._y, self._F, self._kernels)))
-        power, std = found.power(range(len(self._noise)), self._moving)
+        each, std = found.power(range(len(self._noise)), self._moving)
+        power = float(np.mean(each))
+        number = np.unique(self._rest.block[self._own][self._moving], return_inverse=True)[1]
+        # what blocks differ by: noise that is not the same everywhere, and functions that are missing among the parts
+        by_block = np.bincount(number, each - power) / len(each)
+        std = float(np.sqrt(std**2 + np.sum(by_block**2)))
         ends = [self._scale * float(np.sqrt(max(power + k * std, 0.0))) for k in (-_NORMAL, _NORMAL)]
         return self._scale * float(np.sqrt(max(power, 0.0))), (ends[0], ends[1])
 

@@ -106,8 +106,9 @@ class VarianceComponents:
         moved = np.column_stack([self.kernels[k] @ self.weights for k in used])
         return np.asarray(0.5 * moved.T @ self.P @ moved)
 
-    def power(self, parts: Sequence[int], rows: NDArray[np.bool_]) -> tuple[float, float]:
-        """Mean square, over some rows (bool, shape (n,)), of what a sum of parts was in these data, and its standard deviation.
+    def power(self, parts: Sequence[int], rows: NDArray[np.bool_]) -> tuple[FloatArray, float]:
+        """Expected square at some rows (bool, shape (n,)) of what a sum of parts was in these data, shape (r,), and the standard
+        deviation of its mean.
 
         The sum is normal given the data, about ``E P y`` with covariance ``E - E P E``, E its prior covariance; that the sizes
         are estimates adds their own variance, to first order.
@@ -116,7 +117,7 @@ class VarianceComponents:
         A = (E @ self.P)[rows]
         mean = (E @ self.weights)[rows]
         C = E[np.ix_(rows, rows)] - A @ E[:, rows]
-        power = (float(mean @ mean) + float(np.trace(C))) / count
+        power = mean**2 + np.diag(C)
         spread = max(2.0 * float(np.sum(C**2)) + 4.0 * float(mean @ C @ mean), 0.0) / count**2
         used = np.flatnonzero(self.sizes).tolist()
         if not used:
