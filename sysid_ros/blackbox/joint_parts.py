@@ -19,9 +19,9 @@ from sysid_ros.blackbox.rest_features import Blocks
 from sysid_ros.blackbox.variance_components import VarianceComponents
 from sysid_ros.sample import FloatArray
 
-_MOST_ROWS = 480
+_MOST_ROWS = 420
 """Rows of which the covariance is inverted, which takes the cube of their number: some 20 s below 8 Hz."""
-_FEW_ROWS = 240
+_FEW_ROWS = 200
 """Rows that are enough for sizes with which only to predict: an error of a size costs its square."""
 _MEMORIES = (0.3, 2.0)
 """Times for which slow noise is remembered [s]: longer ones are a constant of a few stretches, shorter ones white."""
@@ -94,23 +94,28 @@ class JointParts:
         out = np.zeros(len(self._rest.y))
         for f in np.unique(fold):
             used = np.flatnonzero(fold[self._own] != f)
-            found = VarianceComponents.of(*self._rows(used), self._sizes(used))
+            sizes = self._sizes(used)
+            told = np.flatnonzero(sizes)
+            found = VarianceComponents.of(*self._rows(used, told), sizes[told])
             weights = found.weights
-            explained = found.covariance(range(len(found.kernels))) @ weights
+            explained = found.covariance(range(len(told))) @ weights
             level = np.linalg.lstsq(self._F[used], self._y[used] - explained, rcond=None)[0][0]
             rows, total = fold == f, np.full(int(np.sum(fold == f)), level)
-            for s, Z in zip(found.sizes[len(self._noise) :], self._functions, strict=True):
+            for s, Z in zip(sizes[len(self._noise) :], self._functions, strict=True):
                 if s > 0.0:
                     total += Z[rows] @ (s * (Z[self._own[used]].T @ weights))
             # where a motion leaves what was fitted, functions of it run away
-            told = self._y[used][self._moving[used]]
-            out[rows] = np.clip(total, told.min(initial=0.0), told.max(initial=0.0))
+            known = self._y[used][self._moving[used]]
+            out[rows] = np.clip(total, known.min(initial=0.0), known.max(initial=0.0))
         return self._scale * out
 
-    def _rows(self, used: NDArray[np.intp]) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-        """Signal, free columns and kernels of some of the chosen rows."""
+    def _rows(
+        self, used: NDArray[np.intp], parts: NDArray[np.intp] | None = None
+    ) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
+        """Signal, free columns and kernels of some of the chosen rows, of some parts; None: of all."""
         F, square = self._F[used], np.ix_(used, used)
-        return self._y[used], F[:, F.any(axis=0)], [K[square] for K in self._kernels]
+        kernels = self._kernels if parts is None else [self._kernels[k] for k in parts]
+        return self._y[used], F[:, F.any(axis=0)], [K[square] for K in kernels]
 
     def _sizes(self, used: NDArray[np.intp]) -> FloatArray:
         """Of all parts, from every other block of some of the chosen rows where these are many."""
