@@ -255,15 +255,7 @@ def _scored(rows: list[dict[str, Any]]) -> list[Target]:
     sick, well = [r for r in good if r["effect"]], [r for r in good if not r["effect"]]
     missing = [r for r in sick if r["missing"]]
     table = Table(title="Robots that hide an effect which the library lacks", title_justify="left")
-    for column in (
-        "effect",
-        "robots",
-        "missing",
-        "joint right",
-        "size within 30 %",
-        "true points, median",
-        "claimed there, median",
-    ):
+    for column in ("effect", "robots", "missing", "joint right", "size within 30 %", "true points, median", "size there, median"):
         table.add_column(column)
     for effect in FOLLOWING:
         own = [r for r in missing if r["effect"] == effect]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.blackbox.rest_features import Blocks
-from sysid_ros.blackbox.variance_components import VarianceComponents
+from sysid_ros.blackbox.variance_components import NOTHING, VarianceComponents
 from sysid_ros.sample import FloatArray
 
 _MOST_ROWS = 420
@@ -32,6 +32,8 @@ _HIGHEST = 100.0
 _MOST_RIPPLES = 3
 _START = 0.2
 """Size with which a further part begins to be fitted, of the power: none of those that were found ends at once."""
+_AGAIN = 0.01
+"""The same for noise: an amplitude of a tenth, from which it grows or falls to nothing within the first steps."""
 _NORMAL = 1.96
 
 
@@ -128,12 +130,26 @@ class JointParts:
         found = self._with_bands(self._with_ripples(VarianceComponents.fitted(self._y, self._F, self._kernels)))
         each, std = found.power(range(len(self._noise)), self._moving)
         power = float(np.mean(each))
-        number = np.unique(self._rest.block[self._own][self._moving], return_inverse=True)[1]
-        # what blocks differ by: noise that is not the same everywhere, and functions that are missing among the parts
-        by_block = np.bincount(number, each - power) / len(each)
-        std = float(np.sqrt(std**2 + np.sum(by_block**2)))
+        std = float(np.sqrt(std**2 + self._of_blocks(each - power) + self._of_others(found) + NOTHING**2))
         ends = [self._scale * float(np.sqrt(max(power + k * std, 0.0))) for k in (-_NORMAL, _NORMAL)]
         return self._scale * float(np.sqrt(max(power, 0.0))), (ends[0], ends[1])
+
+    def _of_blocks(self, off: FloatArray) -> float:
+        """Variance of a mean over the rows in which the joint moves, from what blocks differ by: noise may not be the same
+        everywhere, and functions may be missing among the parts."""
+        number = np.unique(self._rest.block[self._own][self._moving], return_inverse=True)[1]
+        return float(np.sum((np.bincount(number, off) / len(off)) ** 2))
+
+    def _of_others(self, found: VarianceComponents) -> float:
+        """Variance of the power of all rows in which the joint moves about that of the chosen ones, as the others have noise of
+        their own."""
+        count = int(self._moving.sum())
+        others = int(self._rest.moving.sum()) - count
+        if not others:
+            return 0.0
+        E = found.covariance(range(len(self._noise)))[np.ix_(self._moving, self._moving)]
+        of_chosen = 2.0 * float(np.sum(E**2)) / count**2
+        return (others / (others + count)) ** 2 * of_chosen * (1.0 + count / others)
 
     def _alike(self, X: FloatArray) -> FloatArray:
         """Columns of the same size while the joint moves, whose sum has power 1 then, shape (N, c)."""
@@ -175,7 +191,8 @@ class JointParts:
         if self._moving.all():
             return found
         width = self._rest.cutoff / _BANDS
-        decay = np.where(self._same & np.outer(self._moving, self._moving), np.exp(-self._dt * width / 0.4), 0.0)
+        # bands of normal shape: those of a decay have tails that take white noise along
+        decay = np.where(self._same & np.outer(self._moving, self._moving), np.exp(-0.5 * (np.pi * width * self._dt) ** 2), 0.0)
         bands = [decay * np.cos(2.0 * np.pi * k * width * self._dt) for k in range(_BANDS)]
         for _ in range(_BANDS):
             gain = [found.gained_by(K) for K in bands]
@@ -191,7 +208,10 @@ class JointParts:
         least = float(np.log(choices))
         if gain <= least:
             return None
-        more = VarianceComponents.fitted(self._y, self._F, [*found.kernels, K], np.append(found.sizes, _START))
+        start = np.append(found.sizes, _START)
+        # noise whose place another part had taken may come back
+        start[: len(self._noise)] = np.maximum(start[: len(self._noise)], _AGAIN)
+        more = VarianceComponents.fitted(self._y, self._F, [*found.kernels, K], start)
         return more if more.log_likelihood - found.log_likelihood > least else None
 
 

@@ -20,11 +20,13 @@ _CAREFUL, _BOLD = 0.5, 2.0
 likely, larger ones are taken as long as they do not."""
 _FIRST = 8
 """Steps after which a component on its way to zero is small enough to be told from one that grows."""
-_NOTHING = 1e-4
+NOTHING = 1e-4
 """Part of the power below which a component is zero: a hundredth of the amplitude."""
 _LIFT = 1e-6
 """Part of the power that is added to all rows as white noise, a thousandth of the amplitude, so that the covariance has an
 inverse where nothing is noise."""
+_ROUNDING = 10.0 * float(np.finfo(float).eps)
+"""Of a covariance over its trace: that of a sum of some ten parts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +85,7 @@ class VarianceComponents:
                 ratio[k] = max(explained, 0.0) / max(expected, 1e-300)
             sizes = before * ratio**power
             if step >= _FIRST:
-                sizes = np.where((sizes < _NOTHING) & (ratio < 1.0), 0.0, sizes)
+                sizes = np.where((sizes < NOTHING) & (ratio < 1.0), 0.0, sizes)
             power = min(1.5 * power, _BOLD)
         return cls(sizes, tuple(kernels), P, weights, likelihood)
 
@@ -137,9 +139,11 @@ def _inverse(
     y: FloatArray, F: FloatArray, kernels: Sequence[FloatArray], sizes: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
     """P, P y and the restricted log-likelihood."""
-    V = _LIFT * np.eye(len(y))
+    V = np.zeros((len(y), len(y)))
     for s, K in zip(sizes, kernels, strict=True):
         V += s * K
+    # large sizes of parts of low rank leave rounding errors of their own size
+    V[np.diag_indices(len(y))] += _LIFT + _ROUNDING * float(np.trace(V))
     root = linalg.cholesky(V, lower=True, check_finite=False)
     inverse, _ = linalg.lapack.dpotri(root, lower=1)
     inverse = np.tril(inverse) + np.tril(inverse, -1).T
