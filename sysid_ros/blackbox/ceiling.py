@@ -1,10 +1,12 @@
 """The ceiling: how much of the torque that a physical model leaves could any model explain, on which joint, where and with what.
 
-For each joint five black boxes predict the residual of stretches that they were not fitted to. Which box and which ridge counts
-for a stretch is decided by the other stretches alone, among them a box that predicts nothing, so that having had a choice gains
-nothing. The gain is a sum over blocks of time; its standard error is that of the blocks, and it is claimed where chance is
-left less than 5 % for all joints together (Bonferroni), by the stronger of two tests of the blocks: Student's t with Hall's
-correction for their skewness, as few blocks may hold most of a gain, and Wilcoxon's signed ranks. The interval is Hall's too.
+For each joint five black boxes, and their sum with sizes of the largest likelihood (:mod:`.joint_parts`), predict the residual
+of stretches that they were not fitted to. Which ridge counts for a stretch, and how much each of them counts for their mean, is
+decided by the other stretches alone, so that having had a choice gains nothing. The gain is a sum over blocks of time; its
+standard error is that of the blocks. It is claimed where few claims are chance, by the stronger of two tests of the blocks:
+Student's t with Hall's correction for their skewness, as few blocks may hold most of a gain, and Wilcoxon's signed ranks. The
+interval is Hall's too. That something is missing is so claimed from what was predicted; how large it is, of which a prediction is
+a lower bound, is what is left less what is noise.
 """
 
 from __future__ import annotations
@@ -17,22 +19,18 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from sysid_ros.blackbox.ceiling_result import Ceiling, JointCeiling
+from sysid_ros.blackbox.ceiling_rows import FOLDS, CeilingRows
+from sysid_ros.blackbox.joint_parts import JointParts
 from sysid_ros.blackbox.left_out_ridge import RIDGES, left_out
-from sysid_ros.blackbox.rest_boxes import BOXES, Box, single_inputs
-from sysid_ros.blackbox.rest_inputs import RestInputs, Spread, cutoff_of
+from sysid_ros.blackbox.rest_boxes import BOXES
+from sysid_ros.blackbox.rest_inputs import RestInputs, cutoff_of
 from sysid_ros.blackbox.skewed_mean import SkewedMean
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.motion import Motion
-from sysid_ros.signals.zero_phase import low_passed
 
-_BLOCK = 1.5
-"""Length of a block [s]: longer than slow noise is remembered by most joints."""
-_FOLDS = 5
 _FEWEST_BLOCKS = 6
 """Blocks below which no standard error is worth its name."""
 _LEVEL = 0.05
-_MOST_ROWS = 6000
-"""Rows beyond which more tell nothing new, and cost time."""
 
 
 def ceiling(
@@ -46,113 +44,88 @@ def ceiling(
     """
     cutoff = cutoff_of(motions)
     inputs = [RestInputs.of(m, cutoff) for m in motions]
-    both = [
-        [low_passed(x, cutoff, m.period) for x, m in zip(xs, motions, strict=True)] for xs in (rest, [m.tau for m in motions])
-    ]
-    rows = _Rows.of(inputs, both[0], both[1], max(1, -(-sum(len(i.t) for i in inputs) // _MOST_ROWS)))
+    both = [[i.seen(x) for x, i in zip(xs, inputs, strict=True)] for xs in (rest, [m.tau for m in motions])]
+    rows = CeilingRows.of(inputs, both[0], both[1])
     judged = range(len(names)) if only is None else only
-    level = _LEVEL / max(len(judged), 1)
-    joints = [_judge(rows, j, tuple(names), level) if j in judged else _unknown(name, rows, j) for j, name in enumerate(names)]
+    asked = [_asked(rows, j, name) if j in judged else _unknown(rows, j, name) for j, name in enumerate(names)]
+    claimed = _no_chance([x.found for x in asked])
+    joints = [_described(_sized(x), x, rows, tuple(names), j) if j in claimed else x.found for j, x in enumerate(asked)]
     # where a joint stands dry friction holds it, and no torque is due
     torque, left = (float(np.sqrt(np.mean(np.sum(np.where(rows.moving, x, 0.0) ** 2, axis=1)))) for x in (rows.tau, rows.rest))
-    less = sum(_power_gained(j) * rows.moves(k) for k, j in enumerate(joints) if j.claimed)
+    less = sum(_power_missing(j) * rows.moves(k) for k, j in enumerate(joints) if j.claimed)
     after = float(np.sqrt(max(left**2 - less, 0.0)))
-    return Ceiling(tuple(joints), left / max(torque, 1e-12), (left - after) / max(torque, 1e-12), len(BOXES))
+    return Ceiling(tuple(joints), left / max(torque, 1e-12), (left - after) / max(torque, 1e-12), len(BOXES) + 1)
 
 
 @dataclass(frozen=True, eq=False)
-class _Rows:
-    """All stretches in a row.
+class _Asked:
+    """What black boxes say of one joint.
 
     Attributes:
-        inputs: stretches. spread: of their channels. rest, tau: shape (N, n). moving: shape (N, n). block, fold: of each row.
-        thin: every so many rows is used.
+        found: without what is told of joints where something is claimed. parts: of what is left; None for a joint that is not
+            judged. prediction: of left-out rows in which the joint moves.
     """
 
-    inputs: tuple[RestInputs, ...]
-    spread: Spread
-    rest: FloatArray
-    tau: FloatArray
-    moving: NDArray[np.bool_]
-    block: NDArray[np.intp]
-    fold: NDArray[np.intp]
-    thin: int
-
-    @classmethod
-    def of(cls, inputs: Sequence[RestInputs], rest: Sequence[FloatArray], tau: Sequence[FloatArray], thin: int) -> _Rows:
-        """Blocks never reach over the end of a stretch; a fold is blocks that follow each other."""
-        numbers, start = [], 0
-        for i in inputs:
-            count = max(1, round(len(i.t) * i.period / _BLOCK))
-            numbers.append(start + np.minimum(np.arange(len(i.t)) * count // max(len(i.t), 1), count - 1))
-            start += count
-        block = np.concatenate(numbers)
-        fold = block * _FOLDS // max(start, 1)
-        parts = [np.concatenate([x[:: i.every] for x, i in zip(xs, inputs, strict=True)]) for xs in (rest, tau)]
-        moving = np.concatenate([i.moving for i in inputs])
-        return cls(
-            tuple(inputs),
-            Spread.of(inputs),
-            parts[0][::thin],
-            parts[1][::thin],
-            moving[::thin],
-            block[::thin],
-            fold[::thin],
-            thin,
-        )
-
-    def columns(self, box: Box, joint: int) -> FloatArray:
-        """Shape (N, c)."""
-        return np.concatenate([box.columns(i, self.spread, joint) for i in self.inputs])[:: self.thin]
-
-    def moves(self, joint: int) -> float:
-        """Part of the rows in which a joint moves."""
-        return float(np.mean(self.moving[:, joint]))
+    found: JointCeiling
+    parts: JointParts | None
+    prediction: FloatArray
 
 
-def _unknown(name: str, rows: _Rows, joint: int) -> JointCeiling:
+def _unknown(rows: CeilingRows, joint: int, name: str) -> _Asked:
     torque = float(np.sqrt(np.mean(rows.tau[:, joint] ** 2)))
-    return JointCeiling(name, None, None, None, None, False, {}, 0, torque)
+    return _Asked(JointCeiling(name, None, None, None, None, False, {}, 0, torque), None, np.zeros(0))
 
 
-def _judge(rows: _Rows, j: int, names: tuple[str, ...], level: float) -> JointCeiling:
+def _asked(rows: CeilingRows, j: int, joint: str) -> _Asked:
     own = rows.moving[:, j]
     block = rows.block[own]
     number = np.unique(block, return_inverse=True)[1]
     count = int(number.max(initial=-1)) + 1
-    if count < _FEWEST_BLOCKS or len(np.unique(rows.fold[own])) < _FOLDS:
-        return _unknown(names[j], rows, j)
+    if count < _FEWEST_BLOCKS or len(np.unique(rows.fold[own])) < FOLDS:
+        return _unknown(rows, j, joint)
     y, fold = rows.rest[own, j], rows.fold[own]
     torque = max(float(np.sqrt(np.mean(rows.tau[own, j] ** 2))), 1e-12)
-    made = {box.name: left_out(rows.columns(box, j)[own], y, fold) for box in BOXES}
-    every = np.column_stack([np.zeros(len(y)), *made.values()])
-    gains = _by_block(y, every, number, count)
-    chosen, best = _chosen(gains, np.array([fold[number == b][0] for b in range(count)]))
-    gained = gains[np.arange(count), chosen]
+    blocks = {box.name: rows.blocks(box, j) for box in BOXES}
+    made = {name: left_out(np.column_stack(list(x.values()))[own], y, fold) for name, x in blocks.items()}
+    parts = rows.parts(j, {name: x for part in blocks.values() for name, x in part.items()})
+    each = [parts.left_out(rows.fold)[own][:, None], *made.values()]
+    prediction = _together([_by_block(y, x, number, count) for x in each], each, number, fold)
     before = float(np.sqrt(np.mean(y**2)))
-    gain, std, interval, p = _measured(gained, len(y), before)
-    claimed = bool(p is not None and p < level and gain > 0.0)
-    best_of = {
-        name: float(part.sum(axis=0).max()) for name, part in zip(made, np.split(gains[:, 1:], len(made), axis=1), strict=True)
-    }
-    boxes = {name: _points(saved, len(y), before) / torque for name, saved in best_of.items()}
+    gain, std, interval, p = _measured(_by_block(y, prediction[:, None], number, count)[:, 0], len(y), before)
+    saved = np.sum(y[:, None] ** 2 - (y[:, None] - np.column_stack(list(made.values()))) ** 2, axis=0)
+    best = int(np.argmax(saved))
+    best_of = {name: float(part.max()) for name, part in zip(made, np.split(saved, len(made)), strict=True)}
     found = JointCeiling(
-        names[j],
+        joint,
         before / torque,
         gain / torque,
         std / torque,
         p,
-        claimed,
-        boxes,
+        False,
+        {name: _points(saved, len(y), before) / torque for name, saved in best_of.items()},
         count,
         torque,
         interval=interval and (interval[0] / torque, interval[1] / torque),
-        chosen=None if best == 0 else (BOXES[(best - 1) // len(RIDGES)].name, float(RIDGES[(best - 1) % len(RIDGES)])),
+        chosen=(BOXES[best // len(RIDGES)].name, float(RIDGES[best % len(RIDGES)])) if saved[best] > 0.0 else None,
     )
-    if not claimed:
-        return found
-    prediction = every[np.arange(len(y)), chosen[number]]
-    return _described(found, rows, j, names, own, prediction, fold)
+    return _Asked(found, parts, prediction)
+
+
+def _no_chance(found: Sequence[JointCeiling]) -> set[int]:
+    """Joints of whose gains 5 % are chance, and where all are, with less than 5 % for one claim (Benjamini, Hochberg 1995)."""
+    judged = sorted((j.p_value if j.p_value is not None else 1.0, k) for k, j in enumerate(found) if j.left is not None)
+    few = [rank for rank, (p, _) in enumerate(judged, 1) if p < _LEVEL * rank / len(judged)]
+    return {k for _, k in judged[: max(few, default=0)] if (found[k].gain or 0.0) > 0.0}
+
+
+def _sized(asked: _Asked) -> JointCeiling:
+    """A claim with the size of what is missing."""
+    found = asked.found
+    assert found.left is not None
+    assert asked.parts is not None
+    noise, (low, high) = asked.parts.noise()
+    missing, least, most = (max(found.left - x / found.torque, 0.0) for x in (noise, high, low))
+    return replace(found, claimed=True, missing=missing, missing_interval=(least, most))
 
 
 def _by_block(y: FloatArray, predictions: FloatArray, number: NDArray[np.intp], count: int) -> FloatArray:
@@ -163,13 +136,25 @@ def _by_block(y: FloatArray, predictions: FloatArray, number: NDArray[np.intp], 
     return out
 
 
-def _chosen(gains: FloatArray, fold: NDArray[np.intp]) -> tuple[NDArray[np.intp], int]:
-    """For each block the prediction that saves most in the other folds, and the one that saves most in all."""
-    total = gains.sum(axis=0)
-    out = np.zeros(len(gains), dtype=np.intp)
+def _together(
+    gains: Sequence[FloatArray], predictions: Sequence[FloatArray], number: NDArray[np.intp], fold: NDArray[np.intp]
+) -> FloatArray:
+    """One prediction from those of several boxes with several ridges, shape (N,): of each fold the mean over the boxes, each with
+    the ridge that saves most in the other folds, and with what it saves there as its weight; nothing where no box saves anything.
+
+    Args:
+        gains: of each box, by block, shape (count, ridges). predictions: shape (N, ridges). number: block of each row.
+    """
+    out = np.zeros(len(fold))
     for f in np.unique(fold):
-        out[fold == f] = int(np.argmax(total - gains[fold == f].sum(axis=0)))
-    return out, int(np.argmax(total))
+        rows = fold == f
+        others = np.unique(number[~rows])
+        saved = [x[others].sum(axis=0) for x in gains]
+        weights = [max(float(x.max()), 0.0) for x in saved]
+        for x, weight, total in zip(predictions, weights, saved, strict=True):
+            if weight > 0.0:
+                out[rows] += weight / sum(weights) * x[rows, int(np.argmax(total))]
+    return out
 
 
 def _points(saved: float, rows: int, before: float) -> float:
@@ -203,33 +188,26 @@ def _by_chance(gained: FloatArray, of_mean: float) -> float:
     return min(1.0, 2.0 * min(of_mean, ranks))
 
 
-def _power_gained(j: JointCeiling) -> float:
-    """Mean square that is gained while the joint moves [(N m)^2]."""
+def _power_missing(j: JointCeiling) -> float:
+    """Mean square that is missing while the joint moves [(N m)^2]."""
     assert j.left is not None
-    assert j.gain is not None
-    return float((j.left**2 - (j.left - j.gain) ** 2) * j.torque**2)
+    assert j.missing is not None
+    return float((j.left**2 - (j.left - j.missing) ** 2) * j.torque**2)
 
 
-def _described(
-    found: JointCeiling,
-    rows: _Rows,
-    j: int,
-    names: tuple[str, ...],
-    own: NDArray[np.bool_],
-    prediction: FloatArray,
-    fold: NDArray[np.intp],
-) -> JointCeiling:
+def _described(found: JointCeiling, asked: _Asked, rows: CeilingRows, names: tuple[str, ...], j: int) -> JointCeiling:
     """The same with its frequency and with what it follows."""
-    y = rows.rest[own, j]
+    own, prediction = rows.moving[:, j], asked.prediction
+    y, fold = rows.rest[own, j], rows.fold[own]
     saved = float(np.sum(y**2 - (y - prediction) ** 2))
     best = ("", 0.0)
-    for box in single_inputs(names, j):
-        made = left_out(rows.columns(box, j)[own], y, fold, RIDGES[1::2])
+    for name, X in rows.alone(names, j):
+        made = left_out(X[own], y, fold, RIDGES[1::2])
         part = float(np.max(np.sum(y[:, None] ** 2 - (y[:, None] - made) ** 2, axis=0))) / max(saved, 1e-300)
-        best = max(best, (box.name, part), key=lambda x: x[1])
+        best = max(best, (name, part), key=lambda x: x[1])
     whole = np.zeros(len(own))
     whole[own] = prediction
-    f = _middle_frequency(np.where(own, rows.rest[:, j], 0.0), whole, rows.block, rows.inputs[0].period * rows.thin)
+    f = _middle_frequency(np.where(own, rows.rest[:, j], 0.0), whole, rows.block, rows.inputs[0].period)
     return replace(found, frequency=f, follows=best if best[0] else None)
 
 

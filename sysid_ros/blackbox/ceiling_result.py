@@ -21,8 +21,10 @@ class JointCeiling:
 
     Attributes:
         joint: name. left: rms of what the physical model leaves.
-        gain: by how much the best black box makes it smaller on left-out data. gain_std: its standard error from blocks.
+        gain: by how much the black boxes together make it smaller on left-out data. gain_std: its standard error from blocks.
         interval: of the gain, 95 %; skewed where few blocks hold most of it.
+        missing: what is left less what is noise, of which the gain is a lower bound; only where something is claimed, else None.
+        missing_interval: 95 %.
         p_value: that chance makes so much, one joint alone. claimed: whether it is no chance, all joints considered.
         boxes: the same gain of each black box with the ridge that is best for it in hindsight, by name. blocks: their number.
         torque: rms [N m]. frequency: in the middle of the power that is gained [Hz]. follows: channel that gains most alone, and
@@ -43,6 +45,8 @@ class JointCeiling:
     follows: tuple[str, float] | None = None
     chosen: tuple[str, float] | None = None
     interval: tuple[float, float] | None = None
+    missing: float | None = None
+    missing_interval: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,19 +54,19 @@ class Ceiling:
     """What is left of the torque, and what any of the black boxes predicts of it on data that it was not fitted to.
 
     Attributes:
-        joints: each. left, gain: of all joints together: rms over the rms of all torques [N m], and how much of it is predicted
-            where it is claimed. tried: number of black boxes.
+        joints: each. left, missing: of all joints together: rms over the rms of all torques [N m], and how much of it is missing
+            where that is claimed. tried: number of black boxes, their sum among them.
     """
 
     joints: tuple[JointCeiling, ...]
     left: float
-    gain: float
+    missing: float
     tried: int
 
     @property
     def claimed(self) -> tuple[JointCeiling, ...]:
         """Joints on which something is missing, the largest part of their torque first."""
-        return tuple(sorted((j for j in self.joints if j.claimed), key=lambda j: -(j.gain or 0.0)))
+        return tuple(sorted((j for j in self.joints if j.claimed), key=lambda j: -(j.missing or 0.0)))
 
     @property
     def sentence(self) -> str:
@@ -73,7 +77,8 @@ class Ceiling:
         """For machines: ``share`` is the part of each joint's torque that is missing in the model, 0 where none is claimed."""
         return {
             "joints": [j.joint for j in self.joints],
-            "share": [(j.gain or 0.0) if j.claimed else 0.0 for j in self.joints],
+            "share": [j.missing or 0.0 for j in self.joints],
+            "share_ci95": [j.missing_interval and list(j.missing_interval) for j in self.joints],
             "left": [j.left for j in self.joints],
             "gain": [j.gain for j in self.joints],
             "gain_std": [j.gain_std for j in self.joints],
@@ -84,7 +89,7 @@ class Ceiling:
             "black_box": [j.chosen[0] if j.chosen else None for j in self.joints],
             "black_boxes": {b.name: [j.boxes.get(b.name) for j in self.joints] for b in BOXES},
             "left_of_all": self.left,
-            "gain_of_all": self.gain,
+            "share_of_all": self.missing,
             "sentence": self.sentence,
         }
 
@@ -94,7 +99,7 @@ def in_words(found: Ceiling) -> str:
     judged = [j for j in found.joints if j.left is not None]
     if not judged:
         return "How much of what is left is noise can not be told: no joint moves for long enough to leave parts of it out."
-    boxes = f"the best of {_NUMBERS.get(found.tried, str(found.tried))} black boxes"
+    boxes = f"the mean of {_NUMBERS.get(found.tried, str(found.tried))} black boxes"
     first = f"What is left: {_percent(found.left)} of the torque"
     if not found.claimed:
         best = max(judged, key=lambda j: (j.gain or 0.0) / max(j.gain_std or 0.0, 1e-12))
@@ -103,29 +108,33 @@ def in_words(found: Ceiling) -> str:
                 f"{first}; {boxes} predicts nothing of it on data that were not fitted: noise, as far as these recordings tell."
             )
         return (
-            f"{first}; {boxes} predicts {_points(best.gain or 0.0)} ({_spread(best)}) of the {_percent(best.left or 0.0)} of "
-            f"{best.joint}'s torque that are left, and less elsewhere, on data that were not fitted: noise, as far as these "
-            "recordings tell."
+            f"{first}; {boxes} predicts {_points(best.gain or 0.0)} ({_spread(best.interval)}) of the "
+            f"{_percent(best.left or 0.0)} of {best.joint}'s torque that are left, and less elsewhere, on data that were not "
+            "fitted: noise, as far as these recordings tell."
         )
     parts = [_of_joint(j) for j in found.claimed[:_MOST_NAMED]]
     more = len(found.claimed) - len(parts)
     others = f"; and less on {more} more" if more > 0 else ""
-    return f"{first}; {boxes} predicts, on data that were not fitted, {'; '.join(parts)}{others}: something is missing there."
+    predicted = "; ".join(f"{_points(j.gain or 0.0)} of {j.joint}'s" for j in found.claimed[:_MOST_NAMED])
+    return (
+        f"{first}; missing in the model: {'; '.join(parts)}{others}. On data that were not fitted {boxes} predicts {predicted}."
+    )
 
 
 def _of_joint(j: JointCeiling) -> str:
-    left, gain = j.left or 0.0, j.gain or 0.0
+    left, missing = j.left or 0.0, j.missing or 0.0
     where = "" if j.frequency is None else f", around {j.frequency:.2g} Hz" if j.frequency > _SLOW else f", below {_SLOW:g} Hz"
     with_what = ""
     if j.follows is not None and j.follows[1] >= _PARTLY:
         with_what = f" and {'' if j.follows[1] >= _MOSTLY else 'partly '}with {j.follows[0]}"
-    return f"{_points(gain)} ({_spread(j)}) of the {_percent(left)} of {j.joint}'s torque that are left{where}{with_what}"
+    spread = _spread(j.missing_interval)
+    return f"{_points(missing)} ({spread}) of the {_percent(left)} of {j.joint}'s torque that are left{where}{with_what}"
 
 
-def _spread(j: JointCeiling) -> str:
-    if j.interval is None:
+def _spread(interval: tuple[float, float] | None) -> str:
+    if interval is None:
         return "spread unknown"
-    low, high = (100.0 * max(x, 0.0) for x in j.interval)
+    low, high = (100.0 * max(x, 0.0) for x in interval)
     return f"{low:.2g} to {high:.2g}"
 
 

@@ -18,9 +18,8 @@ from sysid_ros.exceptions import ModelFileError
 from sysid_ros.files import plain
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.motion import Motion
-from sysid_ros.signals.zero_phase import low_passed
 
-FORMAT = 1
+FORMAT = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +57,7 @@ class Hybrid:
         """The black box that each claimed joint chose, fitted to motions and what the physical model leaves of them, (N, n)."""
         cutoff = cutoff_of(motions)
         inputs = [RestInputs.of(m, cutoff) for m in motions]
-        left = [low_passed(x, cutoff, m.period)[:: i.every] for x, m, i in zip(rest, motions, inputs, strict=True)]
+        left = [i.seen(x) for x, i in zip(rest, inputs, strict=True)]
         spread, parts = Spread.of(inputs), []
         for j, joint in enumerate(found.joints):
             if not joint.claimed or joint.chosen is None:

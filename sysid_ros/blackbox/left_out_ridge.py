@@ -46,6 +46,8 @@ def ridge_path(X: FloatArray, y: FloatArray, ridges: Sequence[float] = RIDGES) -
 def left_out(X: FloatArray, y: FloatArray, fold: NDArray[np.intp], ridges: Sequence[float] = RIDGES) -> FloatArray:
     """Predictions of each fold by a fit to the others, shape (N, ridges). The decomposition is of sums, less those of the fold.
 
+    None is beyond what the others hold: where a motion leaves what was fitted, functions of it run away.
+
     Args:
         X: shape (N, c). y: shape (N,). fold: number of each row, shape (N,).
     """
@@ -62,6 +64,8 @@ def left_out(X: FloatArray, y: FloatArray, fold: NDArray[np.intp], ridges: Seque
         score = vectors.T @ (h - part.T @ y[own])
         turned = part @ vectors
         rows = len(y) - int(own.sum())
+        low, high = float(y[~own].min(initial=0.0)), float(y[~own].max(initial=0.0))
         for k, r in enumerate(ridges):
             out[own, k] = turned @ (score / (np.maximum(values, 0.0) + r * rows))
+        out[own] = np.clip(out[own], low, high)
     return out

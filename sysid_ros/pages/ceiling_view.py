@@ -14,13 +14,16 @@ def ceiling_view(found: Ceiling | None) -> dict[str, Any] | None:
         return None
     rows = []
     for j in found.joints:
-        best = _percent(j.gain) + ("" if j.interval is None else f" ({_percent(j.interval[0])} to {_percent(j.interval[1])})")
+        missing, best = (
+            _percent(x) + ("" if between is None else f" ({_percent(between[0])} to {_percent(between[1])})")
+            for x, between in ((j.missing, j.missing_interval), (j.gain, j.interval))
+        )
         chance = "" if j.p_value is None else f"{j.p_value:.2g}"
         told = "yes" if j.claimed else "no" if j.left is not None else "not judged"
-        rows.append([j.joint, _percent(j.left), best, chance, told, *(_percent(j.boxes.get(b.name)) for b in BOXES)])
+        rows.append([j.joint, _percent(j.left), missing, best, chance, told, *(_percent(j.boxes.get(b.name)) for b in BOXES)])
     return {
         "sentence": found.sentence,
-        "head": ["joint", "left", "best", "by chance", "told", *(b.name for b in BOXES)],
+        "head": ["joint", "left", "missing", "predicted", "by chance", "told", *(b.name for b in BOXES)],
         "rows": rows,
     }
 
