@@ -12,10 +12,11 @@ from robots import robot
 from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import Diagnosis, diagnose
+from sysid_ros.diagnosis.covariance import by_links
 from sysid_ros.diagnosis.deflections import fit_deflection
 from sysid_ros.diagnosis.knobs import made_anew
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.prepare import prepare
+from sysid_ros.diagnosis.prepare import inexact_links, prepare
 from sysid_ros.effects import EFFECTS, Backlash, JointElasticity, Motion
 from sysid_ros.effects.compliance import deflection, torque_of
 from sysid_ros.sample import FloatArray
@@ -211,6 +212,20 @@ def test_a_stiff_joint_on_a_slow_arm_is_found_from_any_first_value(factor: float
     fit, found = fit_deflection(train.problem, library, train.problem.fit([term]), term)
     assert 1.0 / found.effect.settings["around"] == pytest.approx(3.0 * SPRING, rel=0.1)
     assert fit.terms == (found,)
+
+
+def test_the_torque_of_a_compliant_joint_is_known_to_change_with_the_links_that_swing_on_it() -> None:
+    """Along the few directions that are followed nearly all of what one heavier link does to it is found."""
+    model = robot(ARM)
+    train = prepare(model, [behind("joint_elasticity", 1, 14.0)], [])
+    library, basis, heavier = Library(model, train.band), inexact_links(model).basis, model.n - 1
+    spring = library.whole("joint_elasticity", (JOINT,), around=1.0 / SPRING, damping=0.02, exact=True)
+    fit = train.problem.fit([spring, library.local("rotor_inertia", JOINT)], inexact=True)
+    found = by_links(train.problem, library, fit, spring)[:, JOINT, heavier]
+    sides = [library.remake(spring, links=(x * basis[:, heavier]).tolist()) for x in (0.005, -0.005)]
+    true = (sides[0].columns - sides[1].columns)[:, JOINT, 0] / 0.01 / SPRING
+    assert np.sqrt(np.mean(true**2)) > 0.1
+    assert np.linalg.norm(found - true) < 0.2 * np.linalg.norm(true)
 
 
 @cache

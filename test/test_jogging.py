@@ -18,7 +18,7 @@ from sysid_ros.diagnosis.claims import Judged
 from sysid_ros.diagnosis.fit import Problem
 from sysid_ros.diagnosis.heldout import plain_terms
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.prepare import SCALES, prepare
+from sysid_ros.diagnosis.prepare import SCALES, prepare, torques
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.conditioning import motions
 from sysid_ros.signals.recording import Recording
@@ -98,6 +98,19 @@ def test_friction_of_an_arm_that_moves_one_joint_at_a_time_is_found_and_nothing_
     assert [p.value for p in friction.parameters] == pytest.approx([DRY] * robot(ARM).n, rel=0.1)
     claimed = {x.id for x in found.findings if (x.probability or 0.0) > 0.5}
     assert claimed <= {"coulomb_friction", "viscous_friction", "torque_offset", "rotor_inertia"}
+
+
+def test_the_torque_of_a_joint_that_stands_is_the_measured_one_less_what_its_sensor_adds() -> None:
+    model, offset = robot(ARM), np.array([0.4, -0.3, 0.2, -0.1])
+    plain = jogged(1)
+    train = prepare(model, [Recording(plain.name, plain.t, plain.q, plain.v, plain.tau + offset)], [])
+    library = Library(model, train.band)
+    fit = train.problem.fit([t for j in range(model.n) for t in plain_terms(library, j)])
+    (drive,) = torques(library, fit, [m.link_torque for m in library.motions], train.nominal)[1]
+    (motion,), (true,) = library.motions, prepare(model, [plain], []).motions
+    stands = ~library.band.moving[0]
+    assert np.sqrt(np.mean((motion.link_torque - true.tau)[stands] ** 2)) > 0.4 * DRY
+    assert np.abs(drive - true.tau)[stands].max() < 3.0 * NOISE
 
 
 def test_a_payload_is_as_uncertain_as_the_links_even_if_exact_links_predict_better() -> None:

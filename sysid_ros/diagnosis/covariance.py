@@ -169,7 +169,7 @@ def _equations(
     slopes = {t: _slope(library, t) for t in fit.terms if t.effect.deflection or t.effect.corrects}
     swings = [t for t in fit.terms if fit.inexact and (how := t.effect.deflection) and how.smooth]
     links = np.arange(count - len(problem.prior), count)
-    by_links = sum((_by_links(problem, library, fit, t) for t in swings), np.zeros_like(problem.nuisance))
+    swung = sum((by_links(problem, library, fit, t) for t in swings), np.zeros_like(problem.nuisance))
     moved = sum((t.rows(fit.theta_of(t) - _theta(fit, t)) for t in swings), np.zeros_like(fit.residual))
     never = unknown_columns(problem, dry_friction(library.robot, fit), whole=True)
     scaled_joints = {t.row for t in fit.terms if t.effect.of_own_torque}  # whose gain is a cause of its own
@@ -186,8 +186,8 @@ def _equations(
             if term.effect.corrects or term in swings:
                 score[start] += float(slope[:, j] @ (fit.residual[:, j] / fit.variance[:, j]))
         if swings:
-            X[:, np.isin(index, links)] += by_links[:, j]
-            score[links] += by_links[:, j].T @ (fit.residual[:, j] / fit.variance[:, j])
+            X[:, np.isin(index, links)] += swung[:, j]
+            score[links] += swung[:, j].T @ (fit.residual[:, j] / fit.variance[:, j])
             score[index] += X.T @ (moved[:, j] / fit.variance[:, j])
         unknown = first + each * i + np.arange(each)
         links_off = max(problem.scale) if fit.inexact and j not in scaled_joints else 0.0
@@ -230,7 +230,7 @@ def _slope(library: Library, term: Term) -> FloatArray:
     return np.asarray((torque[0] - torque[1]) / (2.0 * _PROBE * value))
 
 
-def _by_links(problem: Problem, library: Library, fit: Fit, term: Term) -> FloatArray:
+def by_links(problem: Problem, library: Library, fit: Fit, term: Term) -> FloatArray:
     """Derivative of a compliant joint's torque by each parameter of the inexact links, shape (K, n, c): along the directions in
     which these, as far off as is usual, load that joint most."""
     joint, usual = term.joints[0], problem.prior**-0.5

@@ -152,7 +152,7 @@ def torques(
     """Torque on the link side and on the motor side of the joints with the effects of a fit, and what effects of single joints
     have in the latter, shape (N, n) a motion. Links as inexact as the fit has them are a part of both.
 
-    Where a joint stands dry friction holds any torque, which nothing but its sensor tells: there its motor gives the measured one.
+    Where a joint stands dry friction holds any torque, which its sensor alone tells: there its motor gives the measured one.
     """
     link, drive, free = ([x.copy() for x in links], [x.copy() for x in nominal], [np.zeros_like(x) for x in nominal])
     given = [motion.tau.copy() for motion in library.motions]
