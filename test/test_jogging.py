@@ -106,11 +106,14 @@ def test_the_torque_of_a_joint_that_stands_is_the_measured_one_less_what_its_sen
     train = prepare(model, [Recording(plain.name, plain.t, plain.q, plain.v, plain.tau + offset)], [])
     library = Library(model, train.band)
     fit = train.problem.fit([t for j in range(model.n) for t in plain_terms(library, j)])
-    (drive,) = torques(library, fit, [m.link_torque for m in library.motions], train.nominal)[1]
+    (held,) = torques(library, fit, [m.link_torque for m in library.motions], train.nominal)[3]
     (motion,), (true,) = library.motions, prepare(model, [plain], []).motions
     stands = ~library.band.moving[0]
     assert np.sqrt(np.mean((motion.link_torque - true.tau)[stands] ** 2)) > 0.4 * DRY
-    assert np.abs(drive - true.tau)[stands].max() < 3.0 * NOISE
+    assert np.abs(held - true.tau)[stands].max() < 3.0 * NOISE
+    library.update(*torques(library, fit, [m.link_torque for m in library.motions], train.nominal))
+    np.testing.assert_array_equal(library.motions[0].held_torque, held)
+    np.testing.assert_array_equal(library.motions[0].drive_torque[~stands], held[~stands])
 
 
 def test_a_payload_is_as_uncertain_as_the_links_even_if_exact_links_predict_better() -> None:

@@ -38,17 +38,20 @@ class Library:
         self._options: dict[tuple[str, int], list[Term]] = {}
 
     def update(
-        self, link_torque: Sequence[FloatArray], drive_torque: Sequence[FloatArray], free: Sequence[FloatArray] = ()
+        self,
+        link_torque: Sequence[FloatArray],
+        drive_torque: Sequence[FloatArray],
+        free: Sequence[FloatArray] = (),
+        held_torque: Sequence[FloatArray] | None = None,
     ) -> None:
         """Take in what is now known of the torques on both sides of the gears; terms that depend on them are made anew.
 
         Args:
             free: part of the drive torque that is of effects of single joints, shape (N, n) a motion; empty for none.
+            held_torque: the drive torque, and what was measured where a joint stands; None where that is not known.
         """
-        self.free = tuple(free)
-        self.band.motions = tuple(
-            m.with_torques(link, drive) for m, link, drive in zip(self.band.motions, link_torque, drive_torque, strict=True)
-        )
+        self.free, known = tuple(free), zip(link_torque, drive_torque, held_torque or drive_torque, strict=True)
+        self.band.motions = tuple(m.with_torques(*x) for m, x in zip(self.band.motions, known, strict=True))
         self._curves = {k: x for k, x in self._curves.items() if not depends_on_torques(EFFECTS[k[0]])}
         self._options = {k: x for k, x in self._options.items() if not depends_on_torques(EFFECTS[k[0]])}
 

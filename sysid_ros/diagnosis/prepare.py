@@ -148,11 +148,12 @@ def _turns(robot: RobotModel, found: Sequence[Motion]) -> FloatArray:
 
 def torques(
     library: Library, fit: Fit, links: Sequence[FloatArray], nominal: Sequence[FloatArray]
-) -> tuple[list[FloatArray], list[FloatArray], list[FloatArray]]:
-    """Torque on the link side and on the motor side of the joints with the effects of a fit, and what effects of single joints
-    have in the latter, shape (N, n) a motion. Links as inexact as the fit has them are a part of both.
+) -> tuple[list[FloatArray], list[FloatArray], list[FloatArray], list[FloatArray]]:
+    """Torque on the link side and on the motor side of the joints with the effects of a fit, what effects of single joints have
+    in the latter, and the latter with what was measured where a joint stands, shape (N, n) a motion. Links as inexact as the fit
+    has them are a part of both.
 
-    Where a joint stands dry friction holds any torque, which its sensor alone tells: there its motor gives the measured one.
+    Where a joint stands dry friction holds any torque, which its sensor alone tells.
     """
     link, drive, free = ([x.copy() for x in links], [x.copy() for x in nominal], [np.zeros_like(x) for x in nominal])
     given = [motion.tau.copy() for motion in library.motions]
@@ -173,8 +174,8 @@ def torques(
         torque = motion.regressor @ off
         link[i] += torque
         drive[i] += torque
-    drive = [np.where(moving, x, tau) for moving, x, tau in zip(library.band.moving, drive, given, strict=True)]
-    return link, drive, free
+    held = [np.where(moving, x, tau) for moving, x, tau in zip(library.band.moving, drive, given, strict=True)]
+    return link, drive, free, held
 
 
 def before_gains(fit: Fit) -> Fit:

@@ -45,6 +45,9 @@ class JointCoupling(JointCurves):
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         return -load[..., self._other][None]
 
+    def curves_along(self, motion: Motion) -> FloatArray:
+        return self.curves(motion, motion.held_torque)
+
     @property
     def concerned(self) -> tuple[int, ...]:
         return (*super().concerned, *sorted({int(self._other[j]) for j in self.joints} - set(super().concerned)))

@@ -20,6 +20,7 @@ class Motion:
         q, v, a: positions, velocities and accelerations. tau: measured torque.
         link_torque: torque that the links need, as far as it is known; None for the URDF's.
         drive_torque: torque that the drives give, friction included, as far as it is known; None for that of the links.
+        held_torque: as :attr:`held_torque`; None where that is not known.
         temperature: of the joints [degrees Celsius], NaN where it is not known; None where none is.
 
     Attributes:
@@ -41,10 +42,11 @@ class Motion:
         link_torque: FloatArray | None = None,
         drive_torque: FloatArray | None = None,
         temperature: FloatArray | None = None,
+        held_torque: FloatArray | None = None,
     ) -> None:
         self.robot, self.t, self.q, self.v, self.a, self.tau = robot, t, q, v, a, tau
         self.temperature = temperature
-        self._link_torque, self._drive_torque = link_torque, drive_torque
+        self._link_torque, self._drive_torque, self._held_torque = link_torque, drive_torque, held_torque
         self.clear: FloatArray | None = None
         self.recording = ""
         self.by_radius: FloatArray | None = None
@@ -73,6 +75,11 @@ class Motion:
     def drive_torque(self) -> FloatArray:
         """Torque on the motor side, referred to the joints, shape (N, n) [N m]."""
         return self.link_torque if self._drive_torque is None else self._drive_torque
+
+    @property
+    def held_torque(self) -> FloatArray:
+        """The same, but measured where a joint stands: there dry friction holds any torque, shape (N, n) [N m]."""
+        return self.drive_torque if self._held_torque is None else self._held_torque
 
     @cached_property
     def regressor(self) -> FloatArray:
@@ -125,9 +132,10 @@ class Motion:
         """Derivative by time of values on the grid, along the first axis."""
         return np.asarray(np.gradient(values, self.period, axis=0))
 
-    def with_torques(self, link_torque: FloatArray, drive_torque: FloatArray) -> Motion:
+    def with_torques(self, link_torque: FloatArray, drive_torque: FloatArray, held_torque: FloatArray | None = None) -> Motion:
         """The same motion with more known of its torques, shape (N, n) each; what was computed from the motion alone is kept."""
-        other = Motion(self.robot, self.t, self.q, self.v, self.a, self.tau, link_torque, drive_torque, self.temperature)
+        known = link_torque, drive_torque, self.temperature, held_torque
+        other = Motion(self.robot, self.t, self.q, self.v, self.a, self.tau, *known)
         for name in ("regressor", "sensitivity", "gravity_torque", "rigid_torque", "base_mass"):
             if name in self.__dict__:
                 other.__dict__[name] = self.__dict__[name]
@@ -150,7 +158,7 @@ class Motion:
             assert other.sensitivity[0].shape == other.rigid_torque.shape + other.rigid_torque.shape[1:]
             self._carrying.clear()
             self._carrying[key] = other
-        return self._carrying[key].with_torques(self.link_torque, self.drive_torque)
+        return self._carrying[key].with_torques(self.link_torque, self.drive_torque, self._held_torque)
 
     def of_joint(self, joint: int) -> Motion:
         """The channels of one joint alone, shape (N, 1) each: for curves that depend on nothing but that joint."""
