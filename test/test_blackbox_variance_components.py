@@ -7,9 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from sysid_ros.blackbox.joint_parts import JointParts, JointRest, turns_of
-from sysid_ros.blackbox.rest_features import bristle, play
+from sysid_ros.blackbox.rest_features import play
 from sysid_ros.blackbox.variance_components import VarianceComponents
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.bristle import bristle
 
 GROUPS, EACH = 30, 8
 
@@ -104,7 +105,7 @@ def test_left_out_predictions_know_nothing_of_the_fold() -> None:
 
 def test_a_bristle_bends_and_slides() -> None:
     forth, back = np.linspace(0.0, 1.0, 50), np.linspace(1.0, 0.9, 20)
-    z = bristle(np.concatenate([forth, back]), 0.05)
+    z = bristle(np.concatenate([forth, back])[:, None], 0.05)[:, 0]
     assert z[49] == pytest.approx(1.0, abs=1e-6)
     # Dahl: exact after a turn, z = -1 + 2 exp(-way / width)
     assert z[-1] == pytest.approx(-1.0 + 2.0 * np.exp(-0.1 / 0.05), abs=1e-6)

@@ -22,8 +22,8 @@ from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.signal_faults import velocity_lag
 from sysid_ros.diagnosis.whose.robot_hypotheses import judge
-from sysid_ros.effects.presliding_hysteresis import bristle
 from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.signals.bristle import bristle
 from sysid_ros.signals.recording import Recording
 
 

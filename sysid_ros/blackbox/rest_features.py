@@ -13,6 +13,7 @@ import numpy as np
 
 from sysid_ros.blackbox.rest_inputs import RestInputs, Spread
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.bristle import bristle
 
 Blocks = dict[str, FloatArray]
 Making = Callable[[RestInputs, Spread, int], Blocks]
@@ -112,7 +113,7 @@ def memories(i: RestInputs, s: Spread, j: int) -> Blocks:
     q = i.q[:, j]
     lagged = np.column_stack([i.v[:, j] / s.v[j], i.sign[:, j]])
     return {
-        "bristles": i.below(np.column_stack([bristle(q, w) for w in _BRISTLES])),
+        "bristles": i.below(np.column_stack([bristle(q[:, None], w) for w in _BRISTLES])),
         "plays": i.below(np.column_stack([play(q, w) / w for w in _PLAYS])),
         "delays": _lagged(i, lagged, _LAGS),
     }
@@ -146,14 +147,4 @@ def play(q: FloatArray, r: float) -> FloatArray:
     for x in values:
         p = x - r if x - r > p else min(p, x + r)
         out.append(p - x)
-    return np.array(out)
-
-
-def bristle(q: FloatArray, width: float) -> FloatArray:
-    """Dahl's ``dz/dq = (1 - z sign(dq)) / width``, exact for steps that do not turn, from rest; shape of q."""
-    step = np.diff(q)
-    out, z = [0.0], 0.0
-    for sign, kept in zip(np.sign(step).tolist(), np.exp(-np.abs(step) / width).tolist(), strict=True):
-        z = sign + (z - sign) * kept
-        out.append(z)
     return np.array(out)

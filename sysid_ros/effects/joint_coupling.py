@@ -16,6 +16,8 @@ from sysid_ros.signals.motion import Motion
 class JointCoupling(JointCurves):
     """``tau_j = -c tau_other`` [N m], as from a wrist whose motors share a gear train (Siciliano et al. 2009, section 7.2.1).
 
+    While the other joint stands its torque is the measured one: dry friction holds any there, which no model knows.
+
     Args:
         robot: the model. joints: joints whose torque holds the other's; empty for all.
         follows: the other joint; empty for the neighbour towards the tip (of the last joint, towards the base).

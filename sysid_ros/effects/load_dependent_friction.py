@@ -6,13 +6,14 @@ import numpy as np
 
 from sysid_ros.effects.coulomb_friction import CoulombFriction, DryFriction
 from sysid_ros.effects.effect import Depends, JointCurves, Knob, positive
-from sysid_ros.effects.presliding_hysteresis import PreslidingHysteresis, bristle
+from sysid_ros.effects.presliding_hysteresis import PreslidingHysteresis
 from sysid_ros.effects.searched import Searched
 from sysid_ros.effects.traits import Candidate
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import TURNS, smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.signals.bristle import bristle
 from sysid_ros.signals.motion import Motion
 
 _Z_S = Knob("z_s", 2e-3, 0.2, "rad", reach=5.0, reported=False)

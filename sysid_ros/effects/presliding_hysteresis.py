@@ -3,27 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 
 from sysid_ros.effects.effect import JointCurves, Knob, positive
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.signals.bristle import bristle
 from sysid_ros.signals.motion import Motion
-
-
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def bristle(q: FloatArray, z_s: float) -> FloatArray:
-    """z / z_s along a motion, shape (N, n), by the exact solution ``z = s z_s + (z0 - s z_s) exp(-|dq| / z_s)`` of each step."""
-    out = np.zeros_like(q)
-    for j in range(q.shape[1]):
-        z = 0.0
-        for i in range(1, q.shape[0]):
-            step = q[i, j] - q[i - 1, j]
-            s = np.sign(step)
-            z = s + (z - s) * np.exp(-abs(step) / z_s)
-            out[i, j] = z
-    return out
 
 
 class PreslidingHysteresis(JointCurves):

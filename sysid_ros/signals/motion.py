@@ -78,7 +78,8 @@ class Motion:
 
     @property
     def held_torque(self) -> FloatArray:
-        """The same, but measured where a joint stands: there dry friction holds any torque, shape (N, n) [N m]."""
+        """Torque on the motor side, but as it was measured where a joint stands, as dry friction holds any torque there; shape
+        (N, n) [N m]."""
         return self.drive_torque if self._held_torque is None else self._held_torque
 
     @cached_property

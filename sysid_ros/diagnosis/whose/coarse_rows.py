@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.effects import ChannelEffect, Channels
-from sysid_ros.effects.presliding_hysteresis import bristle
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.bristle import bristle
 from sysid_ros.signals.conditioning import motions
 from sysid_ros.signals.motion import Motion
 from sysid_ros.signals.recording import Recording
