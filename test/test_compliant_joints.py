@@ -12,11 +12,12 @@ from robots import robot
 from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import Diagnosis, diagnose
-from sysid_ros.diagnosis.covariance import by_links
+from sysid_ros.diagnosis.covariance import _equations, dry_friction, unknown_columns
 from sysid_ros.diagnosis.deflections import fit_deflection
 from sysid_ros.diagnosis.knobs import made_anew
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import inexact_links, prepare
+from sysid_ros.diagnosis.swings import by_links, follows, swinging
 from sysid_ros.effects import EFFECTS, Backlash, JointElasticity, Motion
 from sysid_ros.effects.compliance import deflection, torque_of
 from sysid_ros.sample import FloatArray
@@ -226,6 +227,42 @@ def test_the_torque_of_a_compliant_joint_is_known_to_change_with_the_links_that_
     true = (sides[0].columns - sides[1].columns)[:, JOINT, 0] / 0.01 / SPRING
     assert np.sqrt(np.mean(true**2)) > 0.1
     assert np.linalg.norm(found - true) < 0.2 * np.linalg.norm(true)
+
+
+def test_what_the_rows_say_is_said_of_the_spring_that_the_columns_were_made_for() -> None:
+    """The linear fit wants another one: what it leaves is not what that spring leaves, of no parameter."""
+    model = robot(ARM)
+    train = prepare(model, [behind("joint_elasticity", 1, 14.0)], [])
+    library = Library(model, train.band)
+    spring = library.whole("joint_elasticity", (JOINT,), around=1.01 / SPRING, damping=0.02, exact=True)
+    fit = train.problem.fit([spring, library.local("rotor_inertia", JOINT)], inexact=True)
+    assert float(fit.theta_of(spring)[0]) < 0.9 / SPRING
+    _, score, _ = _equations(train.problem, library, fit, [], swinging(train.problem, library, fit))
+    made_for = fit.theta.copy()
+    made_for[0] = 1.01 / SPRING
+    never = unknown_columns(train.problem, dry_friction(model, fit), whole=True)
+    for i, (j, (index, X)) in enumerate(fit.blocks.items()):
+        left = (train.problem.y[:, j] - X @ made_for[index]) / fit.variance[:, j]
+        own = len(fit.theta) + len(never) * i + np.arange(len(never))
+        np.testing.assert_allclose(score[own], never[:, :, j] @ left, rtol=1e-6, atol=1e-9)
+    index, X = fit.blocks[JOINT]
+    rotor = X[:, list(index).index(1)] / fit.variance[:, JOINT]  # a column that does not depend on the spring
+    assert score[1] == pytest.approx(rotor @ (train.problem.y[:, JOINT] - X @ made_for[index]), rel=1e-6)
+
+
+def test_a_step_so_long_that_links_swing_otherwise_is_not_believed() -> None:
+    model = robot(ARM)
+    train = prepare(model, [behind("joint_elasticity", 1, 14.0)], [])
+    library = Library(model, train.band)
+    spring = library.whole("joint_elasticity", (JOINT,), around=1.0 / SPRING, damping=0.02, exact=True)
+    fit = train.problem.fit([spring], inexact=True)
+    swings, step = swinging(train.problem, library, fit), np.zeros(len(fit.theta))
+    step[0] = 1e-4 / SPRING
+    assert follows(library, fit, swings, step, gained=1.0)
+    step[0] = 0.5 / SPRING
+    assert not follows(library, fit, swings, step, gained=1.0)
+    step[0] = -2.0 / SPRING  # a spring that pushes
+    assert not follows(library, fit, swings, step, gained=np.inf)
 
 
 @cache

@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnosis_bags import bag, messages
+from motions import Motion as Path_
 from robots import DATA, robot, urdf
-from test_diagnosis import ARM, record
+from test_diagnosis import ARM, RATE, record
 from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.cli.main import run
+from sysid_ros.diagnosis import diagnose
 from sysid_ros.diagnosis.channel_faults import Fault
 from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
 from sysid_ros.diagnosis.whose.robot_hypotheses import judge
@@ -21,6 +23,7 @@ from sysid_ros.diagnosis.whose.robot_likelihood import probabilities
 from sysid_ros.diagnosis.whose.robot_trial import Trial
 from sysid_ros.effects import JointSign, TorqueSign, TorqueUnit
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 
 
 @pytest.mark.slow
@@ -54,6 +57,47 @@ def test_a_wrong_sign_is_told_from_a_joint_that_counts_backwards() -> None:
         assert fault.joints == (2,)
         assert fault.probability is not None
         assert fault.probability > 0.9
+
+
+def rubs_more_than_it_carries(sign: float) -> Recording:
+    """An arm whose first joint, on a vertical axis, shows hardly anything but friction, in efforts of some sign."""
+    model, rng = robot(ARM), np.random.default_rng(3)
+    t = np.arange(round(20.0 * RATE)) / RATE
+    q, v, a = Path_(model, 3, speed=0.8)(t)
+    tau = model.rnea_along(q, v, a)
+    size = tau[:, 0].std()
+    tau[:, 0] += 8.0 * size * np.tanh(v[:, 0] / 0.02) + 3.0 * size * v[:, 0] / v[:, 0].std()
+    tau += 0.5 * size * rng.normal(size=q.shape)
+    return Recording("rubs", t, q, None, tau * np.where(np.arange(model.n) == 0, sign, 1.0))
+
+
+def test_friction_that_gives_power_is_an_effort_of_the_wrong_sign() -> None:
+    right, wrong = (judge(robot(ARM), [rubs_more_than_it_carries(sign)]) for sign in (1.0, -1.0))
+    assert right is not None
+    assert wrong is not None
+    assert not right.faults
+    (fault,) = wrong.faults
+    assert fault.effect.id == TorqueSign.id
+    assert fault.joints == (0,)
+
+
+@pytest.mark.slow
+def test_of_one_dead_channel_among_currents_nothing_is_said_and_of_the_others_their_factors() -> None:
+    factors, rng = np.array([11.0, 14.0, 7.0, 9.0]), np.random.default_rng(0)
+
+    def published(seed: int) -> Recording:
+        tau = record(None, seed).tau / factors
+        tau[:, 3] = 1e-4 * rng.normal(size=len(tau))
+        return replace(record(None, seed), tau=tau)
+
+    found = diagnose(robot(ARM), [published(1)], [published(2)])
+    assert found.verdict != "refused"
+    (unit,) = [f for f in found.findings if f.id == TorqueUnit.id]
+    names = robot(ARM).joint_names
+    assert [p.joint for p in unit.parameters] == list(names[:3])
+    np.testing.assert_allclose([float(p.value) for p in unit.parameters] * factors[:3], 1.0, rtol=0.02)
+    assert not any(names[3] in f.joints for f in found.causes)
+    assert any(f"On {names[3]} the efforts hold nothing" in note for note in found.notes)
 
 
 @pytest.mark.slow

@@ -105,6 +105,23 @@ def test_a_model_that_predicts_worse_gives_way_to_the_plain_baseline() -> None:
     assert no_worse(train.problem, library, right, held) is right
 
 
+def pushing(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
+    """Friction of the wrong sign."""
+    return 2.0 * tau - coulomb(model, t, q, v, a, tau)
+
+
+def test_nothing_that_physics_forbids_takes_the_place_of_a_model_that_predicts_worse() -> None:
+    model = robot(ARM)
+    train, judged = (prepare(model, [record(pushing, seed, 12.0)], []) for seed in (1, 2))
+    library = Library(model, train.band)
+    wrong = train.problem.fit([library.local("torque_offset_drift", 1)])
+    held = HeldOut.of(model, judged, wrong)
+    baseline = train.problem.fit([t for j in train.problem.active for t in plain_terms(library, int(j))])
+    assert min(float(baseline.theta_of(t)[0]) for t in baseline.terms if t.effect.nonnegative) < -0.1
+    fit = no_worse(train.problem, library, wrong, held)
+    assert all(float(fit.theta_of(t)[0]) > 0.0 for t in fit.terms if t.effect.nonnegative)
+
+
 def test_the_probability_of_a_cause_is_shared_with_what_stands_in_for_it() -> None:
     train, library = rows()
     selection = Selection(train.problem, library, train.nominal)

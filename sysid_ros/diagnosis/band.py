@@ -61,6 +61,7 @@ class Band:
         noise: of rows of a band, shape (K, n), what makes them the likeliest; None: one colour for all, :class:`.Noise`.
         mixed: what the first rows of each motion are multiplied by, shape (m, m) each; None: nothing.
         usable: where the rows of ``active`` may be used, shape (N, n) of each motion; None: always.
+        silent: indices of joints whose efforts hold nothing of their torque; they count as joints that stand.
 
     Attributes:
         f: frequency of each coefficient, shape (K,) [Hz]. segment: which segment it belongs to, shape (K,).
@@ -78,6 +79,7 @@ class Band:
         usable: Sequence[NDArray[np.bool_]] | None = None,
         noise: Callable[[Band, FloatArray], RowNoise] | None = None,
         mixed: Sequence[FloatArray] | None = None,
+        silent: Sequence[int] = (),
     ) -> None:
         self.motions, self._noise, self._mixed = tuple(motions), noise, mixed
         robot = self.motions[0].robot
@@ -87,6 +89,8 @@ class Band:
             self.moving = [_without_twitches(np.abs(m.v) > stands, m.period) for m in self.motions]
         else:
             self.moving = list(usable or (np.ones(m.v.shape, dtype=np.bool_) for m in self.motions))
+        for moving in self.moving:
+            moving[:, list(silent)] = False
         self.moves = np.mean(np.concatenate(self.moving), axis=0)
         self.active = self.moves > _FEWEST if active is None else active
         self._fades = active is None

@@ -40,6 +40,8 @@ _BROAD = 10.0
 _SPREAD, _APART = np.log(10.0), np.log(3.0)
 """Standard deviations of the logarithm of all factors together (per cent, amperes, counts), and of one joint's against them,
 before any data."""
+_DEAD = 0.1
+"""Probability that an effort in such a unit holds nothing of its joint's torque, before any data."""
 _ROUNDS = 3
 _SEEN = 1e-6
 """Part of a column that all others leave of it, from which its parameter is determined."""
@@ -96,10 +98,9 @@ def faults_of_units(n: int) -> Iterator[tuple[str, Fault]]:
 
 
 def fault_of_factors(found: EffortFactors, candidates: int) -> Fault:
-    """A factor of its own on each effort."""
-    n = len(found.values)
-    values = tuple(("factor", j, float(found.values[j]), "1", None) for j in range(n))
-    return Fault(TorqueUnit(found.values.tolist()), tuple(range(n)), values, n, candidates)
+    """A factor of its own on each effort; those of efforts without a signal are not told."""
+    values = tuple(("factor", int(j), float(found.values[j]), "1", None) for j in np.flatnonzero(found.seen))
+    return Fault(TorqueUnit(found.values.tolist()), tuple(range(len(found.values))), values, len(values), candidates)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,10 +148,11 @@ def effort_factors(kernels: RobotKernels, tau: FloatArray) -> EffortFactors:
         theta[:n] = 0.0
         without = x.sizes(tau[:, j] / factors[j], x.fixed() - x.prior[1])[1]
         with_bodies = x.sizes(x.residual[:, 0] - x.prior[0] @ theta, x.fixed(), sizes[j])[1]
-        seen[j] = gain[j] > 0.0 and with_bodies + log_prior[j] > without
+        seen[j] = gain[j] > 0.0 and with_bodies + log_prior[j] + np.log(1.0 - _DEAD) > without + np.log(_DEAD)
     if seen.any():
         factors = np.where(seen, factors, np.exp(np.median(np.log(factors[seen]))))
-    return EffortFactors(factors, factors * part, seen, float(log_prior[seen].sum() + _together(np.log(factors[seen]))))
+    log_prior = np.where(seen, log_prior + np.log(1.0 - _DEAD), np.log(_DEAD))
+    return EffortFactors(factors, factors * part, seen, float(log_prior.sum() + _together(np.log(factors[seen]))))
 
 
 def _narrowly(logs: FloatArray, part: FloatArray) -> FloatArray:
@@ -175,7 +177,8 @@ def _joints(kernels: RobotKernels, tau: FloatArray, factors: FloatArray, usual: 
         whole, by_load = kernels.whole_arm(j, 0.0), kernels.by_load(j, 0.0)
         residual = tau[:, [j]] / factors[j] - kernels.mean[:, [j]]
         prior = np.concatenate([gains, whole], axis=1), by_load
-        out.append(JointTorques(residual, prior, kernels.own(j), kernels.pattern, float(usual[j])))
+        takes = kernels.dissipated(j, float(usual[j]), by_load=True)
+        out.append(JointTorques(residual, prior, kernels.own(j), kernels.pattern, float(usual[j]), takes))
     return out
 
 

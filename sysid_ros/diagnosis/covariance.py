@@ -15,8 +15,9 @@ import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.prepare import SCALES, inexact_links
+from sysid_ros.diagnosis.prepare import SCALES
 from sysid_ros.diagnosis.sets.block_scatter import BlockScatter
+from sysid_ros.diagnosis.swings import Swing, follows, slope_of, swinging
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects.traits import Curve
 from sysid_ros.estimators.symmetric import inverse_of, scaled_to_one
@@ -24,8 +25,6 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import SLIDE, smoothed_sign, smoothed_sign_slope
 from sysid_ros.sample import FloatArray
 
-_PROBE = 0.003
-"""Relative step of a difference."""
 _BUMPS = {0.015: 0.5, 0.05: 0.05}
 """Part by which dry friction may be more or less below a speed [rad/s], whatever its form."""
 _EARLY = 0.002
@@ -40,8 +39,6 @@ _OWN = np.zeros(0)
 """No probabilities of scales: that of the fit alone."""
 _OFFSET = 0.01
 """Part of its effort limit by which a joint's sensor is off where no offset was found: a spring that rests elsewhere is alike."""
-_DIRECTIONS, _PART = 6, 0.05
-"""Ways in which inexact links load a compliant joint, those that load it most, and how far they are followed of what is usual."""
 _GAIN = 0.02
 """Part by which the torque constant of a joint is off, where the links are not exact either."""
 
@@ -83,20 +80,12 @@ def with_knobs(problem: Problem, library: Library, fit: Fit, scales: FloatArray 
     Args:
         scales: probability of each of :data:`sysid_ros.diagnosis.prepare.SCALES`; empty for that of the fit alone.
     """
-    knobs = _knobs(library, fit)
-    information, score, blocks = _equations(problem, library, fit, knobs)
-    count = len(fit.theta)
-    linear = np.delete(np.arange(len(score)), count + np.arange(len(knobs)))  # knobs stay: far off, their columns are others
-    links = slice(count - len(problem.prior), count) if fit.inexact else slice(0, 0)
-    parts = []
-    for weight, prior in _inexactness(problem, fit, scales):
-        more = np.zeros(len(score))
-        more[links] = prior - problem.prior if fit.inexact else 0.0
-        own, moved = information + np.diag(more), np.zeros(len(score))
-        asked = score - np.concatenate([more[:count] * fit.theta, np.zeros(len(score) - count)])
-        scaled, scale = scaled_to_one(own[np.ix_(linear, linear)])
-        moved[linear] = np.linalg.solve(scaled, asked[linear] * scale) * scale
-        parts.append(_Part(weight, moved, inverse_of(own), blocks.ratios(own)))
+    knobs, count = _knobs(library, fit), len(fit.theta)
+    swings = swinging(problem, library, fit)
+    parts = _parts(problem, library, fit, knobs, swings, scales)
+    if swings and not follows(library, fit, swings, (best := max(parts, key=lambda x: x.weight)).moved[:count], best.gained):
+        swings = ()
+        parts = _parts(problem, library, fit, knobs, swings, scales)
     out = {}
     for term, where in zip(fit.terms, fit.slices, strict=True):
         own_knobs = [i for i, knob in enumerate(knobs) if knob.term is term]
@@ -110,12 +99,34 @@ def with_knobs(problem: Problem, library: Library, fit: Fit, scales: FloatArray 
 
 
 class _Part(NamedTuple):
-    """With links of one inexactness: its probability, how far the parameters move, their covariance, and how they scatter."""
+    """With links of one inexactness: its probability, how far the parameters move, their covariance, how they scatter, and by
+    how much likelier the rows are then, if all is linear."""
 
     weight: float
     moved: FloatArray
     covariance: FloatArray
     ratios: FloatArray
+    gained: float
+
+
+def _parts(
+    problem: Problem, library: Library, fit: Fit, knobs: Sequence[_Knob], swings: Sequence[Swing], scales: FloatArray
+) -> list[_Part]:
+    information, score, blocks = _equations(problem, library, fit, knobs, swings)
+    count = len(fit.theta)
+    linear = np.delete(np.arange(len(score)), count + np.arange(len(knobs)))  # knobs stay: far off, their columns are others
+    links = slice(count - len(problem.prior), count) if fit.inexact else slice(0, 0)
+    parts = []
+    for weight, prior in _inexactness(problem, fit, scales):
+        more = np.zeros(len(score))
+        more[links] = prior - problem.prior if fit.inexact else 0.0
+        own, moved = information + np.diag(more), np.zeros(len(score))
+        asked = score - np.concatenate([more[:count] * fit.theta, np.zeros(len(score) - count)])
+        scaled, scale = scaled_to_one(own[np.ix_(linear, linear)])
+        moved[linear] = np.linalg.solve(scaled, asked[linear] * scale) * scale
+        gained = 0.5 * float(asked[linear] @ moved[linear])
+        parts.append(_Part(weight, moved, inverse_of(own), blocks.ratios(own), gained))
+    return parts
 
 
 def _inexactness(problem: Problem, fit: Fit, scales: FloatArray) -> list[tuple[float, FloatArray]]:
@@ -161,16 +172,16 @@ def _knobs(library: Library, fit: Fit) -> list[_Knob]:
 
 
 def _equations(
-    problem: Problem, library: Library, fit: Fit, knobs: Sequence[_Knob]
+    problem: Problem, library: Library, fit: Fit, knobs: Sequence[_Knob], swings: Sequence[Swing]
 ) -> tuple[FloatArray, FloatArray, BlockScatter]:
     """Information of the parameters of a fit, of its knobs and of what is never known of each joint; what the rows that are left
-    say of them, which is nothing but of the last and of a delay; and how their scores scatter."""
+    say of them, which is nothing but of the last, of a delay and of links that swing; and how their scores scatter."""
     count = len(fit.theta)
-    slopes = {t: _slope(library, t) for t in fit.terms if t.effect.deflection or t.effect.corrects}
-    swings = [t for t in fit.terms if fit.inexact and (how := t.effect.deflection) and how.smooth]
+    slopes = {t: slope_of(library, t) for t in fit.terms if t.effect.deflection or t.effect.corrects}
+    swinging = [x.term for x in swings]
     links = np.arange(count - len(problem.prior), count)
-    swung = sum((by_links(problem, library, fit, t) for t in swings), np.zeros_like(problem.nuisance))
-    moved = sum((t.rows(fit.theta_of(t) - _theta(fit, t)) for t in swings), np.zeros_like(fit.residual))
+    swung = sum((x.by_links for x in swings), np.zeros_like(problem.nuisance))
+    moved = sum((t.rows(fit.theta_of(t) - _theta(fit, t)) for t in swinging), np.zeros_like(fit.residual))
     never = unknown_columns(problem, dry_friction(library.robot, fit), whole=True)
     scaled_joints = {t.row for t in fit.terms if t.effect.of_own_torque}  # whose gain is a cause of its own
     off = {t.row for t in fit.terms if _is_constant(t)}  # whose offset is a cause of its own
@@ -183,7 +194,7 @@ def _equations(
         for term, slope in slopes.items():
             start = fit.slices[fit.terms.index(term)].start
             X[:, index == start] = slope[:, j, None]
-            if term.effect.corrects or term in swings:
+            if term.effect.corrects or term in swinging:
                 score[start] += float(slope[:, j] @ (fit.residual[:, j] / fit.variance[:, j]))
         if swings:
             X[:, np.isin(index, links)] += swung[:, j]
@@ -195,7 +206,7 @@ def _equations(
         every = np.concatenate([index, np.arange(count, first), unknown])
         root = np.sqrt(fit.variance[:, j, None])
         columns = np.concatenate([X, *(knob.slope[:, j, None] for knob in knobs), never[:, :, j].T], axis=1) / root
-        residual = fit.residual[:, j] / root[:, 0]
+        residual = (fit.residual[:, j] + moved[:, j]) / root[:, 0]
         information[np.ix_(every, every)] += columns.T @ columns
         score[unknown] += columns[:, columns.shape[1] - each :].T @ residual
         blocks.add(columns, residual, every)
@@ -217,31 +228,6 @@ def dry_friction(robot: RobotModel, fit: Fit) -> FloatArray:
     for term in fit.terms:
         level += term.effect.as_dry_friction(term.theta_of_effect(fit.theta_of(term)))
     return np.maximum(level, 0.0)
-
-
-def _slope(library: Library, term: Term) -> FloatArray:
-    """Derivative of a compliant joint's torque by its compliance or gap, and of all torques by a delay, shape (K, n): far from
-    the torque over any of these."""
-    if term.effect.corrects:
-        return np.asarray(library.remake(term, around=0.0).columns[..., 0])
-    value = float(term.effect.settings["around"])
-    sides = [value * (1.0 + s) for s in (_PROBE, -_PROBE)]
-    torque = [library.remake(term, around=x).columns[..., 0] * x for x in sides]
-    return np.asarray((torque[0] - torque[1]) / (2.0 * _PROBE * value))
-
-
-def by_links(problem: Problem, library: Library, fit: Fit, term: Term) -> FloatArray:
-    """Derivative of a compliant joint's torque by each parameter of the inexact links, shape (K, n, c): along the directions in
-    which these, as far off as is usual, load that joint most."""
-    joint, usual = term.joints[0], problem.prior**-0.5
-    columns = problem.nuisance[:, joint] * usual / np.sqrt(fit.variance[:, joint, None])
-    directions = np.linalg.svd(columns, full_matrices=False)[2][:_DIRECTIONS]
-    basis, links = inexact_links(library.robot).basis, np.array(term.effect.settings.get("links", np.zeros(10 * library.robot.n)))
-    out = np.zeros_like(problem.nuisance)
-    for direction in directions:
-        other = library.remake(term, links=(links + _PART * basis @ (usual * direction)).tolist())
-        out += (other.columns - term.columns) * _theta(fit, term)[0] / _PART * (direction / usual)
-    return out
 
 
 def unknown_columns(problem: Problem, dry: FloatArray, whole: bool = False) -> FloatArray:

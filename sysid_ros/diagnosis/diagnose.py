@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from typing import Any
 
@@ -30,7 +31,6 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.temperature import known_everywhere
 from sysid_ros.simulation.simulators import installed
-from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.model_file import ModelFile
 
 _MOST_CONTACTS = 8
@@ -81,19 +81,21 @@ def diagnose(
     doubt = whose.refusal if whose else None
     if whose and doubt and whose.hopeless:
         return Diagnosis("refused", robot.joint_names, refusal=doubt, notes=notes)
-    faults = whose.faults if whose else ()
+    faults, silent = (whose.faults, whose.silent) if whose else ((), ())
     of_data = [*signal_findings(fitted, robot.joint_names), *message_finding(of_messages, robot.joint_names)]
 
     effects = known.known_effects(robot) if known else []
-    train, selection, contacts = _search(robot, [undone(r, faults) for r in fitted], effects, progress)
-    held, later = _held_out(robot, [undone(r, faults) for r in judged], effects, train, selection.fit, progress)
+    prepared = partial(prepare, robot, known=effects, silent=silent)
+    train, selection, contacts = _search(robot, [undone(r, faults) for r in fitted], prepared, progress)
+    held, later = _held_out(robot, [undone(r, faults) for r in judged], prepared, train, selection.fit, progress)
+    notes += whose.in_words if whose else ()
     notes += tuple(f"{c.recording}: {c.in_words()}, and is left out of what the models are judged on." for c in later)
     told = Judged(train, selection, selection.judged_with(held), held)
     found, fit = with_ceiling(report(told), told, progress), told.fit
     if doubt and (found.verdict not in _WHOLLY or sum(t.effect.replaces_links for t in fit.terms) > _REPLACED):
         return Diagnosis("refused", robot.joint_names, refusal=doubt, notes=notes)
 
-    published = prepare(robot, [without(r, later) for r in judged], effects) if faults else held.prepared
+    published = prepared([without(r, later) for r in judged]) if faults else held.prepared
     others = [*of_data, *contact_findings(contacts, robot)]
     found = with_faults(found, faults, fault_evidence(robot, fitted, faults), others, train, published, held, fit)
     model = extended_model(robot, known, fit, told.values, train, {r.name: r.start for r in fitted}, provenance or {})
@@ -106,17 +108,17 @@ def diagnose(
 
 
 def _search(
-    robot: RobotModel, fitted: Sequence[Recording], effects: Sequence[KnownEffect], progress: Progress
+    robot: RobotModel, fitted: Sequence[Recording], prepared: Callable[..., Prepared], progress: Progress
 ) -> tuple[Prepared, Selection, list[Contact]]:
     """The rows to fit, the causes that were found in them, and the contacts that were left out of them."""
     progress("filtering")
-    train = prepare(robot, fitted, effects)
+    train = prepared(fitted)
     progress("looking for contacts")
     contacts = more = strong_contacts(robot, train)
     while True:
         if more:
             fitted = [without(r, more) for r in fitted]
-            train = prepare(robot, fitted, effects)
+            train = prepared(fitted)
         progress("computing what each effect would do")
         selection = searched(robot, train, progress)
         # a strong contact hides a weaker one
@@ -129,17 +131,17 @@ def _search(
 def _held_out(
     robot: RobotModel,
     judged: Sequence[Recording],
-    effects: Sequence[KnownEffect],
+    prepared: Callable[..., Prepared],
     train: Prepared,
     fit: Fit,
     progress: Progress,
 ) -> tuple[HeldOut, list[Contact]]:
     """What is judged on, and the contacts that were left out of it."""
     progress("judging on held-out data")
-    held = HeldOut.of(robot, prepare(robot, judged, effects, train.turns), fit)
+    held = HeldOut.of(robot, prepared(judged, turns=train.turns), fit)
     if later := contacts_held_out(robot, held, fit):
         judged = [without(r, later) for r in judged]
-        held = HeldOut.of(robot, prepare(robot, judged, effects, train.turns), fit)
+        held = HeldOut.of(robot, prepared(judged, turns=train.turns), fit)
     return held, later
 
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sysid_ros.diagnosis.fit import Fit, Problem
+from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import SCALES, Prepared, links_off, torques
 from sysid_ros.diagnosis.term import Term
@@ -204,7 +204,8 @@ def no_worse(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit
 
     All of it gives way where it predicts worse in all. A joint that is worse gets the baseline's terms in place of its own, or
     none, or the links are more or less inexact, or exact: of those with which it is no worse what leaves the least of all joints,
-    else what leaves the least of it. None makes another joint worse than the baseline. The problem's scale becomes the fit's.
+    else what leaves the least of it. None makes another joint worse than the baseline, and nothing that physics forbids takes a
+    place, if it predicts ever so well. The problem's scale becomes the fit's.
     """
     plain = {int(j): plain_terms(library, int(j)) for j in problem.active}
     held.add([t for terms in plain.values() for t in terms])
@@ -222,10 +223,19 @@ def no_worse(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit
         problem.scale = scale
         return problem.fit(terms, fit.noise, 0, scale != exact)
 
+    def lawful(terms: Sequence[Term], scale: tuple[float, float]) -> Fit:
+        while True:
+            found = made(terms, scale)
+            wrong = next((t for t in terms if t not in fit.terms and not allowed(problem, found, t)), None)
+            if wrong is None:
+                return found
+            terms = [t for t in terms if t is not wrong]
+
     exact, usual = SCALES[0], problem.scale
     scale = usual if fit.inexact else exact
-    baseline, nothing = made([t for terms in plain.values() for t in terms], exact), made([], exact)
-    simpler = min((baseline, nothing), key=of_all)
+    every = [t for terms in plain.values() for t in terms]
+    baseline = made(every, exact)
+    simpler = min((lawful(every, exact), made([], exact)), key=of_all)
     problem.scale = usual
     if np.linalg.norm(error(fit)) > _WORSE * np.linalg.norm(error(simpler)):
         return simpler
@@ -234,10 +244,10 @@ def no_worse(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit
         if error(fit)[j] <= limit[j] or int(j) not in plain:
             continue
         others = [t for t in fit.terms if t.row != j]
-        options = [(made(terms, scale), scale) for terms in ([*others, *plain[int(j)]], others)]
+        options = [(lawful(terms, scale), scale) for terms in ([*others, *plain[int(j)]], others)]
         options += [(made(fit.terms, x), x) for x in SCALES if x != scale]
-        allowed = np.maximum(error(fit), limit)
-        options = [x for x in options if np.all(error(x[0]) <= allowed) and error(x[0])[j] < error(fit)[j]]
+        most = np.maximum(error(fit), limit)
+        options = [x for x in options if np.all(error(x[0]) <= most) and error(x[0])[j] < error(fit)[j]]
         good = [x for x in options if error(x[0])[j] <= limit[j]]
         fit, scale = (
             min(good, key=lambda x: of_all(x[0]))

@@ -63,25 +63,29 @@ class Prepared:
 
 
 def prepare(
-    robot: RobotModel, recordings: Sequence[Recording], known: Sequence[KnownEffect], turns: FloatArray | None = None
+    robot: RobotModel,
+    recordings: Sequence[Recording],
+    known: Sequence[KnownEffect],
+    turns: FloatArray | None = None,
+    silent: Sequence[int] = (),
 ) -> Prepared:
     """Smooth motions of recordings and what the nominal model (URDF, or the known effects) leaves of their torque.
 
     Args:
-        turns: as :class:`Prepared` has it, where it was found before.
+        turns: as :class:`Prepared` has it, where it was found before. silent: joints whose efforts hold nothing of their torque.
     """
     named = [(recording.name, motion) for recording in recordings for motion in motions(robot, recording)]
     found = [motion for _, motion in named]
     turns = _turns(robot, found) if turns is None else turns
     model = TorqueModel(robot, [], known, turns=turns)
     nominal = [_nominal(model, motion) for motion in found]
-    prepared = assemble(robot, [m.with_torques(m.link_torque, t) for m, t in zip(found, nominal, strict=True)], nominal)
+    prepared = assemble(robot, [m.with_torques(m.link_torque, t) for m, t in zip(found, nominal, strict=True)], nominal, silent)
     return replace(prepared, names=tuple(name for name, _ in named), turns=turns)
 
 
-def assemble(robot: RobotModel, found: Sequence[Motion], nominal: Sequence[FloatArray]) -> Prepared:
-    """The problem of motions whose nominal torque is known."""
-    band = Band(found)
+def assemble(robot: RobotModel, found: Sequence[Motion], nominal: Sequence[FloatArray], silent: Sequence[int] = ()) -> Prepared:
+    """The problem of motions whose nominal torque is known; ``silent`` as in :func:`prepare`."""
+    band = Band(found, silent=silent)
     y = band.rows([m.tau - t for m, t in zip(found, nominal, strict=True)])
     links = inexact_links(robot)
     columns = band.rows([m.regressor @ links.basis for m in found])

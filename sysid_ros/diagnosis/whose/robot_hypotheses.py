@@ -19,6 +19,7 @@ from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
 from sysid_ros.diagnosis.whose.robot_kernels import Carried
 from sysid_ros.diagnosis.whose.robot_likelihood import likeliest, probabilities
 from sysid_ros.diagnosis.whose.robot_trial import Trial
+from sysid_ros.effects.wording import listed
 from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError
 from sysid_ros.input_gate.message_faults import in_order
@@ -76,9 +77,26 @@ class Judgement:
     @property
     def refusal(self) -> str | None:
         """Why nothing can be said with this URDF, and the cure; None where something can."""
-        if self.factors is not None and not self.factors.seen.all():
+        if self.factors is not None and 2 * len(self.silent) >= self.robot.n:
             return self._without_signal(self.factors)
         return self._of_another_robot() if self.probability < _LIKELY else None
+
+    @property
+    def silent(self) -> tuple[int, ...]:
+        """Indices of the joints whose efforts hold nothing of the links' torque, in a unit of their own."""
+        return () if self.factors is None else tuple(int(j) for j in np.flatnonzero(~self.factors.seen))
+
+    @property
+    def in_words(self) -> tuple[str, ...]:
+        """What is to be said of the channels beside their faults."""
+        if not self.silent:
+            return ()
+        where = listed([self.robot.joint_names[j] for j in self.silent])
+        return (
+            f"On {where} the efforts hold nothing of the links' torque, so that no factor of their unit can be told there, and "
+            "nothing is said of these joints: the channels are dead, or friction is all that they show. Publish joint torques in "
+            "N m (current times torque constant and gear ratio).",
+        )
 
     def _of_another_robot(self) -> str:
         other = "functions of the joint angles that know no robot"

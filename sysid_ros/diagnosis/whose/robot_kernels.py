@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from copy import copy
 from enum import Enum, auto
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,6 +42,14 @@ _REST, _MEMORY = 0.5, 1.0
 _GRAVITY = 9.81
 Prior = tuple[FloatArray, FloatArray]
 """Of one joint: columns times the standard deviations of their parameters, shape (N, p), and a covariance beside them, (N, N)."""
+
+
+class Dissipated(NamedTuple):
+    """The mean power that friction takes from a joint, before any data: its covariance with the joint's rows, shape (N,), and its
+    variance; its mean is 0. Friction gives none, so that it is positive."""
+
+    beside: FloatArray
+    variance: float
 
 
 class Carried(Enum):
@@ -91,16 +100,26 @@ class RobotKernels:
     def own(self, joint: int) -> FloatArray:
         """Covariance of what a joint has of its own, over the square of its usual torque, shape (N, N)."""
         r = self.rows
-        q, v, a = r.q[:, joint], r.v[:, joint], r.a[:, joint]
-        v, a = v / max(float(v.std()), 1e-9), a / max(float(a.std()), 1e-9)
-        dry = [_DRY * r.sign[:, joint], *(_DRY * r.dry[:, joint].T)]
-        X = np.stack([np.full_like(v, _OFFSET), _VISCOUS * v, _QUADRATIC * v * np.abs(v), _ROTOR * a, *dry], axis=1)
+        q, a = r.q[:, joint], r.a[:, joint]
+        X = np.column_stack([np.full_like(q, _OFFSET), _ROTOR * a / max(float(a.std()), 1e-9), self._friction(joint)])
         out = X @ X.T * self._slow
         for size, length in (_SPRING, _RIPPLE):
             out += size**2 * np.exp(-0.5 * ((q[:, None] - q) / length) ** 2)
         stands = _DRY * r.stands[:, joint]
         out += stands[:, None] * stands * self._rest
         return np.asarray(out)
+
+    def _friction(self, joint: int) -> FloatArray:
+        """Columns of a joint's own friction, shape (N, f)."""
+        r, v = self.rows, self.rows.v[:, joint]
+        v = v / max(float(v.std()), 1e-9)
+        return np.column_stack([_VISCOUS * v, _QUADRATIC * v * np.abs(v), _DRY * r.sign[:, joint], _DRY * r.dry[:, joint]])
+
+    def dissipated(self, joint: int, usual: float, by_load: bool) -> Dissipated:
+        """What a joint's friction takes, its own and, if asked, that of its load; ``usual``: the joint's usual torque [N m]."""
+        X, w = self._friction(joint), self.rows.v[:, joint] / len(self.rows.t)
+        F = usual**2 * (X @ X.T) * self._slow + (self.by_load(joint, 0.0) if by_load else 0.0)
+        return Dissipated(F @ w, float(w @ F @ w))
 
     def urdf(self, joint: int, usual: float) -> Prior:
         """The URDF's bodies, as exact as a URDF is, what the whole arm may have beside them, a gain and friction by the load.

@@ -16,9 +16,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg, optimize
+from scipy import linalg, optimize, special
 
-from sysid_ros.diagnosis.whose.robot_kernels import Prior
+from sysid_ros.diagnosis.whose.robot_kernels import Dissipated, Prior
 from sysid_ros.sample import FloatArray
 
 LEAVES, LEAVES_ALL, _SPREAD = np.log(0.05), 0.0, np.log(3.0)
@@ -43,7 +43,7 @@ class JointTorques:
 
     Attributes:
         residual: y - m of each of g forms of the hypothesis, shape (N, g). prior: X and A. own: O. pattern: D. usual: u.
-        leaves: expected logarithm of kappa.
+        dissipated: what the joint's friction takes. leaves: expected logarithm of kappa.
     """
 
     residual: FloatArray
@@ -51,6 +51,7 @@ class JointTorques:
     own: FloatArray
     pattern: FloatArray
     usual: float
+    dissipated: Dissipated
     leaves: float = LEAVES
 
     def doubt(self, sizes: FloatArray) -> float:
@@ -178,7 +179,7 @@ def _densities_along(joints: Sequence[JointTorques], covariances: Sequence[Float
     G, g, out = np.eye(p), np.zeros((p, forms)), np.zeros((forms, rows))  # what the joints so far say of the shared parameters
     for x, K in zip(joints, covariances, strict=True):
         X, told = x.prior[0], _factored(G)
-        out += _densities(x.residual - X @ linalg.cho_solve(told, g), K + _spread(X, told))
+        out += _densities(x.residual - X @ linalg.cho_solve(told, g), K + _spread(X, told), x.dissipated)
         weighted = inverse(K) @ X
         G, g = G + X.T @ weighted, g + weighted.T @ x.residual
     return out
@@ -197,11 +198,20 @@ def _factored(precision: FloatArray) -> tuple[FloatArray, bool]:
     return root, bool(lower)
 
 
-def _densities(error: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Log-density of each row given those before it, of errors of shape (N, g), shape (g, N)."""
+def _densities(error: FloatArray, covariance: FloatArray, dissipated: Dissipated) -> FloatArray:
+    """Log-density of each row given those before it, of errors of shape (N, g), shape (g, N).
+
+    Where friction takes power: the density of Gaussian friction times what of it takes some, after the rows over before them
+    (half), in equal parts on all rows.
+    """
     root = linalg.cholesky(covariance, lower=True, check_finite=False)
-    white = linalg.solve_triangular(root, error, lower=True, check_finite=False)
-    return np.asarray(-(0.5 * white**2 + np.log(np.diag(root))[:, None] + 0.5 * np.log(2.0 * np.pi)).T)
+    both = np.column_stack([error, dissipated.beside])
+    white = linalg.solve_triangular(root, both, lower=True, check_finite=False)
+    error, beside = white[:, :-1], white[:, -1]
+    left = max(dissipated.variance - float(beside @ beside), _ROUNDED * dissipated.variance)
+    takes = special.log_ndtr(beside @ error / np.sqrt(left)) + np.log(2.0) if left > 0.0 else np.zeros(error.shape[1])
+    rows = 0.5 * error**2 + np.log(np.diag(root))[:, None] + 0.5 * np.log(2.0 * np.pi)
+    return np.asarray((takes / len(error) - rows).T)
 
 
 def likeliest(forms: FloatArray) -> FloatArray:

@@ -121,5 +121,7 @@ class Trial:
             if self.silent[j]:
                 residual = np.repeat(self.rows.tau[:, [j]], residual.shape[1], axis=1)
                 prior = 0.0 * prior[0], 0.0 * prior[1]
-            joints.append(JointTorques(residual, prior, k.own(j), k.pattern, float(self.usual[j]), leaves))
+            usual = float(self.usual[j])
+            takes = k.dissipated(j, usual, by_load=bool(np.any(prior[1])))
+            joints.append(JointTorques(residual, prior, k.own(j), k.pattern, usual, takes, leaves))
         return row_likelihoods(joints) - self.scale
