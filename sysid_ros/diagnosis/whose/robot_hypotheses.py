@@ -34,7 +34,7 @@ _CARRIED = {Carried.SOMETHING: 0.45, Carried.NOTHING: 0.45, Carried.CHANGING: 0.
 for no payload."""
 _LIKELY, _SURE = 0.5, 0.95
 """Probabilities from which a fault is likelier than not, and from which it is undone: what is undone wrongly spoils all that
-comes after it, and what is left shows."""
+comes after it, and what is left shows. So sure must a URDF be the robot's if some channels are not to speak against it."""
 _HOPELESS = 0.001
 """Probability below which nothing that is found later is waited for."""
 _FAULTS = 3
@@ -77,7 +77,8 @@ class Judgement:
     @property
     def refusal(self) -> str | None:
         """Why nothing can be said with this URDF, and the cure; None where something can."""
-        if self.factors is not None and 2 * len(self.silent) >= self.robot.n:
+        few = 2 * len(self.silent) >= self.robot.n
+        if self.factors is not None and (few or (self.silent and self.probability < _SURE)):
             return self._without_signal(self.factors)
         return self._of_another_robot() if self.probability < _LIKELY else None
 
