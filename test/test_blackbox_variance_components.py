@@ -44,6 +44,15 @@ def test_a_part_that_is_not_there_is_nothing() -> None:
     assert found.gained_by(np.outer(X[:, 0], X[:, 0])) < 3.0
 
 
+def test_a_part_that_the_fixed_columns_hold_is_nothing() -> None:
+    rng, line = np.random.default_rng(2), np.linspace(-1.0, 1.0, 200)
+    F = np.column_stack([np.ones(200), line])
+    found = VarianceComponents.fitted(rng.standard_normal(200), F, [np.outer(line, line), np.ones((200, 200)), np.eye(200)])
+    assert np.all(found.sizes[:2] == 0.0)
+    assert found.sizes[2] == pytest.approx(1.0, abs=0.25)
+    assert np.isfinite(found.log_likelihood)
+
+
 def test_the_power_of_a_part_lies_in_its_interval() -> None:
     inside = 0
     for seed in range(60):

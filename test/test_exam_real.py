@@ -26,7 +26,18 @@ from exam.stage import Stage, stage_of
 from exam.table import failed_targets
 
 from sysid_ros.diagnosis.prepare import prepare
-from sysid_ros.simulation.hidden_effects import CAUSES, Circumstances, HiddenEffect, Noise, cause_of, move, publish, realise
+from sysid_ros.simulation.hidden_effects import (
+    CAUSES,
+    Circumstances,
+    HiddenEffect,
+    Noise,
+    TrueRobot,
+    cause_of,
+    move,
+    publish,
+    realise,
+)
+from sysid_ros.simulation.payload import Payload
 
 pytestmark = pytest.mark.skipif(not all_there(), reason="the arms of the exam need: pip install example-robot-data")
 
@@ -331,6 +342,32 @@ def test_both_simulators_agree_on_a_robot_as_built() -> None:
     ours, theirs = stage.moved[1], move_in_mujoco(true, stage.motions[1], stage.rate, stage.stiffening)
     left = np.sqrt(np.mean((ours.tau - theirs.tau) ** 2, axis=0))
     assert np.all(left < 0.2 * stage.background)
+
+
+@pytest.mark.parametrize("name", ["ur10", "panda"])
+def test_what_is_carried_weighs_the_same_on_a_heavier_link(name: str) -> None:
+    """In both simulators, whose links it is not a part of."""
+    mujoco = pytest.importorskip("mujoco", reason="the second simulator needs MuJoCo: pip install 'sysid_ros[dev]'")
+    from exam.mujoco_model import build
+
+    robot, rng = arm(name).model(), np.random.default_rng(0)
+    true, tip = TrueRobot(robot), robot.n - 1
+    true.carry(Payload(2.0, np.array([0.02, -0.03, 0.05]), np.diag([0.01, 0.012, 0.008])))
+    true.picked_up = Payload(1.0, np.array([0.0, 0.04, 0.02]), np.diag([0.002, 0.003, 0.002]))
+    true.move_link(tip, 1.3, np.array([0.01, 0.0, -0.01]))
+    before = true.pi[tip].copy()
+    true.scale_masses(np.where(np.arange(robot.n) == tip, 1.2, 1.0))
+    assert true.pi[tip, 0] - before[0] == pytest.approx(0.2 * 1.3 * robot.pi.reshape(-1, 10)[tip, 0])
+    for bodies, pi in ((true.carried, true.pi), ([*true.carried, true.picked_up], true.pi_after)):
+        model = build(true, bodies)
+        data, q, v, a = mujoco.MjData(model), *rng.uniform(-1.0, 1.0, (3, robot.n))
+        joints = [model.joint(j).id for j in robot.joint_names]
+        dofs = model.jnt_dofadr[joints]
+        data.qpos[model.jnt_qposadr[joints]], data.qvel[dofs], data.qacc[dofs] = q, v, a
+        mujoco.mj_inverse(model, data)
+        passive = data.qfrc_passive[dofs] + data.qfrc_constraint[dofs]
+        expected = (robot.regressor_along(q[None], v[None], a[None]) @ pi.ravel())[0]
+        np.testing.assert_allclose(data.qfrc_inverse[dofs] + passive, expected, atol=1e-6)
 
 
 def test_what_the_truth_file_says_is_plain(tmp_path: Path) -> None:

@@ -79,10 +79,11 @@ class VarianceComponents:
             if step > _FIRST and likelihood - last < _SETTLED:
                 break
             last, before = likelihood, sizes
-            ratio = np.zeros(len(sizes))
+            ratio, least = np.zeros(len(sizes)), _ROUNDING * len(y) * float(np.trace(P))
             for k in used:
                 explained, expected = float(weights @ kernels[k] @ weights), float(np.sum(kernels[k] * P))
-                ratio[k] = max(explained, 0.0) / max(expected, 1e-300)
+                # a part that is a sum of the columns of F has any size, and shows none
+                ratio[k] = max(explained, 0.0) / expected if expected > least else 0.0
             sizes = before * ratio**power
             if step >= _FIRST:
                 sizes = np.where((sizes < NOTHING) & (ratio < 1.0), 0.0, sizes)

@@ -19,6 +19,7 @@ from sysid_ros.simulation.payload import Payload
 
 STEP = 0.5e-3
 _SMALL = 1e-9
+_TIP = "where a body is carried"
 
 
 def build(true: TrueRobot, bodies: Sequence[Payload], step: float = STEP) -> mujoco.MjModel:
@@ -49,8 +50,12 @@ def build(true: TrueRobot, bodies: Sequence[Payload], step: float = STEP) -> muj
             joint.springref = hidden.spring_origin[j]
         if hidden.stiffness[j]:
             _second_joint(joint, hidden, j, step)
+    tip = next(body for body in spec.bodies if body.name == true.robot.default_frame).add_site(name=_TIP)
+    spec.compile()
+    # links that are welded to one another are one body now; what is carried is none of theirs, or it would grow with the link
+    spec.compiler.fusestatic = False
     for carried in bodies:
-        _add_body(spec, true.robot.default_frame, carried)
+        _add_body(tip, carried)
     model = spec.compile()
     for change in true.link_changes:
         body = model.jnt_bodyid[model.joint(true.robot.joint_names[change.joint]).id]
@@ -110,8 +115,8 @@ def _polynomial(value: float, like: object) -> float | list[float]:
     return [value, 0.0, 0.0] if np.ndim(like) else value  # type: ignore[arg-type]
 
 
-def _add_body(spec: mujoco.MjSpec, tip: str, carried: Payload) -> None:
-    body = next(body for body in spec.bodies if body.name == tip).add_body()
+def _add_body(tip: mujoco.MjsSite, carried: Payload) -> None:
+    body = tip.parent.add_body(pos=tip.pos, quat=tip.quat)
     inertia = carried.inertia_com
     body.mass = carried.mass
     body.ipos = carried.com

@@ -94,14 +94,20 @@ class TrueRobot:
     def move_link(self, joint: int, mass_factor: float, com_shift: FloatArray) -> FloatArray:
         """Make a link heavier, of the same shape, and move its centre of mass [m]; what was added to its inertials, (10,)."""
         self.link_changes.append(LinkChange(joint, mass_factor, com_shift))
-        before = self.pi[joint].copy()
-        mass, com, inertia = to_com(before)
-        self.pi[joint] = from_com(mass * mass_factor, com + com_shift, inertia * mass_factor)
-        return np.asarray(self.pi[joint] - before)
+        link = self.pi[joint] - self._carried[joint]
+        mass, com, inertia = to_com(link)
+        change = np.asarray(from_com(mass * mass_factor, com + com_shift, inertia * mass_factor) - link)
+        self.pi[joint] += change
+        return change
+
+    @property
+    def _carried(self) -> FloatArray:
+        """Inertials of the bodies on the tip link, by links, shape (n, 10)."""
+        return np.asarray(sum((self._at_tip(body) for body in self.carried), np.zeros_like(self.pi)))
 
     def scale_masses(self, factors: FloatArray) -> None:
-        """Every link lighter or heavier, of the same shape: factors of shape (n,)."""
-        self.pi = self.pi * factors[:, None]
+        """Every link lighter or heavier, of the same shape: factors of shape (n,). What is carried weighs what it weighed."""
+        self.pi = (self.pi - self._carried) * factors[:, None] + self._carried
         self.mass_factors = self.mass_factors * factors
 
     def tilt_base(self, roll: float, pitch: float) -> None:
