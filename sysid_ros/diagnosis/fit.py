@@ -27,7 +27,7 @@ Block = tuple[NDArray[np.intp], FloatArray]
 """Which parameters load a joint, and their columns there, shape (K, m_j)."""
 _SEEN = 0.004
 """Least part of the nominal residual (rms) that an effect must make on one of its joints: filters and columns are off by a
-thousandth or two of it. Of eleven causes below 0.012 on exam seeds hard 98600 to 98611 and real 98300 to 98309 nine were true; two
+thousandth or two of it. Of eleven causes below 0.012 (exam seeds hard 98600 to 98611, real 98300 to 98309) nine were true; two
 delays, of 0.003 and 0.005, are less than what must be seen of all joints."""
 _SEEN_OF_ALL = 0.003
 """Least part of the nominal residual of all joints (rms, each over its noise), for effects that not every arm has."""
