@@ -101,7 +101,8 @@ class Judged:
 
 
 def claims(judged: Judged) -> list[Finding]:
-    """The findings of a fit, each with its share of the held-out error, in order of their shares."""
+    """The findings of a fit, each with its share of the held-out error, in order of their shares; on the joints on which each is
+    likelier than not, its share with what it may have on others."""
     fit, out = judged.fit, list[Finding]()
     groups = list(_groups(fit.terms).values())
     rich = _beside_simplest(fit.terms, judged.robot.n)
@@ -114,11 +115,12 @@ def claims(judged: Judged) -> list[Finding]:
             continue  # in the model, but no fault
         if not any(visible(judged.train.problem, fit, t) for t in terms):
             continue  # in the model, but too small to tell
-        if max(judged.posterior.probability[t] for t in terms) <= _LIKELIER:
+        told = [t for t in terms if judged.posterior.probability[t] > _LIKELIER]
+        if not told:
             continue  # in the model as in the plainest one, but not told
         others = [p.term for p in parts if i not in p.of and (p.unless is None or p.unless == i)]
         evidence = replace(_evidence(judged, terms, others), gain=float(shares[i]))
-        out.append(_finding(judged, terms, [t for t in rich if t.simplest is terms[0].kind], evidence))
+        out.append(_finding(judged, told, [t for t in rich if t.simplest is terms[0].kind], evidence))
     return with_headline(_companions_last(out))
 
 
