@@ -13,8 +13,9 @@ from sysid_ros.input_gate.source_clock import SourceClock
 from sysid_ros.online.row_history import RowHistory
 from sysid_ros.online.rows import Rows
 from sysid_ros.sample import FloatArray, Measurement, Sample
-from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank
+from sysid_ros.signals.causal_filters import CausalDerivative
 from sysid_ros.signals.cutoff import acceleration_variance, default_cutoff, position_noise, window_half_width
+from sysid_ros.signals.low_pass import LowPassBank
 from sysid_ros.torque.compiled_rows import BESIDE
 from sysid_ros.torque.torque_model import TorqueModel
 

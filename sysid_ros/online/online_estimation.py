@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid_ros.estimators import Estimate, Estimator
+from sysid_ros.estimators import Estimate, Estimator, kernels
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import floating_base_of
 from sysid_ros.floating.stance_log import STANDS, STANDS_AGAIN, GroundContact, StanceLog
@@ -290,8 +290,8 @@ class OnlineEstimation:
             self._log.set_down(self._set_down, float(theta[0]), float(std[0]))
             self._set_down = None
         q, v = rows.sample.q, rows.sample.v
-        effort = self._free.model.robot.payload_regressor(q, v, rows.acceleration, self._free.payload.frame_index) @ theta
-        residual = rows.y - rows.Y @ estimate.theta
+        effort, residual = self._free.payload_torque(q, v, rows.acceleration, theta), np.empty(rows.y.size)
+        kernels.innovate(rows.Y, rows.y, estimate.theta, residual)
         if projection is not None:
             effort = projection.leg_torque(effort[:FREE])
             residual = projection.leg_torque(projection.wrench(residual[:FREE]))

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from sysid_ros.estimators import Estimate, Estimator
 from sysid_ros.online.evidence_words import further_off
@@ -194,12 +195,9 @@ class Judgement:
             noise: covariance without these errors, shape (k, k). sensitivity: derivative by them, shape (k, c), of which the
                 last ``gained`` are of the efforts' gains.
         """
-        by_gains, of_mass = sensitivity.shape[1] - gained, sensitivity[0]
-        as_said = math.sqrt(noise[0, 0] + of_mass @ of_mass)
-        if self.evidence is not None:
-            sensitivity[:, :by_gains] *= self.evidence.links
-            sensitivity[:, by_gains:] *= self.evidence.gains
-        return noise + sensitivity @ sensitivity.T, (math.hypot(*of_mass[by_gains:]), as_said)
+        links, gains = (1.0, 1.0) if self.evidence is None else (self.evidence.links, self.evidence.gains)
+        covariance = np.empty(noise.shape)
+        return covariance, _with_errors(noise, sensitivity, sensitivity.shape[1] - gained, links, gains, covariance)
 
     def status(
         self, estimate: Estimate, estimator: Estimator, mass: float, mass_std: float, parts: tuple[float, float] = ALL_OF_IT
@@ -238,3 +236,27 @@ class Judgement:
         if abs(mass) < level:
             return "no_payload", f"No payload above {level:.2g} kg."
         return "ok", "The robot stands; the estimate is held." if estimate.status == "not_excited" else reason
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _with_errors(
+    noise: FloatArray, sensitivity: FloatArray, by_gains: int, links: float, gains: float, out: FloatArray
+) -> tuple[float, float]:
+    """As :meth:`Judgement.with_errors`, the covariance into ``out``: errors up to the column ``by_gains`` are ``links`` times as
+    large as is said, those from there on ``gains`` times."""
+    count, c = sensitivity.shape
+    larger = np.empty((c, count))
+    for k in range(c):
+        for a in range(count):
+            larger[k, a] = sensitivity[a, k] * (links if k < by_gains else gains)
+    out[:] = noise
+    for a in range(count):
+        for k in range(c):
+            for b in range(count):
+                out[a, b] += larger[k, a] * larger[k, b]
+    of_mass = of_gains = 0.0
+    for k in range(c):
+        of_mass += sensitivity[0, k] ** 2
+        if k >= by_gains:
+            of_gains += larger[k, 0] ** 2
+    return np.sqrt(of_gains), np.sqrt(noise[0, 0] + of_mass)

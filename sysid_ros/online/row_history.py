@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from sysid_ros.sample import FloatArray, Sample
-from sysid_ros.signals.causal_filters import LowPassBank
+from sysid_ros.signals.low_pass import LowPassBank
 
 _SPAN = 4.0
 """How far back it reaches, in periods of the cut-off."""

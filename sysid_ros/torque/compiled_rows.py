@@ -1,4 +1,4 @@
-"""CompiledRows: known torque and free columns of a sample from one regressor of the links, in compiled code."""
+"""CompiledRows: known torque and free columns of a sample in one pass over the links, in compiled code."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ from typing import Final
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from sysid_ros.effects import Curve, Effect
+from sysid_ros.robot.joint_motion import MOTION, joint_table
+from sysid_ros.robot.link_products import LANES, in_lanes, link_products, own_blocks
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.causal_filters import fill_beside
@@ -24,8 +27,8 @@ _JIT = {"cache": True, "error_model": "numpy", "nogil": True}
 class CompiledRows:
     """``raw = [Y | tau - known, v, a, tau, slowness, 1 | Z]``, a row a joint, of one sample.
 
-    All that is linear in the link inertials, which are known torque, payload and the errors of the links, comes from one product
-    with the links' regressor; simple curves of a joint's motion are compiled too. Only what is neither is asked by
+    All that is linear in the link inertials, which are known torque, payload and the errors of the links, comes from one pass of
+    :func:`.link_products`; simple curves of a joint's motion are compiled too. Only what is neither is asked by
     :meth:`.Effect.fill` and :meth:`.Effect.torque`.
 
     Args:
@@ -69,9 +72,9 @@ class CompiledRows:
             else:
                 self._asked.append((effect, where))
         self._asked_ids = {id(effect) for effect, _ in self._asked}
-        self._linear = np.ascontiguousarray(np.hstack(blocks))
-        ends = np.arange(1, self._linear.shape[1] + 1)
-        self._filled = np.max(ends * (self._linear != 0.0), axis=1)  # beyond which the products of an inertial are zero
+        self._joints, self._lanes = joint_table(robot.model), in_lanes(np.hstack(blocks))
+        self._own = own_blocks(self._lanes)
+        self._room, self._wrench = np.zeros((n, MOTION)), np.zeros((n, self._lanes.shape[1], 6 * LANES))
         self._places, self._columns = np.concatenate(places), np.ascontiguousarray(np.vstack(columns))
         self._curves, self._spread = np.ascontiguousarray(curves), np.ascontiguousarray(spread)
         self._torque: FloatArray = np.zeros(n)
@@ -87,10 +90,9 @@ class CompiledRows:
             for effect, where in self._asked:
                 if id(effect) not in self._left_out:
                     effect.fill(sample, raw[:, where])
-        regressor = self._robot.newest_regressor(q, v, a)
         _fill(
-            regressor, self._linear, self._filled, self._places, self._columns, self._curves, self._spread, self._torque,
-            v, a, tau, raw, self.p,
+            self._joints, self._robot.gravity, self._lanes, self._own, self._room, self._wrench, self._places, self._columns,
+            self._curves, self._spread, self._torque, q, v, a, tau, raw, self.p,
         )  # fmt: skip
         for effect, rows in self._errors:
             effect.add_spread(Sample(t, q, v, a, tau), rows, raw[:, self.p + BESIDE :])
@@ -109,14 +111,18 @@ def _curve(kind: float, width: float, v: float, a: float) -> float:
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
 def _fill(
-    regressor: FloatArray,
-    linear: FloatArray,
-    filled: FloatArray,
-    places: FloatArray,
+    joints: FloatArray,
+    gravity: FloatArray,
+    lanes: FloatArray,
+    own: NDArray[np.int64],
+    room: FloatArray,
+    wrench: FloatArray,
+    places: NDArray[np.int64],
     columns: FloatArray,
     curves: FloatArray,
     spread: FloatArray,
     others: FloatArray,
+    q: FloatArray,
     v: FloatArray,
     a: FloatArray,
     tau: FloatArray,
@@ -126,22 +132,12 @@ def _fill(
     """All of a raw row but the columns of effects that are asked.
 
     Args:
-        regressor: of the links, (n, 10 n). linear, places: what it is multiplied by, (10 n, k), and where each product stands.
-        filled: up to which column a row of ``linear`` is not zero, (10 n,).
+        joints, gravity, lanes, own, room, wrench, places: as of :func:`.link_products`.
         columns: curve, width, joint, column of the free simple curves. curves, spread: as of :class:`CompiledRows`.
         others: torque of the other known effects, (n,).
     """
-    n, count = v.size, places.size
-    products = np.empty(count)
-    for i in range(n):
-        products[:] = 0.0
-        for x in range(regressor.shape[1]):
-            y = regressor[i, x]
-            if y != 0.0:
-                for s in range(filled[x]):
-                    products[s] += y * linear[x, s]
-        for s in range(count):
-            raw[i, places[s]] = products[s]
+    link_products(joints, gravity, lanes, own, q, v, a, room, wrench, places, raw)
+    for i in range(v.size):
         raw[i, p] = tau[i] - raw[i, p] - others[i]
     fill_beside(raw, p + 1, v, a, tau)
     for k in range(columns.shape[0]):
