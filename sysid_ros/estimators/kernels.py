@@ -33,6 +33,49 @@ def innovate(Y: FloatArray, tau: FloatArray, theta: FloatArray, innovation: Floa
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
+def room_of_update(p: int, m: int, c: int) -> int:
+    """Values that :func:`joseph_update_in` works in, of p parameters, m rows and c considered errors."""
+    return 2 * m * (p + m + c + 1) + p * max(p, c)
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def _whiten(projected: FloatArray, variance: FloatArray, W: FloatArray, sign: FloatArray) -> bool:
+    """Lower W with ``W S W' = diag(sign)`` for the covariance ``S = projected + diag(variance)`` of innovations, shape (m, m), by
+    Cholesky; a row of infinite variance is zero in W, and so is its sign. True where every sign is 1, as it is but for these rows
+    and for rounding."""
+    plain = True
+    for i in range(variance.size):
+        sign[i], W[i] = 0.0, 0.0
+        if not np.isfinite(variance[i]):
+            continue
+        W[i, i], s = 1.0, projected[i, i] + variance[i]
+        for j in range(i):
+            if sign[j] == 0.0:
+                continue
+            part = 0.0
+            for k in range(j + 1):
+                part += W[j, k] * projected[i, k]
+            s -= sign[j] * part * part
+            for k in range(j + 1):
+                W[i, k] -= sign[j] * part * W[j, k]
+        sign[i], scale = np.sign(s), 1.0 / np.sqrt(abs(s))
+        plain = plain and sign[i] > 0.0
+        for k in range(i + 1):
+            W[i, k] *= scale
+    return plain
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def _take_off(P: FloatArray, less: FloatArray) -> None:
+    """``P <- P - less``, both symmetric: the lower triangle, mirrored, so that P stays symmetric to the last bit."""
+    for a in range(P.shape[0]):
+        for b in range(a + 1):
+            value = P[a, b] - less[a, b]
+            P[a, b] = value
+            P[b, a] = value
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
 def joseph_update_in(
     theta: FloatArray,
     P: FloatArray,
@@ -43,37 +86,48 @@ def joseph_update_in(
     Z: FloatArray,
     room: FloatArray,
 ) -> None:
-    """As :func:`joseph_update_considering`, in the ``room`` of 2 p + c values."""
-    p, c = S.shape
-    gain, projected, carried = room[:p], room[p : 2 * p], room[2 * p : 2 * p + c]
-    for i in range(tau.size):
-        if not np.isfinite(variance[i]):
-            continue
-        innovation = tau[i]
-        s = variance[i]
-        projected[:] = 0.0
-        for b in range(p):
-            if Y[i, b] != 0.0:
-                for a in range(p):
-                    projected[a] += P[b, a] * Y[i, b]
+    """As :func:`joseph_update_considering`, in the ``room`` of :func:`room_of_update` values."""
+    (m, p), c, at = Y.shape, S.shape[1], 0
+    G, H = room[: m * p].reshape((m, p)), room[m * p : 2 * m * p].reshape((m, p))
+    at = 2 * m * p
+    projected, W = room[at : at + m * m].reshape((m, m)), room[at + m * m : at + 2 * m * m].reshape((m, m))
+    at += 2 * m * m
+    sign, e = room[at : at + m], room[at + m : at + 2 * m]
+    at += 2 * m
+    np.dot(Y, P, G)
+    np.dot(G, Y.T, projected)
+    plain = _whiten(projected, variance, W, sign)
+    np.dot(W, G, H)
+    left = H
+    if not plain:
+        left = G
+        for i in range(m):
+            for a in range(p):
+                left[i, a] = sign[i] * H[i, a]
+    innovate(Y, tau, theta, e)
+    for i in range(m):
+        white = 0.0
+        for k in range(i + 1):
+            if sign[k] != 0.0:
+                white += W[i, k] * e[k]
         for a in range(p):
-            s += projected[a] * Y[i, a]
-            innovation -= Y[i, a] * theta[a]
-        carried[:] = Z[i]
-        for a in range(p):
-            if Y[i, a] != 0.0:
-                for k in range(c):
-                    carried[k] += Y[i, a] * S[a, k]
-        for a in range(p):
-            g = projected[a] / s
-            gain[a] = g
-            theta[a] += g * innovation
+            theta[a] += white * left[i, a]
+    if c > 0:
+        C, carried = room[at : at + m * c].reshape((m, c)), room[at + m * c : at + 2 * m * c].reshape((m, c))
+        less = room[at + 2 * m * c : at + 2 * m * c + p * c].reshape((p, c))
+        np.dot(Y, S, C)
+        for i in range(m):
             for k in range(c):
-                S[a, k] -= g * carried[k]
+                C[i, k] += Z[i, k]
+        np.dot(W, C, carried)
+        np.dot(left.T, carried, less)
         for a in range(p):
-            g, h = gain[a], projected[a]
-            for b in range(p):
-                P[a, b] += s * (g * gain[b]) - (g * projected[b] + h * gain[b])
+            for k in range(c):
+                S[a, k] -= less[a, k]
+        at += 2 * m * c
+    square = room[at : at + p * p].reshape((p, p))
+    np.dot(left.T, H, square)
+    _take_off(P, square)
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
@@ -88,12 +142,13 @@ def joseph_update_considering(
         S: shape (p, c). Z: shape (m, c).
     """
     p, c = S.shape
-    joseph_update_in(theta, P, Y, tau, variance, S, Z, np.empty(2 * p + c))
+    joseph_update_in(theta, P, Y, tau, variance, S, Z, np.empty(room_of_update(p, tau.size, c)))
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
 def joseph_update(theta: FloatArray, P: FloatArray, Y: FloatArray, tau: FloatArray, variance: FloatArray) -> None:
-    """Measurement update row by row: ``K = P y / (y' P y + r)``, ``P <- (1 - K y') P (1 - K y')' + K r K'`` (Joseph), expanded.
+    """Measurement update: ``K = P Y' S^-1``, ``S = Y P Y' + R``, ``P <- (1 - K Y) P (1 - K Y)' + K R K'`` (Joseph), which with
+    this gain is ``P - H' H`` with ``H = W Y P`` and ``W S W' = 1``: products of small matrices.
 
     Args:
         theta: shape (p,). P: shape (p, p), symmetric. Y: shape (m, p). tau: shape (m,). variance: noise of each row, shape

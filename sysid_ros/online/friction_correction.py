@@ -83,7 +83,8 @@ class FrictionCorrection(Effect):
                 they are not estimated.
         """
         s = self._settings
-        return np.asarray(_hidden(slow, speed, self._coulomb, theta, variance, s.low_velocity, s.stiction**2))
+        extra: FloatArray = _hidden(slow, speed, self._coulomb, theta, variance, s.low_velocity, s.stiction**2)
+        return extra
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]

@@ -154,9 +154,11 @@ def nearest_body(theta: FloatArray, noise: FloatArray, covariance: FloatArray) -
     these explain.
     """
     nearest = theta.copy()
-    distance, within = float(project_into(theta, covariance, nearest)), nearest.copy()
-    if distance > 0.0 and (project_into(theta, noise, within) <= NOT_A_BODY or distance > NOT_A_BODY):
-        nearest = within
+    distance = float(project_into(theta, covariance, nearest))
+    if distance > 0.0:
+        within = nearest.copy()
+        if project_into(theta, noise, within) <= NOT_A_BODY or distance > NOT_A_BODY:
+            nearest = within
     return nearest, distance
 
 

@@ -17,20 +17,20 @@ _JIT = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def low_pass(sections: FloatArray, state: FloatArray, x: FloatArray, y: FloatArray) -> None:
-    """``y`` becomes what the sections let pass of ``x``, shape (c,) each: all channels go through a section, then all through the
-    next, so that the compiler makes vector instructions of it."""
-    _section(sections[0], state[0], x, y)
+def low_pass(sections: FloatArray, state: FloatArray, x: FloatArray, part: float, y: FloatArray) -> None:
+    """``y`` becomes what the sections let pass of ``part x``, shape (c,) each: all channels go through a section, then the
+    next, of which the compiler makes vector instructions."""
+    _section(sections[0], state[0], x, part, y)
     for s in range(1, sections.shape[0]):
-        _section(sections[s], state[s], y, y)
+        _section(sections[s], state[s], y, 1.0, y)
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def _section(section: FloatArray, state: FloatArray, x: FloatArray, y: FloatArray) -> None:
+def _section(section: FloatArray, state: FloatArray, x: FloatArray, part: float, y: FloatArray) -> None:
     b0, b1, b2, a1, a2 = section[0], section[1], section[2], section[4], section[5]
     first, second = state[0], state[1]
     for c in range(y.size):
-        u = x[c]
+        u = part * x[c]
         out = b0 * u + first[c]
         first[c] = b1 * u - a1 * out + second[c]
         second[c] = b2 * u - a2 * out
@@ -66,7 +66,8 @@ class LowPassBank:
         order: even order.
 
     Attributes:
-        sections: of the filter, shape (order / 2, 6). output: filtered channels.
+        sections: of the filter, shape (order / 2, 6). state: of each, shape (order / 2, 2, number of channels).
+        output: filtered channels.
     """
 
     def __init__(self, shape: tuple[int, ...], cutoff_hz: float, rate: float, order: int = 4) -> None:
@@ -74,9 +75,8 @@ class LowPassBank:
         self.sections = butterworth_sections(order, cutoff_hz, rate)
         self._steady = np.stack([1.0 - self.sections[:, 0], self.sections[:, 2] - self.sections[:, 5]], axis=1)
         size = math.prod(shape)
-        self._state = np.zeros((len(self.sections), 2, size))
+        self.state = np.zeros((len(self.sections), 2, size))
         self.output: FloatArray = np.zeros(shape)
-        self._flat = self.output.reshape(-1)
         self._primed = False
 
     @property
@@ -93,21 +93,20 @@ class LowPassBank:
         """Filtered channels: ``output``, which the next call overwrites."""
         flat = x.reshape(-1)
         if not self._primed:
-            self._state[:] = self._steady[:, :, None] * flat
+            self.state[:] = self._steady[:, :, None] * flat
             self._primed = True
-        low_pass(self.sections, self._state, flat, self._flat)
+        low_pass(self.sections, self.state, flat, 1.0, self.output.reshape(-1))
         return self.output
 
     def mix(self, matrix: FloatArray) -> None:
         """From now on the last axis of the channels holds ``channels @ matrix``, shape (c, d), as if all inputs had been so."""
-        shape = *self._state.shape[:2], -1
-        self._state = (self._state.reshape(*shape, len(matrix)) @ matrix).reshape(shape)
+        shape = *self.state.shape[:2], -1
+        self.state = (self.state.reshape(*shape, len(matrix)) @ matrix).reshape(shape)
         self.output = self.output @ matrix
-        self._flat = self.output.reshape(-1)
 
     def rest(self) -> None:
         """Forget all, as if every input before had been zero."""
-        self._state[:] = 0.0
+        self.state[:] = 0.0
         self._primed = True
 
     def reset(self) -> None:

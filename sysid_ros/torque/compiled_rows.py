@@ -15,6 +15,7 @@ from sysid_ros.robot.link_products import LANES, in_lanes, link_products, own_bl
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.causal_filters import fill_beside
+from sysid_ros.signals.low_pass import LowPassBank, low_pass
 from sysid_ros.torque.known_effect import KnownEffect
 
 BESIDE: Final = 6
@@ -78,24 +79,44 @@ class CompiledRows:
         self._places, self._columns = np.concatenate(places), np.ascontiguousarray(np.vstack(columns))
         self._curves, self._spread = np.ascontiguousarray(curves), np.ascontiguousarray(spread)
         self._torque: FloatArray = np.zeros(n)
-
-    def fill(self, t: float, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray, raw: FloatArray) -> None:
-        """Write the row of a sample, shape (n,) each, over another one, or over :attr:`empty`."""
-        if self._others or not self._left_out.issuperset(self._asked_ids):
-            sample = Sample(t, q, v, a, tau)
-            self._robot.rnea(q, v, a)
-            self._torque[:] = 0.0
-            for k in self._others:
-                self._torque += k.effect.torque(sample, k.theta)
-            for effect, where in self._asked:
-                if id(effect) not in self._left_out:
-                    effect.fill(sample, raw[:, where])
-        _fill(
-            self._joints, self._robot.gravity, self._lanes, self._own, self._room, self._wrench, self._places, self._columns,
-            self._curves, self._spread, self._torque, q, v, a, tau, raw, self.p,
+        self._about = (
+            self._joints, self._lanes, self._own, self._room, self._wrench, self._places, self._columns, self._curves,
+            self._spread, self._torque,
         )  # fmt: skip
+
+    def fill(self, t: float, motion: FloatArray, raw: FloatArray) -> None:
+        """Write the row of a sample, whose q, v, a, tau are the rows of ``motion``, shape (4, n), over another one, or over
+        :attr:`empty`."""
+        self._ask(t, motion, raw)
+        _fill(*self._about, self._robot.gravity, motion, raw, self.p)
+        self._add_errors(t, motion, raw)
+
+    def push(self, t: float, motion: FloatArray, raw: FloatArray, part: float, bank: LowPassBank) -> None:
+        """As :meth:`fill`, and a ``part`` of it into a low-pass that is at work."""
+        if self._errors:
+            self.fill(t, motion, raw)
+            bank.push(part * raw)
+            return
+        self._ask(t, motion, raw)
+        _fill_and_pass(*self._about, self._robot.gravity, motion, raw, self.p, part, bank.sections, bank.state, bank.output)
+
+    def _ask(self, t: float, motion: FloatArray, raw: FloatArray) -> None:
+        """What is neither linear in the links nor a simple curve."""
+        if not self._others and self._left_out.issuperset(self._asked_ids):
+            return
+        q, v, a, tau = motion
+        sample = Sample(t, q, v, a, tau)
+        self._robot.rnea(q, v, a)
+        self._torque[:] = 0.0
+        for k in self._others:
+            self._torque += k.effect.torque(sample, k.theta)
+        for effect, where in self._asked:
+            if id(effect) not in self._left_out:
+                effect.fill(sample, raw[:, where])
+
+    def _add_errors(self, t: float, motion: FloatArray, raw: FloatArray) -> None:
         for effect, rows in self._errors:
-            effect.add_spread(Sample(t, q, v, a, tau), rows, raw[:, self.p + BESIDE :])
+            effect.add_spread(Sample(t, *motion), rows, raw[:, self.p + BESIDE :])
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
@@ -112,7 +133,6 @@ def _curve(kind: float, width: float, v: float, a: float) -> float:
 @njit(**_JIT)  # type: ignore[untyped-decorator]
 def _fill(
     joints: FloatArray,
-    gravity: FloatArray,
     lanes: FloatArray,
     own: NDArray[np.int64],
     room: FloatArray,
@@ -122,20 +142,19 @@ def _fill(
     curves: FloatArray,
     spread: FloatArray,
     others: FloatArray,
-    q: FloatArray,
-    v: FloatArray,
-    a: FloatArray,
-    tau: FloatArray,
+    gravity: FloatArray,
+    motion: FloatArray,
     raw: FloatArray,
     p: int,
 ) -> None:
     """All of a raw row but the columns of effects that are asked.
 
     Args:
-        joints, gravity, lanes, own, room, wrench, places: as of :func:`.link_products`.
+        joints, lanes, own, room, wrench, places, gravity: as of :func:`.link_products`.
         columns: curve, width, joint, column of the free simple curves. curves, spread: as of :class:`CompiledRows`.
-        others: torque of the other known effects, (n,).
+        others: torque of the other known effects, (n,). motion: q, v, a, tau, (4, n).
     """
+    q, v, a, tau = motion[0], motion[1], motion[2], motion[3]
     link_products(joints, gravity, lanes, own, q, v, a, room, wrench, places, raw)
     for i in range(v.size):
         raw[i, p] = tau[i] - raw[i, p] - others[i]
@@ -149,3 +168,29 @@ def _fill(
         raw[j, p] -= curve * curves[k, 3]
         for s in range(spread.shape[1]):
             raw[j, p + BESIDE + s] += curve * spread[k, s]
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def _fill_and_pass(
+    joints: FloatArray,
+    lanes: FloatArray,
+    own: NDArray[np.int64],
+    room: FloatArray,
+    wrench: FloatArray,
+    places: NDArray[np.int64],
+    columns: FloatArray,
+    curves: FloatArray,
+    spread: FloatArray,
+    others: FloatArray,
+    gravity: FloatArray,
+    motion: FloatArray,
+    raw: FloatArray,
+    p: int,
+    part: float,
+    sections: FloatArray,
+    state: FloatArray,
+    passed: FloatArray,
+) -> None:
+    """:func:`_fill`, then ``part`` times the row through :func:`.low_pass`; the last three are of the :class:`.LowPassBank`."""
+    _fill(joints, lanes, own, room, wrench, places, columns, curves, spread, others, gravity, motion, raw, p)
+    low_pass(sections, state, raw.reshape(-1), part, passed.reshape(-1))
