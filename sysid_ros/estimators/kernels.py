@@ -17,6 +17,9 @@ _JIT = {"cache": True, "error_model": "numpy", "nogil": True}
 
 ABSURD: Final = 1e9
 """What is larger than this is no value of a row: its square would overflow what it is added to."""
+_SPARSE: Final = 0.25
+"""Part of the values of a matrix up to which leaving out the zeros is faster than BLAS: 0.45 of them take twice as long on 7
+joints, 0.13 half as long on 30."""
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
@@ -36,6 +39,21 @@ def innovate(Y: FloatArray, tau: FloatArray, theta: FloatArray, innovation: Floa
 def room_of_update(p: int, m: int, c: int) -> int:
     """Values that :func:`joseph_update_in` works in, of p parameters, m rows and c considered errors."""
     return 2 * m * (p + m + c + 1) + p * max(p, c)
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def _product(Y: FloatArray, M: FloatArray, out: FloatArray) -> None:
+    """``out = Y M``, column by column of Y where most of it is zero, as where each joint has columns of its own."""
+    m, p = Y.shape
+    if np.count_nonzero(Y) > _SPARSE * m * p:
+        np.dot(Y, M, out)
+        return
+    out[:] = 0.0
+    for i in range(m):
+        for a in range(p):
+            if Y[i, a] != 0.0:
+                for b in range(out.shape[1]):
+                    out[i, b] += Y[i, a] * M[a, b]
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
@@ -94,7 +112,7 @@ def joseph_update_in(
     at += 2 * m * m
     sign, e = room[at : at + m], room[at + m : at + 2 * m]
     at += 2 * m
-    np.dot(Y, P, G)
+    _product(Y, P, G)
     np.dot(G, Y.T, projected)
     plain = _whiten(projected, variance, W, sign)
     np.dot(W, G, H)
@@ -115,7 +133,7 @@ def joseph_update_in(
     if c > 0:
         C, carried = room[at : at + m * c].reshape((m, c)), room[at + m * c : at + 2 * m * c].reshape((m, c))
         less = room[at + 2 * m * c : at + 2 * m * c + p * c].reshape((p, c))
-        np.dot(Y, S, C)
+        _product(Y, S, C)
         for i in range(m):
             for k in range(c):
                 C[i, k] += Z[i, k]

@@ -135,7 +135,7 @@ class ChangeWatch:
         elif extra is not None and estimator.noise_known and estimate.status != "not_finite":
             noise = estimator.noise_variance, estimator.row_variance, front_end.passed, extra, self._free.extra_colour
             self._put_down = with_row(self._put_down, rows.Y, rows.y, estimate.theta, self.tare.theta, *noise)
-            gone = self._put_down > math.log(SELDOM / front_end.period)
+            gone = self._put_down > 0.0 and self._put_down > math.log(SELDOM / front_end.period)
         if estimate.status != "not_finite" and (jumped or gone or estimator.misfits):
             return self.changed(rows, hold, estimator, front_end, estimate, jumped, known, gone)
         if not hold:

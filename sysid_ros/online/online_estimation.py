@@ -260,7 +260,7 @@ class OnlineEstimation:
         held = self.base.mass if self.base is not None and not self._changes.tare.taken else 0.0
         if self._stances is not None:
             covariance[0, 0] += self._stances.mass_error(held + max(float(theta[0]), 0.0)) ** 2
-        mass_std = float(np.sqrt(covariance[0, 0]))
+        mass_std = float(covariance[0, 0] ** 0.5)
         fits = self.estimator.noise_known and self._changes.trial is None and estimate.status == "ok"
         asked = fits and self._free.tilt_is_open
         turned = self._free.settle_tilt(self.estimator, judgement.with_errors) if asked else None
@@ -283,7 +283,8 @@ class OnlineEstimation:
             doubt = self._stances.mass_error(held) / mass_std
             reason = name_imu(self._free.legs, self._stances, self.estimator, status, reason, doubt, self._warnings)
         self._warnings.pop("inconsistent", None)
-        self._warnings |= {"inconsistent": reason} if inconsistent else {}
+        if inconsistent:
+            self._warnings["inconsistent"] = reason
         if status != "warming_up" and (self.base is not None or t <= self._log.open_until):
             self._log.refine(t, float(theta[0]))
         if self._set_down is not None and status in ("ok", "no_payload"):

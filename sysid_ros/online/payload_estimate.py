@@ -247,18 +247,18 @@ def _with_errors(
     """As :meth:`Judgement.with_errors`, the covariance into ``out``: errors up to the column ``by_gains`` are ``links`` times as
     large as is said, those from there on ``gains`` times."""
     count, c = sensitivity.shape
-    larger = np.empty((c, count))
-    for k in range(c):
-        for a in range(count):
-            larger[k, a] = sensitivity[a, k] * (links if k < by_gains else gains)
-    out[:] = noise
-    for a in range(count):
-        for k in range(c):
-            for b in range(count):
-                out[a, b] += larger[k, a] * larger[k, b]
+    larger, squares = np.empty((count, c)), np.zeros((count, count))
     of_mass = of_gains = 0.0
     for k in range(c):
+        times = links if k < by_gains else gains
+        for a in range(count):
+            larger[a, k] = sensitivity[a, k] * times
         of_mass += sensitivity[0, k] ** 2
-        if k >= by_gains:
-            of_gains += larger[k, 0] ** 2
+        of_gains += larger[0, k] ** 2 if k >= by_gains else 0.0
+    if c > 0:
+        np.dot(larger, larger.T, squares)
+    for a in range(count):
+        for b in range(a + 1):
+            out[a, b] = noise[a, b] + squares[a, b]
+            out[b, a] = noise[b, a] + squares[a, b]
     return np.sqrt(of_gains), np.sqrt(noise[0, 0] + of_mass)

@@ -159,15 +159,16 @@ class CausalDerivative:
     """
 
     def __init__(self, n: int, period: float, half_width: int, use_message_velocity: bool = False, impacts: bool = False) -> None:
-        self.period, self._alone = period, impacts
+        self.period = period
         self._window = np.zeros((4, 1 + 3 * n))
         self._clock, self._usual = np.zeros(5), np.zeros(n + 1)
         self._ring = np.zeros((2 * half_width + 1, 1 + 3 * n))
         self._weights = np.stack([value_weights(half_width), slope_weights(half_width, period)])
-        self._use_message_velocity = use_message_velocity
         self.times, self.channels = np.zeros(_PLACES), np.zeros((_PLACES, 4, n))
         self._no_velocity = np.full(n, np.nan)
         self._no_velocity.setflags(write=False)  # as a measured one is: another type would be compiled for anew
+        self._kept = self._window, self._clock, self._usual, self._ring, self._weights
+        self._rules = period, use_message_velocity, impacts
 
     @property
     def filled(self) -> int:
@@ -185,13 +186,8 @@ class CausalDerivative:
 
     def advance(self, measurement: Measurement) -> int:
         """As :meth:`push`; how many they are. They stand in ``times`` and ``channels``."""
-        completed = int(
-            _advance(
-                self._window, self._clock, self._usual, self._ring, self._weights, measurement.t, measurement.q,
-                self._no_velocity if measurement.v is None else measurement.v, measurement.tau, self.period,
-                self._use_message_velocity, self._alone, self.times, self.channels,
-            )
-        )  # fmt: skip
+        m, v = measurement, self._no_velocity if measurement.v is None else measurement.v
+        completed: int = _advance(*self._kept, m.t, m.q, v, m.tau, *self._rules, self.times, self.channels)
         if completed >= 0:
             return completed
         self.times, self.channels = np.zeros(-completed), np.zeros((-completed, *self.channels.shape[1:]))

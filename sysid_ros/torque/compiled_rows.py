@@ -192,5 +192,9 @@ def _fill_and_pass(
     passed: FloatArray,
 ) -> None:
     """:func:`_fill`, then ``part`` times the row through :func:`.low_pass`; the last three are of the :class:`.LowPassBank`."""
+    flat, fetched = raw.reshape(-1), 0.0
+    for k in range(0, flat.size, 8):  # of a row that is in no near cache all is fetched at once; its stores would wait in line
+        fetched += flat[k]
+    room[0, 0] = fetched
     _fill(joints, lanes, own, room, wrench, places, columns, curves, spread, others, gravity, motion, raw, p)
-    low_pass(sections, state, raw.reshape(-1), part, passed.reshape(-1))
+    low_pass(sections, state, flat, part, passed.reshape(-1))
