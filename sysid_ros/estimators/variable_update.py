@@ -109,10 +109,15 @@ def learn_spread(residual: FloatArray, extra: FloatArray, levels: FloatArray, ra
 @njit(**_JIT)  # type: ignore[untyped-decorator]
 def _let_wait(Y: FloatArray, tau: FloatArray, Z: FloatArray, weight: FloatArray, waiting: FloatArray, memory: FloatArray) -> None:
     """Put the rows to those that wait to be added to the sums; add all where that makes them as many as may wait."""
-    m, p = Y.shape
+    (m, p), c = Y.shape, Z.shape[1]
     place = waiting[int(memory[WAITING])]
     for i in range(m):
-        place[i, :p], place[i, p], place[i, p + 1 : -1], place[i, -1] = Y[i], tau[i], Z[i], weight[i]
+        for a in range(p):
+            place[i, a] = Y[i, a]
+        place[i, p] = tau[i]
+        for k in range(c):
+            place[i, p + 1 + k] = Z[i, k]
+        place[i, p + 1 + c] = weight[i]
     memory[WAITING] += 1.0
     if memory[WAITING] >= MOST_WAITING:
         add_waiting(memory)
