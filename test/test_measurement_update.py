@@ -1,4 +1,4 @@
-"""The measurement update against the rational solution, and against Joseph's form of one row after the other."""
+"""The measurement update against the rational solution, and against Joseph's form in numpy."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def row_by_row(P: FloatArray, Y: FloatArray, variance: float) -> FloatArray:
 
 @pytest.mark.parametrize("surer", [1e2, 1e6, 1e9, 1e12])
 @pytest.mark.parametrize("apart", [1.0, 1e-4])
-def test_the_update_is_as_exact_as_josephs_form(surer: float, apart: float) -> None:
+def test_the_update_is_as_exact_as_josephs_form_can_be(surer: float, apart: float) -> None:
     """Of rows that are so many times as sure as the prior, and that are parallel but for a part."""
     p, m, count = 6, 4, 6
     errors = []

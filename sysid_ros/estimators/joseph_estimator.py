@@ -17,7 +17,7 @@ _HELD = "nothing excites the parameters; the estimate is held"
 
 
 class JosephEstimator(Estimator):
-    """A time update that forgets, then the measurement update in Joseph form with errors considered.
+    """A time update that forgets, then the measurement update in Joseph form, row by row, with errors considered.
 
     Args:
         prior_std: standard deviation of each parameter at the start, shape (p,). variance: noise of each row, shape (m,).

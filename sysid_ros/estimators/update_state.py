@@ -38,7 +38,7 @@ class UpdateState:
 
     def __init__(self, p: int, m: int, lengths: FloatArray, period: float, colour: float, c: int = 0) -> None:
         levels = lengths.size
-        beside = 3 * m + m * (p + 2) * (levels + 1) + levels * p * (p + 1) + 2 * levels + 2 * m + room_of_update(p, m, c)
+        beside = 3 * m + m * (p + 2) * (levels + 1) + levels * p * (p + 1) + 2 * levels + 2 * m + room_of_update(p, c)
         beside += MOST_WAITING * m * (p + 2 + c)
         self.memory = np.zeros(_SIZES + p * (1 + p + c) + m * p * (p + 1 + c) + beside)
         self.memory[:_SIZES] = p, m, c, levels, period, colour, 0.0
