@@ -309,5 +309,5 @@ def test_the_armature_that_an_mjcf_states_counts_until_the_links_are_the_models_
         np.testing.assert_allclose(model.torque_along(motion)[0], expected)
         rows = model.compiled()
         row = rows.empty.copy()
-        rows.fill(0.0, sample.q, sample.v, sample.a, sample.tau, row)
+        rows.fill(0.0, np.stack([sample.q, sample.v, sample.a, sample.tau]), row)
         np.testing.assert_allclose(-row[:, rows.p], expected)

@@ -45,8 +45,8 @@ def test_rows_come_at_the_rate_of_the_estimator(rate: float, update_rate: float,
     rows = rows_of(front_end, stream)
     assert front_end.period == pytest.approx(period)
     assert front_end.rate == pytest.approx(rate)
-    np.testing.assert_allclose(np.diff([r.sample.t for r in rows]), period, rtol=1e-6)
-    assert rows[0].sample.t >= stream[0].t + front_end.memory - period  # the filters are full
+    np.testing.assert_allclose(np.diff([r.t for r in rows]), period, rtol=1e-6)
+    assert rows[0].t >= stream[0].t + front_end.memory - period  # the filters are full
 
 
 def test_shapes_and_channels() -> None:
@@ -60,7 +60,7 @@ def test_shapes_and_channels() -> None:
         for array in (r.y, r.speed, r.acceleration, r.tau):
             assert array.shape == (7,)
         assert np.all(r.speed >= 0.0)
-        _, v, a = (x[0] for x in motion(np.array([r.sample.t - front_end.delay])))
+        _, v, a = (x[0] for x in motion(np.array([r.t - front_end.delay])))
         np.testing.assert_allclose(r.speed, np.abs(v), atol=0.05)
         np.testing.assert_allclose(r.acceleration, a, atol=0.6)
 
@@ -125,7 +125,7 @@ def test_a_change_right_after_a_rest_begins_with_all_there_is() -> None:
     (row,) = rows_of(front_end, stream[1500:1510])
     t, rows = front_end.since_change(np.zeros(10), np.ones(model.n), np.ones(10))
     assert len(rows) == 1
-    assert t <= row.sample.t
+    assert t <= row.t
     np.testing.assert_allclose(rows[0].Y, row.Y, atol=1e-12)
 
 

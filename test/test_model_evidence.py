@@ -12,7 +12,7 @@ from sysid_ros.online import evidence_kernels
 from sysid_ros.online.evidence_words import further_off
 from sysid_ros.online.model_evidence import Hypotheses, ModelEvidence
 from sysid_ros.online.rows import Rows
-from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.sample import FloatArray
 
 N, LINKS, PERIOD = 3, 4, 0.01
 FRICTION = slice(10, 10 + 3 * N)
@@ -47,8 +47,7 @@ class Arm:
             + 0.5 * Y[:, FRICTION.start + N : FRICTION.start + 2 * N].sum(axis=1)
             + self.noise * rng.normal(size=N)
         )
-        sample = Sample(0.0, NOTHING, NOTHING, NOTHING, tau)
-        return Rows(Y, tau - known, np.abs(speed), NOTHING, rng.normal(size=N), tau, Z, sample)
+        return Rows(Y, tau - known, np.abs(speed), NOTHING, rng.normal(size=N), tau, Z, 0.0, NOTHING, NOTHING)
 
 
 def evidence() -> ModelEvidence:
@@ -141,7 +140,7 @@ def test_a_tilt_that_becomes_known_is_taken_out_of_the_rows_so_far() -> None:
         arm = usual(tilt=tilt, noise=0.0)
         found.add(arm.rows(np.random.default_rng(seed)), FRICTION, N)
         rows = arm.rows(np.random.default_rng(seed))
-        told.add(replace(rows, y=rows.y - rows.Y[:, FRICTION.stop :] @ tilt), FRICTION, N)
+        told.add(rows._replace(y=rows.y - rows.Y[:, FRICTION.stop :] @ tilt), FRICTION, N)
     found.turn(tilt)
     ours, theirs = (np.tril(e._moments.sum(axis=0)) for e in (found, told))
     width = ours.shape[-1]

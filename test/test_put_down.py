@@ -31,7 +31,7 @@ def sums(Y: FloatArray, y: FloatArray, theta: FloatArray, empty: FloatArray, noi
     """After each row, shape (count,)."""
     out = [0.0]
     for columns, row in zip(Y, y, strict=True):
-        out.append(with_row(out[-1], columns, row, theta, empty, *noise, NONE))
+        out.append(with_row(out[-1], columns, row, theta, empty, *noise, 1.0, NONE, 1.0))
     return np.array(out[1:])
 
 
@@ -83,9 +83,9 @@ def test_a_row_that_is_no_number_says_nothing() -> None:
     y = Y @ np.concatenate([EMPTY, theta[10:]]) + noise
     before = float(sums(Y, y, theta, EMPTY, WHITE)[5])
     assert before > 0.0
-    assert with_row(before, Y[0], np.full(M, np.nan), theta, EMPTY, *WHITE, NONE) == before
-    assert with_row(before, Y[0], y[0], theta, EMPTY, np.full(M, np.nan), WHITE[1], NONE) == before
-    assert with_row(before, Y[0], y[0], theta, EMPTY, *WHITE, NONE) != before
+    assert with_row(before, Y[0], np.full(M, np.nan), theta, EMPTY, *WHITE, 1.0, NONE, 1.0) == before
+    assert with_row(before, Y[0], y[0], theta, EMPTY, np.full(M, np.nan), WHITE[1], 1.0, NONE, 1.0) == before
+    assert with_row(before, Y[0], y[0], theta, EMPTY, *WHITE, 1.0, NONE, 1.0) != before
 
 
 def test_noise_that_cancels_over_a_long_run_does_not_within_a_beat() -> None:

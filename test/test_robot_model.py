@@ -10,7 +10,10 @@ import pytest
 from robots import ROBOTS, random_sample, robot, urdf
 
 from sysid_ros.exceptions import RobotModelError
+from sysid_ros.robot.body_torque import BodyTorque
 from sysid_ros.robot.flange import gripper_joints
+from sysid_ros.robot.joint_motion import MOTION, joint_table
+from sysid_ros.robot.link_products import LANES, in_lanes, link_products, own_blocks
 from sysid_ros.robot.packaged import packaged
 from sysid_ros.robot.robot_model import RobotModel
 
@@ -79,6 +82,30 @@ def test_gravity_torque_is_the_inverse_dynamics_at_rest(robot_name: str) -> None
     model = robot(robot_name)
     q = random_sample(model, np.random.default_rng(0)).q
     np.testing.assert_allclose(model.gravity_torque(q), model.rnea(q, np.zeros(model.n), np.zeros(model.n)), atol=1e-10)
+
+
+@every_robot
+@pytest.mark.parametrize("count", [1, LANES, LANES + 3])
+def test_link_products_are_those_with_the_regressor(robot_name: str, count: int) -> None:
+    """Of any number of columns, some of them of one link alone, wherever they go."""
+    model, rng = robot(robot_name), np.random.default_rng(0)
+    sample, linear = random_sample(model, rng), rng.normal(size=(10 * model.n, count))
+    linear[:10, count // 2 :] = 0.0
+    lanes, places = in_lanes(linear), rng.permutation(count)
+    out, wrench = np.full((model.n, count + 1), 7.0), np.full((model.n, lanes.shape[1], 6 * LANES), np.nan)
+    about, state = (joint_table(model.model), model.gravity, lanes, own_blocks(lanes)), (sample.q, sample.v, sample.a)
+    link_products(*about, *state, np.full((model.n, MOTION), np.nan), wrench, places, out)
+    np.testing.assert_allclose(out[:, places], model.regressor(*state) @ linear, atol=1e-11)
+    np.testing.assert_array_equal(out[:, count], 7.0)
+
+
+@every_robot
+def test_the_torque_of_a_body_is_that_of_its_regressor(robot_name: str) -> None:
+    model, rng = robot(robot_name), np.random.default_rng(1)
+    sample, theta = random_sample(model, rng), rng.normal(size=10)
+    for frame in map(model.frame_id, model.frame_names):
+        regressor = model.payload_regressor(sample.q, sample.v, sample.a, frame)
+        np.testing.assert_allclose(BodyTorque(model, frame)(sample.q, sample.v, sample.a, theta), regressor @ theta, atol=1e-10)
 
 
 def test_gravity_is_an_argument() -> None:

@@ -7,8 +7,9 @@ import pytest
 from scipy import signal
 
 from sysid_ros.sample import FloatArray, Measurement, Sample
-from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank, butterworth_sections
+from sysid_ros.signals.causal_filters import CausalDerivative
 from sysid_ros.signals.cutoff import default_cutoff, window_half_width
+from sysid_ros.signals.low_pass import LowPassBank, butterworth_sections
 from sysid_ros.signals.window_weights import slope_weights, value_weights
 
 PERIOD = 0.004

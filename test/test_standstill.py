@@ -17,7 +17,7 @@ from sysid_ros.online.rows import Rows
 from sysid_ros.online.standstill import Standstill
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot import inertial_parameters
-from sysid_ros.sample import FloatArray, Measurement, Sample
+from sysid_ros.sample import FloatArray, Measurement
 
 RATE, START = 250.0, 100.0
 STOPS, GOES = 8.0, 10.0
@@ -88,8 +88,7 @@ def test_a_long_stand_keeps_nothing_and_stamps_that_jump_back_end_it() -> None:
 
     def row(t: float, jump: float = 0.0, quiet: bool = True) -> None:
         zero = np.zeros(n)
-        sample = Sample(t, zero, zero, zero, zero)
-        rows = Rows(np.ones((n, 10)), np.full(n, jump), zero, zero, zero, zero, np.zeros((n, 0)), sample)
+        rows = Rows(np.ones((n, 10)), np.full(n, jump), zero, zero, zero, zero, np.zeros((n, 0)), t, zero, zero)
         watch.add(rows, quiet, nothing, np.full(n, 0.1), 0.1, np.zeros(10))
 
     for k in range(3000):
@@ -127,8 +126,7 @@ def test_what_friction_would_hide_of_any_payload_shows_of_the_one_that_is_known(
     columns *= (1.5 * np.sqrt(0.4 * (1.0 - np.exp(-0.2))) / np.abs(columns @ load))[:, None]
     watch = Standstill(np.full(10, 100.0))
     for k in range(30):
-        sample = Sample(0.01 * k, zero, zero, zero, zero)
         y = columns @ load if k < 15 else zero
-        rows = Rows(columns, y, zero, zero, zero, zero, np.zeros((n, 0)), sample)
+        rows = Rows(columns, y, zero, zero, zero, zero, np.zeros((n, 0)), 0.01 * k, zero, zero)
         watch.add(rows, True, carries, np.full(n, 0.2), 0.1, load if tared else np.zeros(10))
     assert bool(watch.told) != tared

@@ -271,7 +271,7 @@ def test_compiled_code_computes_the_same(robot_name: str) -> None:
             Y, rest, Z = np.zeros((model.n, p)), np.empty(model.n), np.zeros((model.n, torque_model.error.c))
             torque_model.split_into(sample, Y, rest, Z)
             raw = compiled.empty.copy()
-            compiled.fill(sample.t, sample.q, sample.v, sample.a, sample.tau, raw)
+            compiled.fill(sample.t, np.stack([sample.q, sample.v, sample.a, sample.tau]), raw)
             size = max(float(np.abs(rest).max()), 1.0)
             np.testing.assert_allclose(raw[:, :p], Y, atol=1e-11 * size)
             np.testing.assert_allclose(raw[:, p], rest, atol=1e-11 * size)

@@ -33,6 +33,12 @@ def innovate(Y: FloatArray, tau: FloatArray, theta: FloatArray, innovation: Floa
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
+def room_of_update(p: int, c: int) -> int:
+    """Values that :func:`joseph_update_in` works in, of p parameters and c considered errors."""
+    return 2 * p + c
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
 def joseph_update_in(
     theta: FloatArray,
     P: FloatArray,
@@ -43,7 +49,7 @@ def joseph_update_in(
     Z: FloatArray,
     room: FloatArray,
 ) -> None:
-    """As :func:`joseph_update_considering`, in the ``room`` of 2 p + c values."""
+    """As :func:`joseph_update_considering`, in the ``room`` of :func:`room_of_update` values."""
     p, c = S.shape
     gain, projected, carried = room[:p], room[p : 2 * p], room[2 * p : 2 * p + c]
     for i in range(tau.size):
@@ -88,7 +94,7 @@ def joseph_update_considering(
         S: shape (p, c). Z: shape (m, c).
     """
     p, c = S.shape
-    joseph_update_in(theta, P, Y, tau, variance, S, Z, np.empty(2 * p + c))
+    joseph_update_in(theta, P, Y, tau, variance, S, Z, np.empty(room_of_update(p, c)))
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]

@@ -7,16 +7,20 @@ from typing import Any, Final
 import numpy as np
 from numba import njit
 
+from sysid_ros.estimators.kernels import room_of_update
 from sysid_ros.sample import FloatArray
 
 SPREAD, NOISE, FLOOR = range(3)
 """Rows of ``levels``, shape (3, m): total variance of the innovations, variance that weighs a row, and the least of both."""
 FILLED, LENGTH = range(2)
 """Rows of ``progress``, shape (2, number of lengths): updates in each block so far, and in a full one."""
-PERIOD, COLOUR = 4, 5
-"""Where in ``memory`` stand the time between updates [s], and for how many rows what is added to the noise of one stays."""
-_SIZES: Final = 6
+PERIOD, COLOUR, WAITING = 4, 5, 6
+"""Where in ``memory`` stand the time between updates [s], for how many rows what is added to the noise of one stays, and how many
+updates wait to be added to the sums."""
+_SIZES: Final = 7
 """Values at the beginning of ``memory``: p, m, c, the number of lengths, and these."""
+MOST_WAITING: Final = 10
+"""Updates that wait at most: the sums are larger than the fastest cache, and are so fetched once for all of these."""
 
 
 class UpdateState:
@@ -27,24 +31,32 @@ class UpdateState:
 
     Attributes:
         memory: everything, shape (k,); the others are views of it.
-        theta, P, S: estimate (p,), covariance (p, p), derivative by the considered errors (p, c).
-        rows: sums of each row, shape (m, p, p + 1 + c), see :class:`.RowSums`.
+        theta, P, S: estimate (p,), covariance (p, p), derivative by the considered errors (p, c). variances: diagonal of P.
         levels: shape (3, m), see :data:`SPREAD`.
         total, starts, known, progress: see :func:`.variable_update.add_to_blocks` and :data:`FILLED`.
     """
 
     def __init__(self, p: int, m: int, lengths: FloatArray, period: float, colour: float, c: int = 0) -> None:
         levels = lengths.size
-        beside = 3 * m + m * (p + 2) * (levels + 1) + levels * p * (p + 1) + 2 * levels + 2 * p + c + 2 * m
+        beside = 3 * m + m * (p + 2) * (levels + 1) + levels * p * (p + 1) + 2 * levels + 2 * m + room_of_update(p, c)
+        beside += MOST_WAITING * m * (p + 2 + c)
         self.memory = np.zeros(_SIZES + p * (1 + p + c) + m * p * (p + 1 + c) + beside)
-        self.memory[:_SIZES] = p, m, c, levels, period, colour
+        self.memory[:_SIZES] = p, m, c, levels, period, colour, 0.0
         self._look()
         self.progress[LENGTH] = lengths
 
     def _look(self) -> None:
         (
-            self.theta, self.P, self.S, self.rows, self.levels, self.total, self.starts, self.known, self.progress, _
+            self.theta, self.P, self.S, self._rows, self.levels, self.total, self.starts, self.known, self.progress, *_
         ) = parts(self.memory)  # fmt: skip
+        self.variances = self.P.diagonal()
+
+    @property
+    def rows(self) -> FloatArray:
+        """Sums of each row, shape (m, p, p + 1 + c), see :class:`.RowSums`, with all that have waited."""
+        add_waiting(self.memory)
+        sums: FloatArray = self._rows
+        return sums
 
     def considering(self, c: int) -> UpdateState:
         """The same with another number of considered errors; what the ones before did is forgotten."""
@@ -70,7 +82,8 @@ class UpdateState:
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def parts(memory: FloatArray) -> tuple[FloatArray, ...]:
-    """Views of the array, as the attributes of :class:`UpdateState`, and room for 2 p + c + 2 m values at the end."""
+    """Views of the array, as the attributes of :class:`UpdateState`; then ``[Y | tau | Z | weight]`` of the updates that wait,
+    shape (10, m, p + 2 + c), and room for 2 m values and those of :func:`.room_of_update`."""
     p, m, c, levels = int(memory[0]), int(memory[1]), int(memory[2]), int(memory[3])
     a = _SIZES
     theta = memory[a : a + p]
@@ -90,4 +103,22 @@ def parts(memory: FloatArray) -> tuple[FloatArray, ...]:
     known = memory[a : a + levels * p * (p + 1)].reshape((levels, p, p + 1))
     a += levels * p * (p + 1)
     progress = memory[a : a + 2 * levels].reshape((2, levels))
-    return theta, P, S, rows, spreads, total, starts, known, progress, memory[a + 2 * levels :]
+    a += 2 * levels
+    waiting = memory[a : a + MOST_WAITING * m * (p + 2 + c)].reshape((MOST_WAITING, m, p + 2 + c))
+    return theta, P, S, rows, spreads, total, starts, known, progress, waiting, memory[a + waiting.size :]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def add_waiting(memory: FloatArray) -> None:
+    """Add the updates that wait to the sums of each row: ``rows[i] += w_i y_i [y_i' | tau_i | z_i']``."""
+    _, _, _, rows, _, _, _, _, _, waiting, _ = parts(memory)
+    m, p, width = rows.shape
+    for i in range(m):
+        for n in range(int(memory[WAITING])):
+            x = waiting[n, i]
+            for a in range(p):
+                y = x[width] * x[a]
+                if y != 0.0:
+                    for k in range(width):
+                        rows[i, a, k] += y * x[k]
+    memory[WAITING] = 0.0

@@ -8,7 +8,19 @@ import numpy as np
 from numba import njit
 
 from sysid_ros.estimators.kernels import innovate, is_ordinary, joseph_update_in
-from sysid_ros.estimators.update_state import COLOUR, FILLED, FLOOR, LENGTH, NOISE, PERIOD, SPREAD, parts
+from sysid_ros.estimators.update_state import (
+    COLOUR,
+    FILLED,
+    FLOOR,
+    LENGTH,
+    MOST_WAITING,
+    NOISE,
+    PERIOD,
+    SPREAD,
+    WAITING,
+    add_waiting,
+    parts,
+)
 from sysid_ros.sample import FloatArray
 
 _JIT = {"cache": True, "error_model": "numpy", "nogil": True}
@@ -95,20 +107,20 @@ def learn_spread(residual: FloatArray, extra: FloatArray, levels: FloatArray, ra
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
-def accumulate_row_sums(Y: FloatArray, tau: FloatArray, Z: FloatArray, weight: FloatArray, rows: FloatArray) -> None:
-    """Sums of each row, for weighting them anew: ``rows[i] += w_i y_i [y_i' | tau_i | z_i']``, shape (m, p,
-    p + 1 + c)."""
-    m, p = Y.shape
+def _let_wait(Y: FloatArray, tau: FloatArray, Z: FloatArray, weight: FloatArray, waiting: FloatArray, memory: FloatArray) -> None:
+    """Put the rows to those that wait to be added to the sums; add all where that makes them as many as may wait."""
+    (m, p), c = Y.shape, Z.shape[1]
+    place = waiting[int(memory[WAITING])]
     for i in range(m):
         for a in range(p):
-            y = weight[i] * Y[i, a]
-            if y == 0.0:
-                continue
-            for k in range(p):
-                rows[i, a, k] += y * Y[i, k]
-            rows[i, a, p] += y * tau[i]
-            for k in range(Z.shape[1]):
-                rows[i, a, p + 1 + k] += y * Z[i, k]
+            place[i, a] = Y[i, a]
+        place[i, p] = tau[i]
+        for k in range(c):
+            place[i, p + 1 + k] = Z[i, k]
+        place[i, p + 1 + c] = weight[i]
+    memory[WAITING] += 1.0
+    if memory[WAITING] >= MOST_WAITING:
+        add_waiting(memory)
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
@@ -137,7 +149,7 @@ def take_in(
         One of :data:`TAKEN_IN` and those beside it.
     """
     m, p = Y.shape
-    theta, P, S, sums, levels, total, starts, known, progress, room = parts(memory)
+    theta, P, S, _, levels, total, starts, known, progress, waiting, room = parts(memory)
     spread, period, colour = levels[SPREAD], memory[PERIOD], memory[COLOUR]
     if not innovate(Y, tau, theta, innovation):
         return NOT_USABLE
@@ -151,7 +163,7 @@ def take_in(
         variance[i] = (levels[NOISE, i] + colour * extra[i]) * inflation
         weight[i] = levels[NOISE, i] / variance[i]
     joseph_update_in(theta, P, Y, tau, variance, S, Z, room[2 * m :])
-    accumulate_row_sums(Y, tau, Z, weight, sums)
+    _let_wait(Y, tau, Z, weight, waiting, memory)
     if count >= 0:
         residual = variance
         innovate(Y, tau, theta, residual)
@@ -183,7 +195,7 @@ def remove(
     Args:
         Y: shape (k, m, p). tau: (k, m). Z: (k, m, c). variance, level: of each row, and the part of it that is noise, (m,).
         prior_variance: shape (p,).
-        theta, P, S: as in :func:`joseph_update_considering`. sums: as ``rows`` in :func:`accumulate_row_sums`.
+        theta, P, S: as in :func:`joseph_update_considering`. sums: as ``rows`` in :func:`.add_waiting`.
     """
     p, c = S.shape
     projected, carried = np.empty(p), np.empty(c)

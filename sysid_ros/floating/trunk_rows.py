@@ -13,7 +13,7 @@ from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.stance_log import StanceLog
 from sysid_ros.sample import FREE, FloatArray, Sample
-from sysid_ros.signals.causal_filters import LowPassBank
+from sysid_ros.signals.low_pass import LowPassBank
 
 _FOLLOWS = 2.0
 """Time in which the vertical follows the accelerometer [s]: some steps."""

@@ -12,9 +12,10 @@ from sysid_ros.input_gate.clock_kernel import FIRST, HELD, SHARE, own_time
 from sysid_ros.input_gate.source_clock import SourceClock
 from sysid_ros.online.row_history import RowHistory
 from sysid_ros.online.rows import Rows
-from sysid_ros.sample import FloatArray, Measurement, Sample
-from sysid_ros.signals.causal_filters import CausalDerivative, LowPassBank
+from sysid_ros.sample import FloatArray, Measurement
+from sysid_ros.signals.causal_filters import CausalDerivative
 from sysid_ros.signals.cutoff import acceleration_variance, default_cutoff, position_noise, window_half_width
+from sysid_ros.signals.low_pass import LowPassBank
 from sysid_ros.torque.compiled_rows import BESIDE
 from sysid_ros.torque.torque_model import TorqueModel
 
@@ -168,18 +169,17 @@ class ArmRows:
         due: list[Rows] = []
         derivative, history = self.derivative, self._history
         for k in range(derivative.advance(measurement)):
-            t, (q, v, a, tau) = derivative.times[k], derivative.channels[k]
-            raw = history.ring[history.count % history.size]
-            self._compiled.fill(t, q, v, a, tau, raw)
-            self.bank.push(raw if self._rising < 0 else raw * history.rise[self._rising])
+            t, motion = derivative.times[k], derivative.channels[k]
+            part = 1.0 if self._rising < 0 else history.rise[self._rising]
+            self._compiled.push(t, motion, history.ring[history.count % history.size], part, self.bank)
             self._rising = self._rising + 1 if 0 <= self._rising < history.rise.size - 1 else -1
             history.count += 1
             self._tick += 1
-            sample = None
+            sampled = None
             if self._tick >= 0 and self._tick % self._every == 0:
-                sample = Sample(float(t), q.copy(), v.copy(), a.copy(), tau.copy())
-                due.append(self._rows(sample))
-            history.samples.append((t, sample))
+                sampled = motion.copy()
+                due.append(self._rows(float(t), sampled))
+            history.samples.append((t, sampled))
         return due
 
     def rest(self) -> None:
@@ -205,32 +205,33 @@ class ArmRows:
     def since_change(self, theta: FloatArray, variance: FloatArray, prior_variance: FloatArray) -> tuple[float, list[Rows]]:
         """As of :class:`.FrontEnd`."""
         replayed = self._history.replay(self._history.onset(theta, variance, prior_variance))
-        rows = [self._rows(sample) for sample in replayed]
+        rows = [self._rows(t, motion) for t, motion in replayed]
         since = self._history.samples
         self._rising = len(since) if len(since) < self._history.rise.size else -1
         return float(since[0][0]), rows
 
-    def _rows(self, sample: Sample) -> Rows:
-        """What the low-pass shows now, one row a joint."""
+    def _rows(self, t: float, motion: FloatArray) -> Rows:
+        """What the low-pass shows now, one row a joint; ``motion``: q, v, a, tau of the newest sample, shape (4, n)."""
         p, out = self._p, self.bank.output
         n, error = self.rows, self._error
         Y, considered, beside = np.empty((n, p)), np.empty(error.gains.shape), np.empty((5, n))
         filled = _split(out, p, Y, beside, considered, error.gains)
         self._fresh = self._filling if filled < _FILLED else max(self._fresh - 1, 0)
-        y, speed, slow, acceleration, tau = beside
         self._since = (self._since + 1) % _NOISE_EVERY
-        noise = self._noise(sample) if self._since == 0 and self.noise > 0.0 else None
-        rows = Rows(Y, y, speed, slow, acceleration, tau, considered, sample, fresh=self._fresh > 0, noise=noise)
-        self._history.updates.append((rows.Y, rows.y, rows.considered))
-        return rows
+        noise = self._noise(t, motion[0]) if self._since == 0 and self.noise > 0.0 else None
+        y, channels = beside[0], (beside[1], beside[2], beside[3], beside[4])
+        self._history.updates.append((Y, y, considered))
+        return Rows(Y, y, *channels, considered, t, motion[0], motion[1], noise=noise, fresh=self._fresh > 0)
 
-    def _noise(self, sample: Sample) -> Noise:
+    def _noise(self, t: float, q: FloatArray) -> Noise:
         """What a standard deviation of each joint's acceleration does to a row."""
         variance = acceleration_variance(1.0 / self.derivative.period, self.noise, self.bank.cutoff_hz)
-        p, zero = self._p, np.zeros(self.rows)
-        self._compiled.fill(sample.t, sample.q, zero, zero, zero, self._still)
-        for pushed, unit in zip(self._pushed, np.sqrt(variance) * np.eye(self.rows), strict=True):
-            self._compiled.fill(sample.t, sample.q, zero, unit, zero, pushed)
+        p, motion = self._p, np.zeros((4, self.rows))
+        motion[0] = q
+        self._compiled.fill(t, motion, self._still)
+        for pushed, unit in zip(self._pushed, math.sqrt(variance) * np.eye(self.rows), strict=True):
+            motion[2] = unit
+            self._compiled.fill(t, motion, pushed)
         moved = self._pushed - self._still
         also = np.zeros((*moved.shape[:2], self._error.gains.shape[1]))
         also[:, :, : self._error.c] = moved[:, :, p + BESIDE :]

@@ -105,7 +105,7 @@ class ChangeWatch:
             if estimator.jumps != jumps or estimator.misfits:
                 estimate = self.changed(rows, hold, estimator, front_end, estimate, estimator.jumps != jumps, known)
         assert self.trial is not None
-        return self._follow(self.trial, rows.sample.t, hold, estimator, front_end), estimate
+        return self._follow(self.trial, rows.t, hold, estimator, front_end), estimate
 
     def status(self, t: float, status: str, reason: str) -> tuple[str, str]:
         """What is said at ``t`` [s] in place of a status and its reason while something has changed."""
@@ -133,10 +133,9 @@ class ChangeWatch:
         if not carries or hold or not front_end.makes_anew:
             self._put_down = 0.0
         elif extra is not None and estimator.noise_known and estimate.status != "not_finite":
-            noise = estimator.noise_variance, estimator.row_variance / front_end.passed
-            about = estimate.theta, self.tare.theta, *noise, self._free.extra_colour * extra
-            self._put_down = with_row(self._put_down, rows.Y, rows.y, *about)
-            gone = self._put_down > math.log(SELDOM / front_end.period)
+            noise = estimator.noise_variance, estimator.row_variance, front_end.passed, extra, self._free.extra_colour
+            self._put_down = with_row(self._put_down, rows.Y, rows.y, estimate.theta, self.tare.theta, *noise)
+            gone = self._put_down > 0.0 and self._put_down > math.log(SELDOM / front_end.period)
         if estimate.status != "not_finite" and (jumped or gone or estimator.misfits):
             return self.changed(rows, hold, estimator, front_end, estimate, jumped, known, gone)
         if not hold:
@@ -165,7 +164,7 @@ class ChangeWatch:
         if not front_end.makes_anew:
             if jumped and known:
                 mass = self._mass_before(estimator.before_jump)
-                t = rows.sample.t - front_end.delay - estimator.found_after * period
+                t = rows.t - front_end.delay - estimator.found_after * period
                 self._log.add(t, mass, mass + float(estimator.last_jump[0]))
             return estimate
         if not (jumped or gone) and estimator.misfits * period < _UNEXPLAINED * front_end.memory:

@@ -20,6 +20,7 @@ from sysid_ros.online.model_evidence import BY_LOAD, ROTOR, ModelEvidence
 from sysid_ros.online.rows import Rows
 from sysid_ros.online.small_tilt import SmallTilt
 from sysid_ros.online_settings import OnlineSettings
+from sysid_ros.robot.body_torque import BodyTorque
 from sysid_ros.robot.link_inexactness import link_inexactness
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FREE, FloatArray, Measurement, Sample
@@ -57,7 +58,8 @@ class FreeParameters:
         base: the robot where it floats; the torques of its legs are then not distinguishable from friction, which is as known.
 
     Attributes:
-        payload: the effect whose columns come first. bias: where that of the accelerometer stands, None where it is not free.
+        payload: the effect whose columns come first. payload_torque: what a payload costs the joints. bias: where that of the
+            accelerometer stands, None where it is not free.
         tilt: of an arm's base, where it is free. tilt_slice: where its two parameters stand. tilt_is_open: whether that is to be
             asked still. friction_slice: where those of friction stand.
         legs: what is not known of a robot on legs beside its payload, None of an arm.
@@ -83,6 +85,7 @@ class FreeParameters:
             )
         whole = base.robot if base else robot
         self.payload = Payload(whole, frame=settings.frame_id or (base.trunk if base else robot.flange))
+        self.payload_torque = BodyTorque(whole, self.payload.frame_index)
         if known is None and not np.any(whole.pi):
             raise RobotModelError(
                 f"no link of the URDF '{robot.name}' that moves has a mass, so that all of it would be payload. Give a URDF with "

@@ -82,22 +82,28 @@ class FrictionCorrection(Effect):
             theta, variance: its parameters as they are estimated now and how uncertain they are, shape (3 n,) each, or none where
                 they are not estimated.
         """
-        s = self._settings
-        return np.asarray(_hidden(slow, speed, self._coulomb, theta, variance, s.low_velocity, s.stiction**2))
+        s, extra = self._settings, np.empty(slow.size)
+        _hidden(slow, speed, self._coulomb, theta, variance, s.low_velocity, s.stiction**2, extra)
+        return extra
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def _hidden(
-    slow: FloatArray, speed: FloatArray, known: FloatArray, theta: FloatArray, variance: FloatArray, low: float, stiction: float
-) -> FloatArray:
-    """As :meth:`FrictionCorrection.hidden_variance`; ``known``: Coulomb friction. ``stiction``: its variance, below the
-    speed ``low`` of all joints."""
+    slow: FloatArray,
+    speed: FloatArray,
+    known: FloatArray,
+    theta: FloatArray,
+    variance: FloatArray,
+    low: float,
+    stiction: float,
+    extra: FloatArray,
+) -> None:
+    """As :meth:`FrictionCorrection.hidden_variance`, into ``extra``; ``known``: Coulomb friction. ``stiction``: its variance,
+    below the speed ``low`` of all joints."""
     n = slow.size
-    extra = np.empty(n)
     beneath = stiction if speed.max() < low else 0.0
     for i in range(n):
         coulomb = known[i] ** 2
         if theta.size > 0:
             coulomb = (known[i] + theta[n + i]) ** 2 + variance[n + i]
         extra[i] = coulomb * (0.5 * slow[i]) ** 2 + beneath
-    return extra

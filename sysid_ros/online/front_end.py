@@ -95,7 +95,7 @@ class FrontEnd:
             self._trunk.push(sample, raw, self._floating.contacts(sample.t))
             self._tick += 1
             if self._tick >= 0 and self._tick % self._every == 0:
-                due.append(Rows(**self._trunk.due(), sample=sample))
+                due.append(Rows(**self._trunk.due(), t=sample.t, q=sample.q, v=sample.v))
         return due
 
     @property

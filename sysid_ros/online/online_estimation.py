@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid_ros.estimators import Estimate, Estimator
+from sysid_ros.estimators import Estimate, Estimator, kernels
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import floating_base_of
 from sysid_ros.floating.stance_log import STANDS, STANDS_AGAIN, GroundContact, StanceLog
@@ -69,7 +69,7 @@ class OnlineEstimation:
         notes = (*(known.notes(robot.urdf) if known else ()), *(self.base.notes if self.base else ()))
         self._warnings = {note: note for note in notes}
         self._changes = ChangeWatch(self._free, self._log)
-        self._observable_std = _OBSERVABLE * self._free.prior_std[PAYLOAD]
+        self._observable_variance = (_OBSERVABLE * self._free.prior_std[PAYLOAD]) ** 2
         self._enabled, self._next_publish = True, -math.inf
         self.latest: PayloadEstimate | None = None
         self.estimator: Estimator | None = None
@@ -184,7 +184,7 @@ class OnlineEstimation:
         front_end, estimator, judgement = self._front_end, self.estimator, self._judgement
         if front_end is None or estimator is None or judgement is None:  # the filters have just been forgotten
             return None
-        due = rows.sample.t >= self._next_publish
+        due = rows.t >= self._next_publish
         if self._ground is not None and not self._on_ground(rows, front_end, self._ground):
             return self._held(rows, self._ground) if due and self._ground.lifted else None
         fastest, friction, legs = max(rows.speed.tolist()), self._free.friction, self._free.legs
@@ -220,7 +220,7 @@ class OnlineEstimation:
             return None
         if not due:
             return None
-        self._next_publish = max(self._next_publish, rows.sample.t - front_end.period) + 1.0 / self.settings.publish_rate
+        self._next_publish = max(self._next_publish, rows.t - front_end.period) + 1.0 / self.settings.publish_rate
         self.latest = published = self._publish(estimate, rows, t, judgement, front_end.projection)
         if legs and self._changes.trial is None and estimate.status == "ok" and (why := legs.settle(estimator)):
             self.reset(why)
@@ -231,18 +231,18 @@ class OnlineEstimation:
         lifted = ground.lifted
         state = ground.update(rows.trust, front_end.period)
         if ground.lifted and not lifted:
-            self._log.lift(rows.sample.t - ground.seconds)
+            self._log.lift(rows.t - ground.seconds)
         if state == STANDS_AGAIN:
             assert self.estimator is not None
-            self._set_down = rows.sample.t - ground.seconds
+            self._set_down = rows.t - ground.seconds
             self.estimator.forget()
             self._make_judgement()
         return state in (STANDS, STANDS_AGAIN)
 
     def _held(self, rows: Rows, ground: GroundContact) -> PayloadEstimate:
         """What is given out while the robot is lifted: no claim."""
-        self._next_publish = rows.sample.t + 1.0 / self.settings.publish_rate
-        self.latest = replace(self.prior(), t=rows.sample.t, status="stale", reason=ground.reason)
+        self._next_publish = rows.t + 1.0 / self.settings.publish_rate
+        self.latest = replace(self.prior(), t=rows.t, status="stale", reason=ground.reason)
         return self.latest
 
     def _publish(
@@ -260,7 +260,7 @@ class OnlineEstimation:
         held = self.base.mass if self.base is not None and not self._changes.tare.taken else 0.0
         if self._stances is not None:
             covariance[0, 0] += self._stances.mass_error(held + max(float(theta[0]), 0.0)) ** 2
-        std = np.sqrt(covariance.diagonal())
+        mass_std = float(covariance[0, 0] ** 0.5)
         fits = self.estimator.noise_known and self._changes.trial is None and estimate.status == "ok"
         asked = fits and self._free.tilt_is_open
         turned = self._free.settle_tilt(self.estimator, judgement.with_errors) if asked else None
@@ -271,7 +271,7 @@ class OnlineEstimation:
                 judgement.evidence.turn(turned)
         if asked and self._free.tilt is not None and self._free.tilt.told:
             self._warnings["tilt"] = self._free.tilt.told
-        status, reason = judgement.status(estimate, self.estimator, float(theta[0]), float(std[0]), parts)
+        status, reason = judgement.status(estimate, self.estimator, float(theta[0]), mass_std, parts)
         inconsistent = status == "inconsistent"
         if self._changes.trial is not None or self._changes.standstill.told:
             status, reason = self._changes.status(t, status, reason)
@@ -280,20 +280,21 @@ class OnlineEstimation:
             if not distance <= NOT_A_BODY:
                 status, reason = "not_physical", "No body of positive density has these parameters, whatever the noise."
         if self._free.legs is not None and self._stances is not None:
-            doubt = self._stances.mass_error(held) / float(std[0])
+            doubt = self._stances.mass_error(held) / mass_std
             reason = name_imu(self._free.legs, self._stances, self.estimator, status, reason, doubt, self._warnings)
         self._warnings.pop("inconsistent", None)
-        self._warnings |= {"inconsistent": reason} if inconsistent else {}
+        if inconsistent:
+            self._warnings["inconsistent"] = reason
         if status != "warming_up" and (self.base is not None or t <= self._log.open_until):
             self._log.refine(t, float(theta[0]))
         if self._set_down is not None and status in ("ok", "no_payload"):
-            self._log.set_down(self._set_down, float(theta[0]), float(std[0]))
+            self._log.set_down(self._set_down, float(theta[0]), mass_std)
             self._set_down = None
-        q, v = rows.sample.q, rows.sample.v
-        effort = self._free.model.robot.payload_regressor(q, v, rows.acceleration, self._free.payload.frame_index) @ theta
-        residual = rows.y - rows.Y @ estimate.theta
+        residual = np.empty(rows.y.size)
+        kernels.innovate(rows.Y, rows.y, estimate.theta, residual)
+        effort = self._free.payload_torque(rows.q, rows.v, rows.acceleration, theta)
         if projection is not None:
             effort = projection.leg_torque(effort[:FREE])
             residual = projection.leg_torque(projection.wrench(residual[:FREE]))
-        observable = std < self._observable_std
+        observable = covariance.diagonal() < self._observable_variance
         return PayloadEstimate(t, self.frame, theta, covariance, status, reason, observable, residual, effort)

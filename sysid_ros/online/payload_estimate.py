@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from sysid_ros.estimators import Estimate, Estimator
 from sysid_ros.online.evidence_words import further_off
@@ -153,9 +154,11 @@ def nearest_body(theta: FloatArray, noise: FloatArray, covariance: FloatArray) -
     these explain.
     """
     nearest = theta.copy()
-    distance, within = float(project_into(theta, covariance, nearest)), nearest.copy()
-    if distance > 0.0 and (project_into(theta, noise, within) <= NOT_A_BODY or distance > NOT_A_BODY):
-        nearest = within
+    distance = float(project_into(theta, covariance, nearest))
+    if distance > 0.0:
+        within = nearest.copy()
+        if project_into(theta, noise, within) <= NOT_A_BODY or distance > NOT_A_BODY:
+            nearest = within
     return nearest, distance
 
 
@@ -194,12 +197,9 @@ class Judgement:
             noise: covariance without these errors, shape (k, k). sensitivity: derivative by them, shape (k, c), of which the
                 last ``gained`` are of the efforts' gains.
         """
-        by_gains, of_mass = sensitivity.shape[1] - gained, sensitivity[0]
-        as_said = math.sqrt(noise[0, 0] + of_mass @ of_mass)
-        if self.evidence is not None:
-            sensitivity[:, :by_gains] *= self.evidence.links
-            sensitivity[:, by_gains:] *= self.evidence.gains
-        return noise + sensitivity @ sensitivity.T, (math.hypot(*of_mass[by_gains:]), as_said)
+        links, gains = (1.0, 1.0) if self.evidence is None else (self.evidence.links, self.evidence.gains)
+        covariance = np.empty(noise.shape)
+        return covariance, _with_errors(noise, sensitivity, sensitivity.shape[1] - gained, links, gains, covariance)
 
     def status(
         self, estimate: Estimate, estimator: Estimator, mass: float, mass_std: float, parts: tuple[float, float] = ALL_OF_IT
@@ -238,3 +238,27 @@ class Judgement:
         if abs(mass) < level:
             return "no_payload", f"No payload above {level:.2g} kg."
         return "ok", "The robot stands; the estimate is held." if estimate.status == "not_excited" else reason
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _with_errors(
+    noise: FloatArray, sensitivity: FloatArray, by_gains: int, links: float, gains: float, out: FloatArray
+) -> tuple[float, float]:
+    """As :meth:`Judgement.with_errors`, the covariance into ``out``: errors up to the column ``by_gains`` are ``links`` times as
+    large as is said, those from there on ``gains`` times."""
+    count, c = sensitivity.shape
+    larger, squares = np.empty((count, c)), np.zeros((count, count))
+    of_mass = of_gains = 0.0
+    for k in range(c):
+        times = links if k < by_gains else gains
+        for a in range(count):
+            larger[a, k] = sensitivity[a, k] * times
+        of_mass += sensitivity[0, k] ** 2
+        of_gains += larger[0, k] ** 2 if k >= by_gains else 0.0
+    if c > 0:
+        np.dot(larger, larger.T, squares)
+    for a in range(count):
+        for b in range(a + 1):
+            out[a, b] = noise[a, b] + squares[a, b]
+            out[b, a] = noise[b, a] + squares[a, b]
+    return np.sqrt(of_gains), np.sqrt(noise[0, 0] + of_mass)

@@ -31,16 +31,18 @@ def with_row(
     empty: FloatArray,
     run: FloatArray,
     single: FloatArray,
+    passed: float,
     hidden: FloatArray,
+    stays: float,
 ) -> float:
     """The sum S with the rows Y (m, p), y (m,).
 
     Args:
         before: S of the rows before. theta: parameters as they are known, the payload's first, shape (p,).
         empty: those that count as nothing, shape (10,).
-        run, single: variance of noise over a long run, and of single rows as if they were white, shape (m,) each; noise that is
-            small over a long run only cancels there.
-        hidden: variance of what dry friction hides in the mean of many rows, for one of them, shape (m,).
+        run, single: variance of noise over a long run, and of single rows, shape (m,) each. passed: part of white noise in these;
+            as if it were white, because noise that is small over a long run only cancels there.
+        hidden: variance of what dry friction hides of a row, shape (m,). stays: for how many rows it is the same.
     """
     out = 0.0
     for i in range(y.size):
@@ -49,5 +51,5 @@ def with_row(
             left -= Y[i, a] * theta[a]
         for a in range(empty.size):
             gone += Y[i, a] * (theta[a] - empty[a])
-        out -= gone * (left + 0.5 * gone) / (np.maximum(run[i], single[i]) + hidden[i])
+        out -= gone * (left + 0.5 * gone) / (np.maximum(run[i], single[i] / passed) + stays * hidden[i])
     return max(before + out, 0.0) if np.isfinite(out) else before

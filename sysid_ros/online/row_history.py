@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 from numba import njit
 
-from sysid_ros.sample import FloatArray, Sample
-from sysid_ros.signals.causal_filters import LowPassBank
+from sysid_ros.sample import FloatArray
+from sysid_ros.signals.low_pass import LowPassBank
 
 _SPAN = 4.0
 """How far back it reaches, in periods of the cut-off."""
@@ -35,8 +35,8 @@ class RowHistory:
 
     Attributes:
         ring, size, count: the channels before the low-pass, of which the newest ``size`` stand in the ring, shape (size, n, c),
-            each at its number modulo ``size``; whoever pushes them writes there. samples: when they were taken [s], and the
-            sample where a row was due.
+            each at its number modulo ``size``; whoever pushes them writes there. samples: when they were taken [s], and where a
+            row was due the q, v, a, tau of it, shape (4, n).
         updates: Y, y and what is considered of the rows that were due, after the low-pass.
         rise: w after a change, as a factor on each of the samples after it, the last one for all to come.
     """
@@ -46,7 +46,7 @@ class RowHistory:
         self.size, self._block, self._sections = max(round(_SPAN * own), 8), block, bank.sections
         self._bank = bank
         self.ring = np.tile(empty, (self.size, 1, 1))
-        self.samples: deque[tuple[float, Sample | None]] = deque(maxlen=self.size)
+        self.samples: deque[tuple[float, FloatArray | None]] = deque(maxlen=self.size)
         self.updates: deque[tuple[FloatArray, FloatArray, FloatArray]] = deque(maxlen=self.size)
         self.count, self._step = 0, max(round(_STEP * own), 1)
         rise = (np.arange(round(_RISE * own) + 1) + 0.5) / (_RISE * own)
@@ -72,7 +72,7 @@ class RowHistory:
             prior_variance: of the block, shape (b,).
         """
         kept = len(self.samples)
-        due = np.array([k for k, (_, sample) in enumerate(self.samples) if sample], dtype=np.int64)
+        due = np.array([k for k, (_, sampled) in enumerate(self.samples) if sampled is not None], dtype=np.int64)
         rows = list(self.updates)[-due.size :]
         due = due[due.size - len(rows) :]
         e = np.array([y - Y @ theta for Y, y, _ in rows])
@@ -89,8 +89,8 @@ class RowHistory:
             gains[i] = score @ np.linalg.solve(information, score)
         return int(starts[int(np.argmax(gains))]) + self._step
 
-    def replay(self, first: int) -> Iterator[Sample]:
-        """Let the low-pass, from rest, take in ``w`` times the channels since an index; a sample whenever a row is due then.
+    def replay(self, first: int) -> Iterator[tuple[float, FloatArray]]:
+        """Let the low-pass, from rest, take in ``w`` times the channels since an index; when and at what motion a row is due.
 
         w rises smoothly: where second differences of noisy positions were cut off, their noise would no longer cancel.
         """
@@ -100,10 +100,10 @@ class RowHistory:
         beginning = min(len(recent), self.rise.size)
         recent[:beginning] *= self.rise[:beginning, None, None]
         self._bank.rest()
-        for raw, (_, sample) in zip(recent, list(self.samples), strict=True):
+        for raw, (t, sampled) in zip(recent, list(self.samples), strict=True):
             self._bank.push(raw)
-            if sample is not None:
-                yield sample
+            if sampled is not None:
+                yield float(t), sampled
 
     def _recent(self) -> FloatArray:
         kept = len(self.samples)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from sysid_ros.estimators.estimator import Noise
-from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.sample import FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class Rows:
+class Rows(NamedTuple):
     """``y = Y theta + noise`` after the low-pass, one row a joint.
 
     Attributes:
@@ -20,7 +19,7 @@ class Rows:
         acceleration: shape (n,) [rad/s^2].
         tau: measured torque, shape (n,) [N m].
         considered: torque of the errors of what is known, shape (n, c) [N m], see :class:`.known_effect.KnownError`.
-        sample: the newest sample that went in, not filtered.
+        t: of the newest sample that went in [s]. q, v: its positions and velocities, not filtered, shape (n,).
         fresh: True where the low-pass has not been filled for long, as after a change.
         noise: what the noise of the accelerations has done to Y, y and considered, as of :meth:`.Estimator.compensate`;
             not of each row.
@@ -34,7 +33,9 @@ class Rows:
     acceleration: FloatArray
     tau: FloatArray
     considered: FloatArray
-    sample: Sample
+    t: float
+    q: FloatArray
+    v: FloatArray
     trust: float = 1.0
     noise: Noise = None
     fresh: bool = False

@@ -59,7 +59,7 @@ class Standstill:
             hidden: variance of what dry friction may hide, shape (n,) [(N m)^2]. apart: how long before is compared with [s].
             empty: parameters of what counts as nothing, shape (10,).
         """
-        t = rows.sample.t
+        t = rows.t
         if not quiet or hidden is None:
             if self._before:
                 self._before.clear()
@@ -69,10 +69,10 @@ class Standstill:
             self.lasts = bool(self.told)
             return
         self.lasts = True
-        if self._before and not 0.0 < t - self._before[-1][0].sample.t < apart:
+        if self._before and not 0.0 < t - self._before[-1][0].t < apart:
             self._before.clear()
         self._before.append((rows, hidden))
-        if t - self._before[0][0].sample.t < apart:
+        if t - self._before[0][0].t < apart:
             return
         was, could = self._before.popleft()
         if not self.told:
@@ -85,7 +85,7 @@ class Standstill:
     def _compare(
         self, rows: Rows, hidden: FloatArray, was: Rows, could: FloatArray, estimator: Estimator, empty: FloatArray
     ) -> None:
-        apart = rows.sample.t - was.sample.t
+        apart = rows.t - was.t
         load, P = slice(0, self._prior_variance.size), estimator.noise_covariance()
         columns, considered = rows.Y - was.Y, rows.considered - was.considered
         change = rows.y - was.y - columns @ estimator.theta

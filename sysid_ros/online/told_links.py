@@ -74,7 +74,7 @@ class RowsSoFar:
         """What all rows tell together; None where they do not. ``floor``: as of :meth:`.FreeParameters.make_estimator`."""
         free, p, error = self._free, self._free.model.p, self._free.model.error
         c = error.gains.shape[1] - error.gained
-        while self.rows and not 0.0 <= self.rows[-1].sample.t - self.rows[0].sample.t <= _SPAN:
+        while self.rows and not 0.0 <= self.rows[-1].t - self.rows[0].t <= _SPAN:
             self.rows.popleft()
         if not self.rows:
             return None

@@ -1,13 +1,11 @@
-"""Filters and derivatives at the robot's rate: measurements to samples, and one low-pass for both sides of the equation.
+"""Derivatives at the robot's rate: measurements to samples.
 
 The acceleration decides most of the accuracy. It enters the regressor linearly, so it is left raw (a second difference,
-unbiased) and both sides of the equation, ``F(tau) = F(Y) theta``, go through the *same* low-pass, which averages its noise
-without shifting phase between the two (Swevers, Verdonck, De Schutter 2007; filtered regressor: Slotine, Li 1987).
+unbiased), and the low-pass on both sides of the equation averages its noise, see :mod:`.low_pass`.
 """
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
@@ -161,15 +159,16 @@ class CausalDerivative:
     """
 
     def __init__(self, n: int, period: float, half_width: int, use_message_velocity: bool = False, impacts: bool = False) -> None:
-        self.period, self._alone = period, impacts
+        self.period = period
         self._window = np.zeros((4, 1 + 3 * n))
         self._clock, self._usual = np.zeros(5), np.zeros(n + 1)
         self._ring = np.zeros((2 * half_width + 1, 1 + 3 * n))
         self._weights = np.stack([value_weights(half_width), slope_weights(half_width, period)])
-        self._use_message_velocity = use_message_velocity
         self.times, self.channels = np.zeros(_PLACES), np.zeros((_PLACES, 4, n))
         self._no_velocity = np.full(n, np.nan)
         self._no_velocity.setflags(write=False)  # as a measured one is: another type would be compiled for anew
+        self._kept = self._window, self._clock, self._usual, self._ring, self._weights
+        self._rules = period, use_message_velocity, impacts
 
     @property
     def filled(self) -> int:
@@ -187,107 +186,12 @@ class CausalDerivative:
 
     def advance(self, measurement: Measurement) -> int:
         """As :meth:`push`; how many they are. They stand in ``times`` and ``channels``."""
-        completed = int(
-            _advance(
-                self._window, self._clock, self._usual, self._ring, self._weights, measurement.t, measurement.q,
-                self._no_velocity if measurement.v is None else measurement.v, measurement.tau, self.period,
-                self._use_message_velocity, self._alone, self.times, self.channels,
-            )
-        )  # fmt: skip
+        m, v = measurement, self._no_velocity if measurement.v is None else measurement.v
+        completed: int = _advance(*self._kept, m.t, m.q, v, m.tau, *self._rules, self.times, self.channels)
         if completed >= 0:
             return completed
         self.times, self.channels = np.zeros(-completed), np.zeros((-completed, *self.channels.shape[1:]))
         return self.advance(measurement)
-
-
-@njit(**_JIT)  # type: ignore[untyped-decorator]
-def _filter(sections: FloatArray, state: FloatArray, x: FloatArray, y: FloatArray) -> None:
-    for c in range(x.size):
-        u = x[c]
-        for s in range(sections.shape[0]):
-            out = sections[s, 0] * u + state[s, 0, c]
-            state[s, 0, c] = sections[s, 1] * u - sections[s, 4] * out + state[s, 1, c]
-            state[s, 1, c] = sections[s, 2] * u - sections[s, 5] * out
-            u = out
-        y[c] = u
-
-
-def butterworth_sections(order: int, cutoff_hz: float, rate: float) -> FloatArray:
-    """Butterworth low-pass of even order as sections b0 b1 b2 1 a1 a2, each of unit gain at rest, shape (order / 2, 6).
-
-    The analog sections 1 / (s^2 + 2 sin(pi (2 k + 1) / (2 order)) s + 1) under the bilinear transform, the cut-off warped so that
-    it stays where it is (Oppenheim, Schafer 2010, section 7.2).
-
-    Args:
-        cutoff_hz: frequency of half the power [Hz], below half of ``rate`` [Hz].
-    """
-    K = math.tan(math.pi * cutoff_hz / rate)
-    sections = np.empty((order // 2, 6))
-    for k, section in enumerate(sections):
-        damping = 2.0 * math.sin(math.pi * (2 * k + 1) / (2 * order)) * K
-        scale = 1.0 / (1.0 + damping + K * K)
-        b = K * K * scale
-        section[:] = b, 2.0 * b, b, 1.0, 2.0 * (K * K - 1.0) * scale, (1.0 - damping + K * K) * scale
-    return sections
-
-
-class LowPassBank:
-    """The same Butterworth low-pass of unit gain on many channels, primed with the first input.
-
-    Args:
-        shape: shape of the array of channels.
-        cutoff_hz: cut-off [Hz].
-        rate: samples a second [Hz].
-        order: even order.
-
-    Attributes:
-        sections: of the filter, shape (order / 2, 6). output: filtered channels.
-    """
-
-    def __init__(self, shape: tuple[int, ...], cutoff_hz: float, rate: float, order: int = 4) -> None:
-        self.cutoff_hz = cutoff_hz
-        self.sections = butterworth_sections(order, cutoff_hz, rate)
-        self._steady = np.stack([1.0 - self.sections[:, 0], self.sections[:, 2] - self.sections[:, 5]], axis=1)
-        size = math.prod(shape)
-        self._state = np.zeros((len(self.sections), 2, size))
-        self.output: FloatArray = np.zeros(shape)
-        self._flat = self.output.reshape(-1)
-        self._primed = False
-
-    @property
-    def memory(self) -> float:
-        """Time after which an input has all but left the output [s]."""
-        return 1.25 / self.cutoff_hz
-
-    @property
-    def delay(self) -> float:
-        """Group delay at low frequency [s] (Butterworth of order 4: 2.613 / (2 pi cutoff))."""
-        return 2.613 / (2.0 * math.pi * self.cutoff_hz)
-
-    def push(self, x: FloatArray) -> FloatArray:
-        """Filtered channels: ``output``, which the next call overwrites."""
-        flat = x.reshape(-1)
-        if not self._primed:
-            self._state[:] = self._steady[:, :, None] * flat
-            self._primed = True
-        _filter(self.sections, self._state, flat, self._flat)
-        return self.output
-
-    def mix(self, matrix: FloatArray) -> None:
-        """From now on the last axis of the channels holds ``channels @ matrix``, shape (c, d), as if all inputs had been so."""
-        shape = *self._state.shape[:2], -1
-        self._state = (self._state.reshape(*shape, len(matrix)) @ matrix).reshape(shape)
-        self.output = self.output @ matrix
-        self._flat = self.output.reshape(-1)
-
-    def rest(self) -> None:
-        """Forget all, as if every input before had been zero."""
-        self._state[:] = 0.0
-        self._primed = True
-
-    def reset(self) -> None:
-        """Forget all: the next input primes the filter."""
-        self._primed = False
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]

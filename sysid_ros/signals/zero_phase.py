@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_ros.sample import FloatArray
-from sysid_ros.signals.causal_filters import butterworth_sections
+from sysid_ros.signals.low_pass import butterworth_sections
 
 _STOP_DECIBEL = 80.0
 _WIDTH = 4.0
@@ -157,7 +157,7 @@ class GaussianLowPass:
 
 
 def low_passed(x: FloatArray, cutoff_hz: float, period: float, order: int = 4, padding: float | None = None) -> FloatArray:
-    """Channels (N, ...) on an even grid through the Butterworth low-pass of :mod:`.causal_filters` both ways: half the
+    """Channels (N, ...) on an even grid through the Butterworth low-pass of :mod:`.low_pass` both ways: half the
     amplitude at the cut-off, no phase.
 
     Args:

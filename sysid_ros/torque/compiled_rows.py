@@ -1,4 +1,4 @@
-"""CompiledRows: known torque and free columns of a sample from one regressor of the links, in compiled code."""
+"""CompiledRows: known torque and free columns of a sample in one pass over the links, in compiled code."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ from typing import Final
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from sysid_ros.effects import Curve, Effect
+from sysid_ros.robot.joint_motion import MOTION, joint_table
+from sysid_ros.robot.link_products import LANES, in_lanes, link_products, own_blocks
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.causal_filters import fill_beside
+from sysid_ros.signals.low_pass import LowPassBank, low_pass
 from sysid_ros.torque.known_effect import KnownEffect
 
 BESIDE: Final = 6
@@ -24,8 +28,8 @@ _JIT = {"cache": True, "error_model": "numpy", "nogil": True}
 class CompiledRows:
     """``raw = [Y | tau - known, v, a, tau, slowness, 1 | Z]``, a row a joint, of one sample.
 
-    All that is linear in the link inertials, which are known torque, payload and the errors of the links, comes from one product
-    with the links' regressor; simple curves of a joint's motion are compiled too. Only what is neither is asked by
+    All that is linear in the link inertials, which are known torque, payload and the errors of the links, comes from one pass of
+    :func:`.link_products`; simple curves of a joint's motion are compiled too. Only what is neither is asked by
     :meth:`.Effect.fill` and :meth:`.Effect.torque`.
 
     Args:
@@ -69,31 +73,50 @@ class CompiledRows:
             else:
                 self._asked.append((effect, where))
         self._asked_ids = {id(effect) for effect, _ in self._asked}
-        self._linear = np.ascontiguousarray(np.hstack(blocks))
-        ends = np.arange(1, self._linear.shape[1] + 1)
-        self._filled = np.max(ends * (self._linear != 0.0), axis=1)  # beyond which the products of an inertial are zero
+        self._joints, self._lanes = joint_table(robot.model), in_lanes(np.hstack(blocks))
+        self._own = own_blocks(self._lanes)
+        self._room, self._wrench = np.zeros((n, MOTION)), np.zeros((n, self._lanes.shape[1], 6 * LANES))
         self._places, self._columns = np.concatenate(places), np.ascontiguousarray(np.vstack(columns))
         self._curves, self._spread = np.ascontiguousarray(curves), np.ascontiguousarray(spread)
         self._torque: FloatArray = np.zeros(n)
-
-    def fill(self, t: float, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray, raw: FloatArray) -> None:
-        """Write the row of a sample, shape (n,) each, over another one, or over :attr:`empty`."""
-        if self._others or not self._left_out.issuperset(self._asked_ids):
-            sample = Sample(t, q, v, a, tau)
-            self._robot.rnea(q, v, a)
-            self._torque[:] = 0.0
-            for k in self._others:
-                self._torque += k.effect.torque(sample, k.theta)
-            for effect, where in self._asked:
-                if id(effect) not in self._left_out:
-                    effect.fill(sample, raw[:, where])
-        regressor = self._robot.newest_regressor(q, v, a)
-        _fill(
-            regressor, self._linear, self._filled, self._places, self._columns, self._curves, self._spread, self._torque,
-            v, a, tau, raw, self.p,
+        self._about = (
+            self._joints, self._lanes, self._own, self._room, self._wrench, self._places, self._columns, self._curves,
+            self._spread, self._torque,
         )  # fmt: skip
+
+    def fill(self, t: float, motion: FloatArray, raw: FloatArray) -> None:
+        """Write the row of a sample, whose q, v, a, tau are the rows of ``motion``, shape (4, n), over another one, or over
+        :attr:`empty`."""
+        self._ask(t, motion, raw)
+        _fill(*self._about, self._robot.gravity, motion, raw, self.p)
+        self._add_errors(t, motion, raw)
+
+    def push(self, t: float, motion: FloatArray, raw: FloatArray, part: float, bank: LowPassBank) -> None:
+        """As :meth:`fill`, and a ``part`` of it into a low-pass that is at work."""
+        if self._errors:
+            self.fill(t, motion, raw)
+            bank.push(part * raw)
+            return
+        self._ask(t, motion, raw)
+        _fill_and_pass(*self._about, self._robot.gravity, motion, raw, self.p, part, bank.sections, bank.state, bank.output)
+
+    def _ask(self, t: float, motion: FloatArray, raw: FloatArray) -> None:
+        """What is neither linear in the links nor a simple curve."""
+        if not self._others and self._left_out.issuperset(self._asked_ids):
+            return
+        q, v, a, tau = motion
+        sample = Sample(t, q, v, a, tau)
+        self._robot.rnea(q, v, a)
+        self._torque[:] = 0.0
+        for k in self._others:
+            self._torque += k.effect.torque(sample, k.theta)
+        for effect, where in self._asked:
+            if id(effect) not in self._left_out:
+                effect.fill(sample, raw[:, where])
+
+    def _add_errors(self, t: float, motion: FloatArray, raw: FloatArray) -> None:
         for effect, rows in self._errors:
-            effect.add_spread(Sample(t, q, v, a, tau), rows, raw[:, self.p + BESIDE :])
+            effect.add_spread(Sample(t, *motion), rows, raw[:, self.p + BESIDE :])
 
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
@@ -109,39 +132,31 @@ def _curve(kind: float, width: float, v: float, a: float) -> float:
 
 @njit(**_JIT)  # type: ignore[untyped-decorator]
 def _fill(
-    regressor: FloatArray,
-    linear: FloatArray,
-    filled: FloatArray,
-    places: FloatArray,
+    joints: FloatArray,
+    lanes: FloatArray,
+    own: NDArray[np.int64],
+    room: FloatArray,
+    wrench: FloatArray,
+    places: NDArray[np.int64],
     columns: FloatArray,
     curves: FloatArray,
     spread: FloatArray,
     others: FloatArray,
-    v: FloatArray,
-    a: FloatArray,
-    tau: FloatArray,
+    gravity: FloatArray,
+    motion: FloatArray,
     raw: FloatArray,
     p: int,
 ) -> None:
     """All of a raw row but the columns of effects that are asked.
 
     Args:
-        regressor: of the links, (n, 10 n). linear, places: what it is multiplied by, (10 n, k), and where each product stands.
-        filled: up to which column a row of ``linear`` is not zero, (10 n,).
+        joints, lanes, own, room, wrench, places, gravity: as of :func:`.link_products`.
         columns: curve, width, joint, column of the free simple curves. curves, spread: as of :class:`CompiledRows`.
-        others: torque of the other known effects, (n,).
+        others: torque of the other known effects, (n,). motion: q, v, a, tau, (4, n).
     """
-    n, count = v.size, places.size
-    products = np.empty(count)
-    for i in range(n):
-        products[:] = 0.0
-        for x in range(regressor.shape[1]):
-            y = regressor[i, x]
-            if y != 0.0:
-                for s in range(filled[x]):
-                    products[s] += y * linear[x, s]
-        for s in range(count):
-            raw[i, places[s]] = products[s]
+    q, v, a, tau = motion[0], motion[1], motion[2], motion[3]
+    link_products(joints, gravity, lanes, own, q, v, a, room, wrench, places, raw)
+    for i in range(v.size):
         raw[i, p] = tau[i] - raw[i, p] - others[i]
     fill_beside(raw, p + 1, v, a, tau)
     for k in range(columns.shape[0]):
@@ -153,3 +168,33 @@ def _fill(
         raw[j, p] -= curve * curves[k, 3]
         for s in range(spread.shape[1]):
             raw[j, p + BESIDE + s] += curve * spread[k, s]
+
+
+@njit(**_JIT)  # type: ignore[untyped-decorator]
+def _fill_and_pass(
+    joints: FloatArray,
+    lanes: FloatArray,
+    own: NDArray[np.int64],
+    room: FloatArray,
+    wrench: FloatArray,
+    places: NDArray[np.int64],
+    columns: FloatArray,
+    curves: FloatArray,
+    spread: FloatArray,
+    others: FloatArray,
+    gravity: FloatArray,
+    motion: FloatArray,
+    raw: FloatArray,
+    p: int,
+    part: float,
+    sections: FloatArray,
+    state: FloatArray,
+    passed: FloatArray,
+) -> None:
+    """:func:`_fill`, then ``part`` times the row through :func:`.low_pass`; the last three are of the :class:`.LowPassBank`."""
+    flat, fetched = raw.reshape(-1), 0.0
+    for k in range(0, flat.size, 8):  # of a row that is in no near cache all is fetched at once; its stores would wait in line
+        fetched += flat[k]
+    room[0, 0] = fetched
+    _fill(joints, lanes, own, room, wrench, places, columns, curves, spread, others, gravity, motion, raw, p)
+    low_pass(sections, state, flat, part, passed.reshape(-1))
