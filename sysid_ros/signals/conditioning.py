@@ -8,7 +8,7 @@ modelled dry friction on the motion's own grid (:func:`as_measured`), which a fi
 from __future__ import annotations
 
 import numpy as np
-from scipy import fft, interpolate, signal
+from scipy import fft, interpolate, linalg, signal, sparse
 
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -32,6 +32,8 @@ _CLEARLY = 10.0
 """Power over that of the noise at which a motion is seen well."""
 _NOISE_ONLY = 0.4
 """Part of the band, from which on a position has nothing but noise."""
+_SEEN, _DIFFERENCES = 2.0, 4
+"""Frequency up to which a position is kept, over that up to which it is seen well; order of the differences that are small."""
 _EDGE = 0.25
 """Ends of a stretch, where the filters are still in transient, are cut off [s]."""
 
@@ -70,14 +72,16 @@ def _smooth(robot: RobotModel, t: FloatArray, q: FloatArray, tau: FloatArray) ->
     period, n = float(np.median(np.diff(t))), q.shape[1]
     rate = 1.0 / period
     grid, even = on_even_grid(t, np.hstack([q, tau]), period)
+    clear = clear_band(even[:, :n], rate)
     smooth_q, smooth_tau = np.split(as_measured(even, period), [n], axis=1)
     every = max(1, int(rate / FINEST))
     grid, smooth_q, smooth_tau = grid[::every], smooth_q[::every], smooth_tau[::every]
+    smooth_q = what_is_seen(smooth_q, rate / every, clear)
     spline = interpolate.make_interp_spline(grid, smooth_q, k=5)
     inside = slice(*np.searchsorted(grid, [grid[0] + _EDGE, grid[-1] - _EDGE]))
     v, a = (spline(grid, nu=order)[inside] for order in (1, 2))
     motion = Motion(robot, grid[inside], smooth_q[inside], v, a, smooth_tau[inside])
-    motion.clear = clear_band(even[:, :n], rate)
+    motion.clear = clear
     return motion
 
 
@@ -93,6 +97,35 @@ def _along(grid: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
     for j in np.flatnonzero(np.isfinite(values).all(axis=0)):
         even = np.interp(grid, t, values[:, j])
         out[:, j] = low_passed(even, _SLOW, period, order=2, padding=1.0 / _SLOW)
+    return out
+
+
+def what_is_seen(q: FloatArray, rate: float, clear: FloatArray) -> FloatArray:
+    """Positions on an even grid as far as they stand above the noise of their sensors, shape (N, n).
+
+    A coarse encoder's steps are small beside the motion and, twice differentiated, large beside its acceleration: what the
+    links' torque makes of them would be told as a rotor of less than no inertia. Each position gives way to the smoothest one
+    near it, the least of ``sum (s - q)^2 + (rate / (2 pi f_c))^8 sum (D^4 s)^2`` (Whittaker 1923; Eilers 2003), which passes what
+    is below f_c, twice the frequency up to which its motion is seen, in its ends too.
+
+    Args:
+        q: shape (N, n). rate: of the grid [Hz]. clear: as of :func:`clear_band`, shape (n,) [Hz].
+    """
+    out = q.copy()
+    if len(q) <= 2 * _DIFFERENCES:
+        return out
+    D = sparse.eye(len(q), format="csr")
+    for _ in range(_DIFFERENCES):
+        D = D[1:] - D[:-1]
+    rough = (D.T @ D).todia()
+    bands = np.zeros((_DIFFERENCES + 1, len(q)))
+    for k in range(_DIFFERENCES + 1):
+        bands[k, : len(q) - k] = rough.diagonal(k)
+    for j in np.flatnonzero((clear > 0.0) & (_SEEN * clear < SMOOTHING)):
+        own = bands * (rate / (2.0 * np.pi * _SEEN * clear[j])) ** (2 * _DIFFERENCES)
+        own[0] += 1.0
+        # about its mean: the weight of a matrix that is nearly singular is on what is left of rounding
+        out[:, j] = q[:, j].mean() + linalg.solveh_banded(own, q[:, j] - q[:, j].mean(), lower=True)
     return out
 
 
