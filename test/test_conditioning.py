@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sysid_ros.sample import FloatArray
-from sysid_ros.signals.conditioning import SMOOTHING, clear_band, what_is_seen
+from sysid_ros.signals.conditioning import SMOOTHING, clear_band, is_coarse, what_is_seen
 from sysid_ros.signals.zero_phase import low_passed
 
 RATE, SECONDS, CUTOFF = 250.0, 30.0, 10.0
@@ -50,6 +50,12 @@ def test_an_acceleration_is_never_worse_for_it(noise: float) -> None:
         off = [accelerated(q, seen) - true_band(a) for seen in (True, False)]
         assert np.std(off[0]) < 0.5 * np.std(off[1])
         assert max(np.abs(off[0][:100]).max(), np.abs(off[0][-100:]).max()) < max(np.abs(off[1]).max(), 0.01)
+
+
+def test_coarse_is_what_biases() -> None:
+    q, _ = moved(0)
+    steps = [x * np.round(q / x) if x else q for x in (0.0015, 2.5e-5, 0.0)]
+    assert is_coarse(np.hstack(steps), RATE).tolist() == [True, False, False]
 
 
 def test_a_position_that_is_known_exactly_and_one_that_stands_stay_as_they_are() -> None:
