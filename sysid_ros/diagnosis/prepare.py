@@ -36,13 +36,12 @@ _MOMENTS_SEEN = 1e-3
 """Part of the variance of the torque by all moments that those make which are left out."""
 ARM = 0.1
 """Length of which that part is what no URDF's centres of mass are better than [m]."""
-_MASSES, _PLACES = (0.3, 1.0, 2.0, 4.0), (0.05, 0.3, 1.0, 2.0, 4.0)
+_MASSES, _PLACES = (0.3, 1.0, 4.0), (0.05, 0.3, 1.0, 4.0)
 SCALES = ((0.0, 0.0), *product(_MASSES, _PLACES))
 """How inexact masses and centres of mass of all links may be, in units of the usual inexactness; first links that are exact.
 
-Either may be so without the other, each size twice the last where robots differ: a link that is 7 mm off is one of links that are
-3 mm off, and a cause beside links that are 2 mm off. With one size for both, masses that were all 2 % off were told as one link
-that was 5 % off: three coordinates a link that are exact cost a prediction more than one wrong link does."""
+Either may be so without the other. With one size for both, masses that were all 2 % off were told as one link that was 5 % off:
+three coordinates a link that are exact cost a prediction more than one wrong link does."""
 
 
 @dataclass(frozen=True, eq=False)

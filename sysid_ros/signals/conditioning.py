@@ -8,7 +8,8 @@ modelled dry friction on the motion's own grid (:func:`as_measured`), which a fi
 from __future__ import annotations
 
 import numpy as np
-from scipy import fft, interpolate, signal
+from numpy.typing import NDArray
+from scipy import fft, interpolate, linalg, signal, sparse
 
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -32,6 +33,11 @@ _CLEARLY = 10.0
 """Power over that of the noise at which a motion is seen well."""
 _NOISE_ONLY = 0.4
 """Part of the band, from which on a position has nothing but noise."""
+_SEEN, _DIFFERENCES = 2.0, 4
+"""Frequency up to which a position is kept, over that up to which it is seen well; order of the differences that are small."""
+_COARSE = 0.01
+"""Part of the power of an acceleration below half of :data:`SMOOTHING` from which its noise matters: what is in proportion to
+it comes out too small by such a part."""
 _EDGE = 0.25
 """Ends of a stretch, where the filters are still in transient, are cut off [s]."""
 
@@ -70,14 +76,16 @@ def _smooth(robot: RobotModel, t: FloatArray, q: FloatArray, tau: FloatArray) ->
     period, n = float(np.median(np.diff(t))), q.shape[1]
     rate = 1.0 / period
     grid, even = on_even_grid(t, np.hstack([q, tau]), period)
+    clear = clear_band(even[:, :n], rate)
     smooth_q, smooth_tau = np.split(as_measured(even, period), [n], axis=1)
     every = max(1, int(rate / FINEST))
     grid, smooth_q, smooth_tau = grid[::every], smooth_q[::every], smooth_tau[::every]
+    smooth_q = what_is_seen(smooth_q, rate / every, np.where(is_coarse(even[:, :n], rate), clear, 0.0))
     spline = interpolate.make_interp_spline(grid, smooth_q, k=5)
     inside = slice(*np.searchsorted(grid, [grid[0] + _EDGE, grid[-1] - _EDGE]))
     v, a = (spline(grid, nu=order)[inside] for order in (1, 2))
     motion = Motion(robot, grid[inside], smooth_q[inside], v, a, smooth_tau[inside])
-    motion.clear = clear_band(even[:, :n], rate)
+    motion.clear = clear
     return motion
 
 
@@ -96,6 +104,46 @@ def _along(grid: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
     return out
 
 
+def what_is_seen(q: FloatArray, rate: float, clear: FloatArray) -> FloatArray:
+    """Positions on an even grid as far as they stand above the noise of their sensors, shape (N, n).
+
+    A coarse encoder's steps are small beside the motion and, twice differentiated, large beside its acceleration: what the
+    links' torque makes of them would be told as a rotor of less than no inertia. Each position gives way to the smoothest one
+    near it, the least of ``sum (s - q)^2 + (rate / (2 pi f_c))^8 sum (D^4 s)^2`` (Whittaker 1923; Eilers 2003), which passes what
+    is below f_c, twice the frequency up to which its motion is seen, in its ends too.
+
+    Args:
+        q: shape (N, n). rate: of the grid [Hz]. clear: as of :func:`clear_band`, shape (n,) [Hz]; 0: the position stays as it is.
+    """
+    out = q.copy()
+    if len(q) <= 2 * _DIFFERENCES:
+        return out
+    D = sparse.eye(len(q), format="csr")
+    for _ in range(_DIFFERENCES):
+        D = D[1:] - D[:-1]
+    rough = (D.T @ D).todia()
+    bands = np.zeros((_DIFFERENCES + 1, len(q)))
+    for k in range(_DIFFERENCES + 1):
+        bands[k, : len(q) - k] = rough.diagonal(k)
+    for j in np.flatnonzero((clear > 0.0) & (_SEEN * clear < SMOOTHING)):
+        own = bands * (rate / (2.0 * np.pi * _SEEN * clear[j])) ** (2 * _DIFFERENCES)
+        own[0] += 1.0
+        # about its mean: the weight of a matrix that is nearly singular is on what is left of rounding
+        out[:, j] = q[:, j].mean() + linalg.solveh_banded(own, q[:, j] - q[:, j].mean(), lower=True)
+    return out
+
+
+def is_coarse(q: FloatArray, rate: float) -> NDArray[np.bool_]:
+    """Whether the noise of each position on an even grid is a part of its acceleration that biases what is fitted to it, (n,).
+
+    Args:
+        q: raw positions, shape (N, n). rate: of the grid [Hz].
+    """
+    f, mean, noise = _spectrum(q, rate)
+    twice = np.where(f < 0.5 * SMOOTHING, (2.0 * np.pi * f) ** 4, 0.0)
+    return np.asarray(twice.sum() * noise > _COARSE * (twice @ mean))
+
+
 def clear_band(q: FloatArray, rate: float) -> FloatArray:
     """Frequency up to which each position on an even grid stands clearly above the noise of its sensor, shape (n,) [Hz].
 
@@ -104,6 +152,16 @@ def clear_band(q: FloatArray, rate: float) -> FloatArray:
     Args:
         q: raw positions, shape (N, n). rate: of the grid [Hz].
     """
+    f, mean, noise = _spectrum(q, rate)
+    out = np.full(q.shape[1], 0.5 * rate)
+    for j in range(q.shape[1]):
+        above = np.flatnonzero(mean[:, j] > _CLEARLY * noise[j])
+        out[j] = f[above[-1]] if above.size else 0.0
+    return out
+
+
+def _spectrum(q: FloatArray, rate: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Frequencies, shape (F,) [Hz], power of each position in a hertz about them, shape (F, n), and that of its noise, (n,)."""
     # a record that does not begin and end at rest would spread over all frequencies
     rest = signal.detrend(q, axis=0) * signal.windows.hann(len(q))[:, None]
     power = np.abs(fft.rfft(rest, axis=0)) ** 2
@@ -111,8 +169,4 @@ def clear_band(q: FloatArray, rate: float) -> FloatArray:
     noise = np.mean(power[f > _NOISE_ONLY * 0.5 * rate], axis=0)
     width = max(1, int(np.searchsorted(f, 1.0)))
     mean = np.apply_along_axis(np.convolve, 0, power, np.ones(width) / width, "same")
-    out = np.full(q.shape[1], 0.5 * rate)
-    for j in range(q.shape[1]):
-        above = np.flatnonzero(mean[:, j] > _CLEARLY * noise[j])
-        out[j] = f[above[-1]] if above.size else 0.0
-    return out
+    return f, mean, noise
