@@ -177,11 +177,12 @@ def _equations(
     """Information of the parameters of a fit, of its knobs and of what is never known of each joint; what the rows that are left
     say of them, which is nothing but of the last, of a delay and of links that swing; and how their scores scatter."""
     count = len(fit.theta)
-    slopes = {t: slope_of(library, t) for t in fit.terms if t.effect.deflection or t.effect.corrects}
-    swinging = [x.term for x in swings]
+    swung_on = {x.term: x.slope for x in swings}
+    others = [t for t in fit.terms if (t.effect.deflection or t.effect.corrects) and t not in swung_on]
+    slopes = {**swung_on, **{t: slope_of(library, t) for t in others}}
     links = np.arange(count - len(problem.prior), count)
     swung = sum((x.by_links for x in swings), np.zeros_like(problem.nuisance))
-    moved = sum((t.rows(fit.theta_of(t) - _theta(fit, t)) for t in swinging), np.zeros_like(fit.residual))
+    moved = sum((t.rows(fit.theta_of(t) - _theta(fit, t)) for t in swung_on), np.zeros_like(fit.residual))
     never = unknown_columns(problem, dry_friction(library.robot, fit), whole=True)
     scaled_joints = {t.row for t in fit.terms if t.effect.of_own_torque}  # whose gain is a cause of its own
     off = {t.row for t in fit.terms if _is_constant(t)}  # whose offset is a cause of its own
@@ -194,7 +195,7 @@ def _equations(
         for term, slope in slopes.items():
             start = fit.slices[fit.terms.index(term)].start
             X[:, index == start] = slope[:, j, None]
-            if term.effect.corrects or term in swinging:
+            if term.effect.corrects or term in swung_on:
                 score[start] += float(slope[:, j] @ (fit.residual[:, j] / fit.variance[:, j]))
         if swings:
             X[:, np.isin(index, links)] += swung[:, j]

@@ -22,7 +22,7 @@ from sysid_ros.sample import FloatArray
 class VariableForgetting(Estimator):
     """Joseph-form recursive least squares that remembers while the innovations fit and forgets when they do not.
 
-    - Measurement update: Joseph form, all rows at once, the residuals' long-run variance as noise (:class:`LongRunVariance`).
+    - Measurement update: Joseph form, row by row, with the residuals' long-run variance as noise (:class:`LongRunVariance`).
     - Time update: exponential resetting towards the prior (Salgado, Goodwin, Middleton 1988), which bounds P by P0 in every
       direction, only while something excites the parameters.
     - Change: a run of innovations too large for ``Y P Y' + Rd`` is fitted with a jump of the block that may jump

@@ -115,8 +115,8 @@ def what_is_seen(q: FloatArray, rate: float, clear: FloatArray) -> FloatArray:
     Args:
         q: shape (N, n). rate: of the grid [Hz]. clear: as of :func:`clear_band`, shape (n,) [Hz]; 0: the position stays as it is.
     """
-    out = q.copy()
-    if len(q) <= 2 * _DIFFERENCES:
+    out, coarse = q.copy(), np.flatnonzero((clear > 0.0) & (_SEEN * clear < SMOOTHING))
+    if not coarse.size or len(q) <= 2 * _DIFFERENCES:
         return out
     D = sparse.eye(len(q), format="csr")
     for _ in range(_DIFFERENCES):
@@ -125,10 +125,10 @@ def what_is_seen(q: FloatArray, rate: float, clear: FloatArray) -> FloatArray:
     bands = np.zeros((_DIFFERENCES + 1, len(q)))
     for k in range(_DIFFERENCES + 1):
         bands[k, : len(q) - k] = rough.diagonal(k)
-    for j in np.flatnonzero((clear > 0.0) & (_SEEN * clear < SMOOTHING)):
+    for j in coarse:
         own = bands * (rate / (2.0 * np.pi * _SEEN * clear[j])) ** (2 * _DIFFERENCES)
         own[0] += 1.0
-        # about its mean: the weight of a matrix that is nearly singular is on what is left of rounding
+        # about its mean, of which a matrix of so many orders of magnitude would lose digits
         out[:, j] = q[:, j].mean() + linalg.solveh_banded(own, q[:, j] - q[:, j].mean(), lower=True)
     return out
 

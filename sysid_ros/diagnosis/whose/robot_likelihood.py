@@ -201,8 +201,8 @@ def _factored(precision: FloatArray) -> tuple[FloatArray, bool]:
 def _densities(error: FloatArray, covariance: FloatArray, dissipated: Dissipated) -> FloatArray:
     """Log-density of each row given those before it, of errors of shape (N, g), shape (g, N).
 
-    Where friction takes power: the density of Gaussian friction times what of it takes some, after the rows over before them
-    (half), in equal parts on all rows.
+    Friction takes power and gives none: the density with friction of either sign, times the probability after the rows that it
+    takes some over that before them, which is a half; in equal parts on all rows.
     """
     root = linalg.cholesky(covariance, lower=True, check_finite=False)
     both = np.column_stack([error, dissipated.beside])
