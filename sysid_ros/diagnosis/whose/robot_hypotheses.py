@@ -39,7 +39,7 @@ _HOPELESS = 0.001
 """Probability below which nothing that is found later is waited for."""
 _FAULTS = 3
 """Most faults that are looked for beside one another."""
-_COARSE, _TRIED = 3, 2
+_COARSE, _TRIED = 3, 3
 """Each of so many rows for a first comparison, and how many hypotheses are compared on all of them."""
 
 
@@ -184,10 +184,10 @@ def _first_choice(robot: RobotModel, trial: Trial) -> list[Trial]:
     for kind, fault in listed:
         fault, prior = replace(fault, candidates=len(listed) + 1), float(np.log(_FAULT / kinds[kind]))
         undone = partial(Trial.without, fault=fault, log_prior=prior)
-        tried.append((undone(few).coarse(), undone))
+        tried.append((undone(few).roughly(), undone))
     if trial.factors is None:
         undone = partial(_with_factors, candidates=len(listed) + 1)
-        tried.append((undone(few).coarse(), undone))
+        tried.append((undone(few).roughly(), undone))
     return [undone(trial) for _, undone in sorted(tried, key=lambda x: -x[0])[:_TRIED]]
 
 

@@ -30,9 +30,12 @@ _APART = np.log(4.0)
 """A second search starts so far from the first: torques may be noise about a law, or a law that no model has."""
 USUAL = np.log([0.02, 0.05])
 """Noise and discrepancy that a search begins with."""
-_STEPS, _ROUNDED = 20, 1e-14
+_STEPS, _ROUNDED, _LOST = 20, 1e-14, 1e-12
+"""Most steps of a search; what sums lose of their largest entry, of a few products and of those of some hundred rows."""
 _SWEEPS, _SETTLED = 4, 0.5
 """Most rounds over the joints, and the log-likelihood by which a round must move them for another one."""
+_DRIVEN = 0.003
+"""Probability that what looks like a joint's friction is something that gives power (wind, a push), before any data."""
 _SEGMENTS, _DRAWS = 20, 400
 """Stretches of time that are drawn from anew, and how often, for the scatter of a likelihood ratio."""
 
@@ -67,7 +70,7 @@ class JointTorques:
         s, kappa = np.exp(sizes) * self.usual
         out: FloatArray = self.fixed() + kappa**2 * self.pattern
         out[np.diag_indices_from(out)] += s**2
-        return out
+        return _rounded_up(out)
 
     def information(self, precision: FloatArray) -> tuple[FloatArray, FloatArray]:
         """What the joint says of the shared parameters: X'PX, shape (p, p), and X'P r of the first form, shape (p,)."""
@@ -83,8 +86,7 @@ class JointTorques:
             mean: y less what is expected, shape (N,). fixed: covariance beside discrepancy and noise, shape (N, N). step: each of
                 so many rows is taken. near: from the start alone.
         """
-        pattern = self.usual**2 * self.pattern[::step, ::step]
-        loss = _Loss(mean[::step], fixed[::step, ::step], pattern, self.usual**2, self.leaves)
+        loss = self._loss(mean, fixed, step)
         starts = [*([] if start is None else [start]), *([] if near else _STARTS)]
         starts = sorted(starts, key=loss.value)
         apart = [x for x in starts if abs(x[1] - starts[0][1]) > _APART]
@@ -95,6 +97,14 @@ class JointTorques:
         ]
         found = min(each, key=lambda x: x.fun)
         return np.asarray(found.x), -float(found.fun)
+
+    def usual_sizes(self, mean: FloatArray, fixed: FloatArray) -> FloatArray:
+        """The likeliest of those with which a search begins."""
+        return min(_STARTS, key=self._loss(mean, fixed, 1).value)
+
+    def _loss(self, mean: FloatArray, fixed: FloatArray, step: int) -> _Loss:
+        pattern = self.usual**2 * self.pattern[::step, ::step]
+        return _Loss(mean[::step], fixed[::step, ::step], pattern, self.usual**2, self.leaves)
 
 
 class _Loss:
@@ -144,6 +154,13 @@ def row_likelihoods(joints: Sequence[JointTorques]) -> FloatArray:
         own = _with_likeliest_sizes([replace(x, residual=x.residual[:, [best]]) for x in joints])
         rows[best] = max(rows[best], own[0], key=np.sum)
     return rows
+
+
+def rough_likelihoods(joints: Sequence[JointTorques]) -> FloatArray:
+    """The same with noise and discrepancy of each joint as they are likeliest among a few, whatever the other joints say: for a
+    first comparison, in a tenth of the time."""
+    sizes = [x.usual_sizes(x.residual[:, 0], x.fixed() + x.prior[0] @ x.prior[0].T) for x in joints]
+    return _densities_along(joints, [x.covariance(s) for x, s in zip(joints, sizes, strict=True)])
 
 
 def _with_likeliest_sizes(joints: Sequence[JointTorques]) -> FloatArray:
@@ -198,18 +215,25 @@ def _factored(precision: FloatArray) -> tuple[FloatArray, bool]:
     return root, bool(lower)
 
 
+def _rounded_up(covariance: FloatArray) -> FloatArray:
+    """Of rows, with what double precision loses of it on its diagonal; it is changed in place."""
+    covariance[np.diag_indices_from(covariance)] += _LOST * np.diag(covariance).max()
+    return covariance
+
+
 def _densities(error: FloatArray, covariance: FloatArray, dissipated: Dissipated) -> FloatArray:
     """Log-density of each row given those before it, of errors of shape (N, g), shape (g, N).
 
     Friction takes power and gives none: the density with friction of either sign, times the probability after the rows that it
-    takes some over that before them, which is a half; in equal parts on all rows.
+    takes some over that before them, which is a half; in equal parts on all rows. What acts in its place may give power, seldom.
     """
-    root = linalg.cholesky(covariance, lower=True, check_finite=False)
+    root = linalg.cholesky(_rounded_up(covariance), lower=True, check_finite=False)
     both = np.column_stack([error, dissipated.beside])
     white = linalg.solve_triangular(root, both, lower=True, check_finite=False)
     error, beside = white[:, :-1], white[:, -1]
     left = max(dissipated.variance - float(beside @ beside), _ROUNDED * dissipated.variance)
     takes = special.log_ndtr(beside @ error / np.sqrt(left)) + np.log(2.0) if left > 0.0 else np.zeros(error.shape[1])
+    takes = np.logaddexp(np.log1p(-_DRIVEN) + takes, np.log(_DRIVEN))
     rows = 0.5 * error**2 + np.log(np.diag(root))[:, None] + 0.5 * np.log(2.0 * np.pi)
     return np.asarray((takes / len(error) - rows).T)
 

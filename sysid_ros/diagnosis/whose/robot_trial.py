@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from sysid_ros.diagnosis.channel_faults import EffortFactors, Fault
 from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
 from sysid_ros.diagnosis.whose.robot_kernels import Carried, Prior, RobotKernels
-from sysid_ros.diagnosis.whose.robot_likelihood import LEAVES, LEAVES_ALL, JointTorques, row_likelihoods
+from sysid_ros.diagnosis.whose.robot_likelihood import LEAVES, LEAVES_ALL, JointTorques, rough_likelihoods, row_likelihoods
 from sysid_ros.effects import Channels
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -21,8 +22,8 @@ _OTHER = 0.005
 """Probability that a URDF that somebody gives is that of a robot of the same kind, that of any other, or that the efforts are no
 torques of a robot: each."""
 _NO_FAULT, _LOG_OTHER = float(np.log(1.0 - 3.0 * _OTHER)), float(np.log(_OTHER))
-_INEXACT = 0.03
-"""What even a right URDF leaves of a torque, in a first comparison."""
+Likelihood = Callable[[Sequence[JointTorques]], FloatArray]
+"""Of each row under each form of a hypothesis, shape (g, N)."""
 _LEAST = 1e-3
 """Least size of an effort that is compared, of the largest."""
 
@@ -72,24 +73,15 @@ class Trial:
         """The same with something else beside the links."""
         return replace(self, kernels=self.kernels.carrying(carried, self.rows))
 
-    def coarse(self) -> float:
-        """Roughly its log-likelihood: that of white noise beside the URDF's bodies and each joint's offset and friction."""
-        tau, k, best = self.rows.tau, self.kernels, -np.inf
-        for c in _GRAVITY:
-            total = self.faults_prior - len(tau) * self.scale
-            for j in range(k.robot.n):
-                X = self.rows.plain(j)
-                y = tau[:, j] - (0.0 if self.silent[j] else k.mean[:, j] + c * k.gravity[:, j])
-                left = float(np.mean((y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) ** 2))
-                total -= 0.5 * len(tau) * np.log(left + (_INEXACT * float(np.std(tau[:, j]))) ** 2 + 1e-24)
-            best = max(best, total)
-        return best
+    def roughly(self) -> float:
+        """Its log-likelihood with noise and discrepancy as one of a few sizes, for a first comparison."""
+        return float(self.likelihood(rough_likelihoods).sum(axis=1).max())
 
-    def likelihood(self) -> FloatArray:
+    def likelihood(self, by: Likelihood = row_likelihoods) -> FloatArray:
         """Of the published rows with the URDF and gravity as it is, not at all and twice, their priors in it, shape (3, N)."""
         tau, k = self.rows.tau, self.kernels
         forms = [np.stack([tau[:, j] - k.mean[:, j] - c * k.gravity[:, j] for c in _GRAVITY], axis=1) for j in range(k.robot.n)]
-        rows = self._likelihood([k.urdf(j, self._largest) for j in range(k.robot.n)], forms, LEAVES)
+        rows = self._likelihood([k.urdf(j, self._largest) for j in range(k.robot.n)], forms, LEAVES, by)
         return self._with_prior(rows, _NO_FAULT + np.log(list(_GRAVITY.values())))
 
     def of_other_robots(self) -> FloatArray:
@@ -115,7 +107,9 @@ class Trial:
         """Largest usual torque of any joint that has a signal [N m]."""
         return float(self.usual[~self.silent].max(initial=0.0))
 
-    def _likelihood(self, priors: list[Prior], residuals: list[FloatArray], leaves: float) -> FloatArray:
+    def _likelihood(
+        self, priors: list[Prior], residuals: list[FloatArray], leaves: float, by: Likelihood = row_likelihoods
+    ) -> FloatArray:
         k, joints = self.kernels, []
         for j, (prior, residual) in enumerate(zip(priors, residuals, strict=True)):
             if self.silent[j]:
@@ -124,4 +118,4 @@ class Trial:
             usual = float(self.usual[j])
             takes = k.dissipated(j, usual, by_load=bool(np.any(prior[1])))
             joints.append(JointTorques(residual, prior, k.own(j), k.pattern, usual, takes, leaves))
-        return row_likelihoods(joints) - self.scale
+        return by(joints) - self.scale
