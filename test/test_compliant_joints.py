@@ -21,8 +21,8 @@ from sysid_ros.diagnosis.swings import by_links, follows, swinging
 from sysid_ros.effects import EFFECTS, Backlash, JointElasticity, Motion
 from sysid_ros.effects.compliance import deflection, torque_of
 from sysid_ros.sample import FloatArray
-from sysid_ros.signals.conditioning import clear_band
 from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.seen_motion import clear_band
 
 ARM, JOINT = "small_arm", 1
 RATE = 250.0

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sysid_ros.sample import FloatArray
-from sysid_ros.signals.conditioning import SMOOTHING, clear_band, is_coarse, what_is_seen
+from sysid_ros.signals.conditioning import SMOOTHING
+from sysid_ros.signals.seen_motion import clear_band, seen_band, what_is_seen
 from sysid_ros.signals.zero_phase import low_passed
 
 RATE, SECONDS, CUTOFF = 250.0, 30.0, 10.0
@@ -24,7 +25,7 @@ def moved(seed: int) -> tuple[FloatArray, FloatArray]:
 def accelerated(q: FloatArray, seen: bool) -> FloatArray:
     """Twice differentiated in the band that is judged, without the ends that are cut off, shape (N,)."""
     smooth, period = low_passed(q, SMOOTHING, 1.0 / RATE), 1.0 / RATE
-    smooth = what_is_seen(smooth, RATE, clear_band(q, RATE)) if seen else smooth
+    smooth = what_is_seen(smooth, RATE, 2.0 * clear_band(q, RATE)) if seen else smooth
     return low_passed(np.gradient(np.gradient(smooth, period, axis=0), period, axis=0), CUTOFF, period)[63:-63, 0]
 
 
@@ -55,14 +56,28 @@ def test_an_acceleration_is_never_worse_for_it(noise: float) -> None:
 def test_coarse_is_what_biases() -> None:
     q, _ = moved(0)
     steps = [x * np.round(q / x) if x else q for x in (0.0015, 2.5e-5, 0.0)]
-    assert is_coarse(np.hstack(steps), RATE).tolist() == [True, False, False]
+    kept = seen_band(np.hstack(steps), RATE)
+    assert np.isfinite(kept).tolist() == [True, False, False]
+    assert kept[0] == 2.0 * clear_band(steps[0], RATE)[0]
 
 
 def test_a_position_that_is_known_exactly_and_one_that_stands_stay_as_they_are() -> None:
     q, _ = moved(2)
-    still = np.full_like(q, 0.7)
-    both = np.hstack([q, still])
-    clear = np.append(clear_band(q, RATE), 0.0)
-    np.testing.assert_array_equal(what_is_seen(both, RATE, clear), both)
-    np.testing.assert_allclose(what_is_seen(both, RATE, np.array([2.0, 2.0]))[:, 1], 0.7, atol=1e-9)
-    assert what_is_seen(both[:6], RATE, np.array([2.0, 2.0])).shape == (6, 2)
+    both = np.hstack([q, np.full_like(q, 0.7)])
+    np.testing.assert_array_equal(what_is_seen(both, RATE, seen_band(both, RATE)), both)
+    np.testing.assert_allclose(what_is_seen(both, RATE, np.array([4.0, 4.0]))[:, 1], 0.7, atol=1e-9)
+    assert what_is_seen(both[:6], RATE, np.array([4.0, 4.0])).shape == (6, 2)
+
+
+def test_the_noise_of_a_joint_that_stands_is_no_motion() -> None:
+    still = 0.3 + 1e-3 * np.random.default_rng(1).normal(size=(2000, 1))
+    smooth = what_is_seen(still, RATE, seen_band(still, RATE))
+    assert np.abs(np.gradient(np.gradient(smooth[:, 0], 1.0 / RATE), 1.0 / RATE)).max() < 0.01
+
+
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+@pytest.mark.parametrize("cutoff", [0.04, 0.5, 8.0])
+def test_a_motion_far_below_the_cut_off_passes_at_any_rate(rate: float, cutoff: float) -> None:
+    t = np.arange(round(20.0 * rate)) / rate
+    q = np.sin(0.4 * np.pi * cutoff * t)[:, None]
+    np.testing.assert_allclose(what_is_seen(q, rate, np.array([cutoff])), q, atol=3e-3)

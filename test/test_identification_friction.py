@@ -10,7 +10,7 @@ from arm_recordings import hidden_parameters, recorded
 from motions import Motion
 from robots import robot
 
-from sysid_ros.effects import LoadDependentFriction, StribeckFriction
+from sysid_ros.effects import Effect, LoadDependentFriction, PreslidingHysteresis, StribeckFriction
 from sysid_ros.effects import Motion as SmoothMotion
 from sysid_ros.identification import Choices, Recording, identify_recordings
 from sysid_ros.sample import FloatArray
@@ -20,7 +20,7 @@ TRUTH = hidden_parameters(MODEL, 1, links=0.0)
 TRUTH[44:48] = 0.0  # the dry friction comes from the effects below
 
 
-def slow_recording(extra: FloatArray, effect: StribeckFriction | LoadDependentFriction) -> Recording:
+def slow_recording(extra: FloatArray, effect: Effect) -> Recording:
     """A motion through many slow speeds, with the effect's friction."""
     recording = recorded(MODEL, TRUTH, 3, seconds=40.0, torque_noise=0.02)
     t = recording.t - recording.t[0]
@@ -46,7 +46,7 @@ def test_the_stribeck_velocity_of_each_joint_is_found() -> None:
     for knob, vs in zip(result.knobs, hidden, strict=False):
         assert knob.determined
         assert knob.value == pytest.approx(vs, rel=0.35)
-    plain = identify_recordings(MODEL, [recording], [], {}, cutoff_hz=8.0)
+    plain = identify_recordings(MODEL, [recording], [], {}, Choices(friction="coulomb"), cutoff_hz=8.0)
     better, worse = (np.mean([e.residual_moving for e in r.errors], axis=0) for r in (result, plain))
     assert np.all(better[:3] < 0.8 * worse[:3])
     assert {b.effect for b in result.model.effects} == {
@@ -58,6 +58,28 @@ def test_the_stribeck_velocity_of_each_joint_is_found() -> None:
         "torque_offset",
     }
     assert len(result.model.known_effects(MODEL)) == 5 + len(result.knobs)
+    unasked = identify_recordings(MODEL, [recording], [], {}, cutoff_hz=8.0)
+    assert [(k.name, k.joint) for k in unasked.knobs] == [(k.name, k.joint) for k in result.knobs]
+
+
+@pytest.mark.slow
+def test_friction_that_builds_up_after_a_reversal_makes_no_rotor_lighter() -> None:
+    """As a spring would, it takes inertia from a joint whose friction is thought to jump."""
+    recording = slow_recording(np.array([3.0, 2.0, 1.0, 0.0]), PreslidingHysteresis(MODEL, z_s=0.05))
+    found, plain = (
+        identify_recordings(MODEL, [recording], [], {}, Choices(friction=friction), cutoff_hz=8.0)
+        for friction in ("auto", "coulomb")
+    )
+    assert {k.joint for k in found.knobs} >= set(MODEL.joint_names[:3])
+    for k in found.knobs[:3]:
+        assert k.name == "z_s"
+        assert k.value == pytest.approx(0.05, rel=0.3)
+    rotors = [f"J[{name}]" for name in MODEL.joint_names[:3]]
+    truth = dict(zip(found.names, TRUTH, strict=False))
+    off = [np.array([{p.name: p for p in x.parameters}[r].value - truth[r] for r in rotors]) for x in (found, plain)]
+    std = np.array([{p.name: p for p in found.parameters}[r].std for r in rotors])
+    assert np.all(np.abs(off[0]) < 4.0 * std + 0.01)
+    assert np.abs(off[0]).max() < 0.5 * np.abs(off[1]).max()
 
 
 @pytest.mark.slow

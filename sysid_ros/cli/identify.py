@@ -54,7 +54,8 @@ from sysid_ros.torque.urdf_export import check_model_file, export_urdf
     type=click.Choice(("auto", *frictions())),
     default="auto",
     show_default=True,
-    help="Model of the dry friction; auto lets it grow with the load on the joints where that predicts better.",
+    help="Model of the dry friction; auto takes Coulomb's, and by the load, Stribeck's or one that builds up after each reversal on "
+    "the joints where that predicts better.",
 )
 @click.option(
     "--effect",

@@ -117,7 +117,7 @@ def wishes(friction: str, effects: Sequence[str]) -> list[Wish]:
     """The effects that may be free beside the usual ones, or in place of one of their family.
 
     Args:
-        friction: "auto" for the more usual alternatives to the usual dry friction that need no search, or a word of
+        friction: "auto" for the more usual alternatives to the usual dry friction where they predict better, or a word of
             :func:`frictions`: a form with knobs where it predicts better, one without on every joint. effects: ids.
 
     Raises:
@@ -125,7 +125,7 @@ def wishes(friction: str, effects: Sequence[str]) -> list[Wish]:
     """
     usual, forms = usual_effects(), frictions()
     if friction == "auto":
-        likely = [e for e in forms.values() if e not in usual and e.usual >= TOL.alternative and not own_knobs(e)]
+        likely = [e for e in forms.values() if e not in usual and e.usual >= TOL.alternative]
         out = [Wish(effect) for effect in likely]
     elif friction in forms:
         form = forms[friction]
