@@ -54,7 +54,7 @@ from sysid_ros.torque.urdf_export import check_model_file, export_urdf
     type=click.Choice(("auto", *frictions())),
     default="auto",
     show_default=True,
-    help="Model of the dry friction; auto takes Coulomb's, and by the load, Stribeck's or one that builds up after each reversal on "
+    help="Model of the dry friction; auto takes Coulomb's, and by the load, Stribeck's or one that builds up after a reversal on "
     "the joints where that predicts better.",
 )
 @click.option(
