@@ -50,7 +50,7 @@ class Judgement:
     Attributes:
         robot: the URDF's. faults: of the channels, in the order in which they are to be undone.
         urdf, other_robots, no_robot: log-likelihood of each published row under each form of the URDF with its faults undone, and
-            under other robots and none, with the same faults undone or none; priors are in them, shape (g, N) each.
+            under other robots and none, with the same faults undone, some or none; priors are in them, shape (g, N) each.
         factors: what was found of efforts with a factor of their own on each joint, where that is a fault.
         doubtful: whether another fault is likelier than not, and not sure enough to be undone.
     """
@@ -71,16 +71,23 @@ class Judgement:
 
     @property
     def hopeless(self) -> bool:
-        """Whether no cause that is found later could make it this URDF's robot, or these channels ones that hold a signal."""
-        return self.probability < _HOPELESS or self.probability >= _LIKELY
+        """Whether no cause that is found later could make it this URDF's robot, or these channels ones that hold a signal.
+
+        A fault of the channels and a cause that only the search knows are too many coincidences for a URDF that is unlikely.
+        """
+        return bool(self.faults) or self.probability < _HOPELESS or self.probability >= _LIKELY
 
     @property
     def refusal(self) -> str | None:
-        """Why nothing can be said with this URDF, and the cure; None where something can."""
+        """Why nothing can be said with this URDF, and the cure; None where something can.
+
+        It must be likelier than not that the channels have the faults that are undone, and that the URDF is the robot's then.
+        """
         few = 2 * len(self.silent) >= self.robot.n
         if self.factors is not None and (few or (self.silent and self.probability < _SURE)):
             return self._without_signal(self.factors)
-        return self._of_another_robot() if self.probability < _LIKELY else None
+        undone = float(np.prod([f.probability for f in self.faults if f.probability is not None]))
+        return self._of_another_robot() if undone * self.probability < _LIKELY else None
 
     @property
     def silent(self) -> tuple[int, ...]:
@@ -133,13 +140,16 @@ def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | Non
     if rows is None:
         return None
     found = _judged(robot, rows, _SURE)
-    return _judged(robot, rows, _LIKELY) if found.doubtful and found.refusal else found
+    if found.doubtful and found.refusal:
+        less_sure = _judged(robot, rows, _LIKELY)
+        return found if less_sure.refusal else less_sure
+    return found
 
 
 def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
     """With the faults undone that have a probability."""
     trial = published = Trial.of(robot, rows)
-    urdf, faults, doubtful = trial.likelihood(), list[Fault](), False
+    urdf, faults, before, doubtful = trial.likelihood(), list[Fault](), list[Trial](), False
     while len(faults) < _FAULTS:
         weighed = [(urdf, trial), *((option.likelihood(), option) for option in _first_choice(robot, trial))]
         share = probabilities([likeliest(x) for x, _ in weighed])
@@ -147,10 +157,11 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
         if best == 0 or share[best] < sure:
             doubtful = bool(best > 0 and share[best] >= _LIKELY)
             break
+        before.append(trial)
         urdf, trial = weighed[best]
         assert trial.fault is not None
         faults.append(replace(trial.fault, probability=float(share[best])))
-    elsewhere = [trial, *([published] if faults else []), *_of_another_size(published, trial)]
+    elsewhere = [trial, *before, *_of_another_size(published, trial)]
     robots, none = _other_robots(elsewhere), np.concatenate([x.of_no_robot() for x in elsewhere])
     first = Judgement(robot, tuple(faults), urdf, robots, none, trial.factors, doubtful)
     if first.probability >= _LIKELY:
