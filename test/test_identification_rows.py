@@ -10,7 +10,7 @@ from arm_recordings import START, hidden_parameters, recorded
 from robots import ROBOTS, random_sample, robot
 
 from sysid_ros.exceptions import DataError
-from sysid_ros.identification import Recording, collect_rows, free_model, rows
+from sysid_ros.identification import Recording, bag_sums, collect_rows, free_model, rows
 from sysid_ros.identification.base_groups import base_of_range, determined_by, group_matrix, in_words
 from sysid_ros.signals.zero_phase import GaussianLowPass, KinematicFilter, on_even_grid
 
@@ -103,7 +103,7 @@ def test_the_momentum_without_acceleration_is_the_inverse_dynamics(robot_name: s
 def test_long_recordings_keep_their_rows_in_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
     recording = recorded(MODEL, TRUTH, 1, seconds=5.0)
     inside = collect_rows(free_model(MODEL), recording, "", 5.0)
-    monkeypatch.setattr(rows, "_IN_MEMORY", 1e5)
+    monkeypatch.setattr(bag_sums, "_IN_MEMORY", 1e5)
     outside = collect_rows(free_model(MODEL), recording, "", 5.0)
     assert isinstance(outside.Y, np.memmap)
     np.testing.assert_array_equal(outside.Y, inside.Y)

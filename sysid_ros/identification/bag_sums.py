@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,6 +15,9 @@ from sysid_ros.sample import FREE, FloatArray
 BoolArray = NDArray[np.bool_]
 
 _CHUNK = 4096
+
+_IN_MEMORY = 400e6
+"""Bytes of one recording's rows above which they are kept in a temporary file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,3 +123,11 @@ class BagSums:
         """Sum of the squared residuals of a bag and a joint, shape (B, n) [(N m)^2]."""
         quadratic = np.einsum("bjac,a,c->bj", self.normal, theta, theta)
         return np.asarray(np.maximum(self.power - 2.0 * self.score @ theta + quadratic, 0.0))
+
+
+def space_for(count: int, n: int, p: int) -> FloatArray:
+    """Room for the columns of some rows, shape (count, n, p), in memory or, of very long recordings, in a temporary file."""
+    if count * n * p * 8 <= _IN_MEMORY:
+        return np.empty((count, n, p))
+    with tempfile.TemporaryFile(prefix="sysid_rows_") as file:
+        return np.memmap(file, dtype=np.float64, mode="w+", shape=(count, n, p))

@@ -129,6 +129,8 @@ def _without(prior: Prior, parameters: Sequence[int]) -> Prior:
     return replace(prior, std=std)
 
 
+_SEARCHED = 6000
+"""Rows from twice of which on knobs are searched for on each second or later one: those of two minutes at 10 Hz tell them."""
 _ROUNDS = 3
 """Times that effects are asked for beside each other at most."""
 
@@ -197,7 +199,10 @@ def _candidates(
     if not knobs:
         return [effect(robot, joints) for joints in where], [[] for _ in where], 1
     rest = [e for e in free_model(robot, chosen).free if not e.family or e.family != effect.family]
-    search = KnobSearch(TorqueModel(robot, rest), effect, where, knobs, recordings, method)
+    step = max(1, sum(recording.count for recording in recordings) // _SEARCHED)
+    search = KnobSearch(
+        TorqueModel(robot, rest), effect, where, knobs, [recording.every(step) for recording in recordings], method
+    )
     settings, determined = search.run()
     out = [search.effect(u, setting) for u, setting in enumerate(settings)]
     found = [

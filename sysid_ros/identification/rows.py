@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from sysid_ros.floating.feet_along import STANDS, FeetAlong
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.leg_priors import DRY, standing_torque
 from sysid_ros.floating.sticking import without_sticking
-from sysid_ros.identification.bag_sums import BagRows, BoolArray
+from sysid_ros.identification.bag_sums import BagRows, BoolArray, space_for
 from sysid_ros.identification.tolerances import TOL
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FREE, FloatArray, Measurement
@@ -32,9 +31,6 @@ FORMS = ("acceleration", "momentum")
 
 _CHUNK = 256
 """Rows of the links' columns worked out at once: theirs alone are too many for a whole recording."""
-
-_IN_MEMORY = 400e6
-"""Bytes of one recording's rows above which they are kept in a temporary file."""
 
 
 def collect_rows(
@@ -100,6 +96,7 @@ class SmoothRecording:
     cutoff_hz: float
     feet: tuple[FeetAlong, ...] = ()
     setup: TrunkSetup | None = None
+    _motions: dict[int, Motion] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def of(
@@ -167,17 +164,21 @@ class SmoothRecording:
         """Number of rows."""
         return sum(len(m) for m in self.middles)
 
+    def every(self, step: int) -> SmoothRecording:
+        """The same with each of so many rows."""
+        return replace(self, middles=tuple(middle[::step] for middle in self.middles), period=step * self.period)
+
     def rows(self, model: TorqueModel, slow_part: float = TOL.slow_part) -> BagRows:
         """Rows of the equation for a model's free effects; of a joint those count of which less than ``slow_part`` is slow."""
         n, count = self.robot.n, self.count
-        Y = _space(count, n, model.p)
+        Y = space_for(count, n, model.p)
         for effect, where in zip(model.free, model.slices, strict=True):
             self.fill(effect, Y[:, :, where])
         t, y, tau, slow, q, v, a = np.empty(count), *(np.empty((count, n)) for _ in range(6))
         for smooth, middle, rows in self._parts():
             t[rows] = smooth.t[middle]
             q[rows], v[rows], a[rows] = smooth.q[middle], smooth.v[middle], smooth.a[middle]
-            left = smooth.tau - model.torque_along(self._motion(smooth, slice(None)))
+            left = smooth.tau - model.torque_along(self._motion(smooth, slice(0, len(smooth.t))))
             sides = np.hstack([self._projected(smooth, left), self._projected(smooth, smooth.tau), self._doubtful(smooth)])
             filtered = np.empty((len(middle), 3 * n))
             self._smooth(sides, None, middle, filtered)
@@ -274,6 +275,9 @@ class SmoothRecording:
 
     def _motion(self, s: SmoothMotion, where: slice) -> Motion:
         feet = self._feet_of(s)
+        if feet is None and where == slice(0, len(s.t)):
+            # with the torque of its links, which each setting of a knob needs again
+            return self._motions.setdefault(id(s), Motion(self.robot, s.t - self.start, s.q, s.v, s.a, s.tau))
         drive = None if feet is None else feet.drive[where]
         motion = Motion(self.robot, s.t[where] - self.start, s.q[where], s.v[where], s.a[where], s.tau[where], drive_torque=drive)
         motion.by_radius = None if feet is None else feet.by_radius[where]
@@ -288,10 +292,3 @@ def _feet_along(
     """The feet along a stretch, near whose contacts the filter of the kinematics rings at the edge of its band."""
     torque = None if known is None else known.torque_along(Motion(known.robot, x.t, x.q, x.v, x.a, x.tau))
     return FeetAlong.of(base, x, 1.0 / (3.0 * cutoff_hz), setup.radius, torque, reported, stands)
-
-
-def _space(count: int, n: int, p: int) -> FloatArray:
-    if count * n * p * 8 <= _IN_MEMORY:
-        return np.empty((count, n, p))
-    with tempfile.TemporaryFile(prefix="sysid_rows_") as file:
-        return np.memmap(file, dtype=np.float64, mode="w+", shape=(count, n, p))
