@@ -39,7 +39,7 @@ _HOPELESS = 0.001
 """Probability below which nothing that is found later is waited for."""
 _FAULTS = 3
 """Most faults that are looked for beside one another."""
-_COARSE, _TRIED = 3, 3
+_COARSE, _TRIED = 3, 2
 """Each of so many rows for a first comparison, and how many hypotheses are compared on all of them."""
 
 
@@ -196,10 +196,11 @@ def _first_choice(robot: RobotModel, trial: Trial) -> list[Trial]:
         fault, prior = replace(fault, candidates=len(listed) + 1), float(np.log(_FAULT / kinds[kind]))
         undone = partial(Trial.without, fault=fault, log_prior=prior)
         tried.append((undone(few).roughly(), undone))
+    chosen = [undone for _, undone in sorted(tried, key=lambda x: -x[0])[:_TRIED]]
     if trial.factors is None:
-        undone = partial(_with_factors, candidates=len(listed) + 1)
-        tried.append((undone(few).roughly(), undone))
-    return [undone(trial) for _, undone in sorted(tried, key=lambda x: -x[0])[:_TRIED]]
+        # found by a search of its own, on all rows
+        chosen.append(partial(_with_factors, candidates=len(listed) + 1))
+    return [undone(trial) for undone in chosen]
 
 
 def _with_factors(trial: Trial, candidates: int) -> Trial:
