@@ -276,8 +276,10 @@ class SmoothRecording:
     def _motion(self, s: SmoothMotion, where: slice) -> Motion:
         feet = self._feet_of(s)
         if feet is None and where == slice(0, len(s.t)):
-            # with the torque of its links, which each setting of a knob needs again
-            return self._motions.setdefault(id(s), Motion(self.robot, s.t - self.start, s.q, s.v, s.a, s.tau))
+            if id(s) not in self._motions:
+                # kept with the torque of its links, which each setting of a knob needs again
+                self._motions[id(s)] = Motion(self.robot, s.t - self.start, s.q, s.v, s.a, s.tau)
+            return self._motions[id(s)]
         drive = None if feet is None else feet.drive[where]
         motion = Motion(self.robot, s.t[where] - self.start, s.q[where], s.v[where], s.a[where], s.tau[where], drive_torque=drive)
         motion.by_radius = None if feet is None else feet.by_radius[where]

@@ -67,10 +67,10 @@ def seen_band(q: FloatArray, rate: float) -> FloatArray:
     Args:
         q: raw positions, shape (N, n). rate: of the grid [Hz].
     """
-    f, mean, noise = _spectrum(q, rate)
+    f, mean, noise = spectrum = _spectrum(q, rate)
     twice = np.where(f < _BAND, (2.0 * np.pi * f) ** 4, 0.0)
     coarse = twice.sum() * noise > _COARSE * (twice @ mean)
-    kept = _SEEN * np.maximum(clear_band(q, rate), f[1])  # no stretch tells more of a joint at rest
+    kept = _SEEN * np.maximum(_clear(*spectrum, rate), f[1])  # no stretch tells more of a joint at rest
     return np.where(coarse & (kept < _SEEN * _BAND), kept, np.inf)
 
 
@@ -82,9 +82,12 @@ def clear_band(q: FloatArray, rate: float) -> FloatArray:
     Args:
         q: raw positions, shape (N, n). rate: of the grid [Hz].
     """
-    f, mean, noise = _spectrum(q, rate)
-    out = np.full(q.shape[1], 0.5 * rate)
-    for j in range(q.shape[1]):
+    return _clear(*_spectrum(q, rate), rate)
+
+
+def _clear(f: FloatArray, mean: FloatArray, noise: FloatArray, rate: float) -> FloatArray:
+    out = np.full(len(noise), 0.5 * rate)
+    for j in range(len(noise)):
         above = np.flatnonzero(mean[:, j] > _CLEARLY * noise[j])
         out[j] = f[above[-1]] if above.size else 0.0
     return out
