@@ -66,6 +66,12 @@ class LongRunVariance:
         _accumulate(residual, part, *sums, self.lengths, self._power, self._count, self._seen, self._keep)
         return self._seen[0] != before and self._estimate()
 
+    def add_all(self, residuals: FloatArray) -> None:
+        """Take in residuals that follow one another and are nothing but noise, shape (N, m)."""
+        sums = (self._sums, self._parts, self._filled)
+        _accumulate_all(residuals, *sums, self.lengths, self._power, self._count, self._seen, self._keep)
+        self._estimate()
+
     def add_block(self, level: int, power: FloatArray, part: FloatArray) -> bool:
         """Take in what a block of a level says of the noise, and the part of its variance that is noise, shape (m,) each; True
         where the noise is known otherwise than before."""
@@ -186,3 +192,21 @@ def _accumulate(
                 count[level, i] = fade * count[level, i] + told
                 sums[level, i] = parts[level, i] = 0.0
             filled[level] = 0.0
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _accumulate_all(
+    residuals: FloatArray,
+    sums: FloatArray,
+    parts: FloatArray,
+    filled: FloatArray,
+    lengths: FloatArray,
+    power: FloatArray,
+    count: FloatArray,
+    seen: FloatArray,
+    keep: float,
+) -> None:
+    """:func:`_accumulate` of each row of (N, m), all of it noise."""
+    part = np.ones(residuals.shape[1])
+    for k in range(residuals.shape[0]):
+        _accumulate(residuals[k], part, sums, parts, filled, lengths, power, count, seen, keep)

@@ -152,9 +152,8 @@ def noise_density(bag: BagRows, theta: FloatArray, factor: FloatArray | None = N
     density = np.zeros(residual.shape[1])
     for j in range(len(density)):
         moving = (np.sqrt(factor[:, j]) * residual[:, j])[factor[:, j] > 0.0]
-        noise, all_of_it = LongRunVariance(1, bag.period, np.array([1e-12]), memory=1e9), np.ones(1)
-        for value in moving[:, None]:
-            noise.add(value, all_of_it)
+        noise = LongRunVariance(1, bag.period, np.array([1e-12]), memory=1e9)
+        noise.add_all(moving[:, None])
         if noise.known:
             density[j] = float(noise.variance[0]) * bag.period
         elif moving.size:

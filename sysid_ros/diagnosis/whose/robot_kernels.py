@@ -25,6 +25,8 @@ _CARRIED = np.array([1.0] + [0.15] * 3 + [0.03] * 6)
 """A payload, times its mass: within 0.15 m of the flange."""
 _PAYLOAD, _WHOLE = 0.2, 0.5
 """What is carried: a part of the arm's mass, or what makes such a part of the usual torque, if that is more."""
+_HEAVIER = np.log(3.0)
+"""Standard deviation of the logarithm of that mass: efforts in kN m would be those of an arm that carries hundreds of its own."""
 _REACH = 0.3
 """Height to which a force on the tool is that of a payload [g]."""
 _TILT = 0.05
@@ -148,13 +150,23 @@ class RobotKernels:
 
     def whole_arm(self, joint: int, usual: float) -> FloatArray:
         """Columns of a payload with its changes, of a force on the tool and a tilt of the base, shape (N, 15 + 10 c)."""
-        weight = float(np.sqrt(np.max(np.mean(np.sum((self._payload * _CARRIED) ** 2, axis=2), axis=0))))
-        carried = max(_PAYLOAD * self._total, _WHOLE * usual / max(weight, 1e-9))
+        carried = self._mass(usual)
         force, tilt = _GRAVITY * _REACH * carried, _GRAVITY * _TILT
         payload = self._payload[:, joint] * carried * _CARRIED
         parts = [payload, self._force[:, joint] * force, self._tilt[:, joint] * tilt]
         columns = np.concatenate([*parts, *(payload * later[:, None] for later in self._later)], axis=1)
         return np.zeros_like(columns) if self._carried is Carried.NOTHING else columns
+
+    def _mass(self, usual: float) -> float:
+        """Of a usual payload [kg]."""
+        weight = float(np.sqrt(np.max(np.mean(np.sum((self._payload * _CARRIED) ** 2, axis=2), axis=0))))
+        return max(_PAYLOAD * self._total, _WHOLE * usual / max(weight, 1e-9))
+
+    def heaviness(self, usual: float) -> float:
+        """Log-probability of so heavy a payload, less that of a usual one."""
+        if self._carried is Carried.NOTHING:
+            return 0.0
+        return -0.5 * float(np.log(self._mass(usual) / max(_PAYLOAD * self._total, 1e-9)) / _HEAVIER) ** 2
 
 
 def _inexactness(robot: RobotModel) -> FloatArray:

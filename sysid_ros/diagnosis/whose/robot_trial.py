@@ -82,14 +82,15 @@ class Trial:
         tau, k = self.rows.tau, self.kernels
         forms = [np.stack([tau[:, j] - k.mean[:, j] - c * k.gravity[:, j] for c in _GRAVITY], axis=1) for j in range(k.robot.n)]
         rows = self._likelihood([k.urdf(j, self._largest) for j in range(k.robot.n)], forms, LEAVES, by)
-        return self._with_prior(rows, _NO_FAULT + np.log(list(_GRAVITY.values())))
+        return self._with_prior(rows, _NO_FAULT + np.log(list(_GRAVITY.values())) + k.heaviness(self._largest))
 
     def of_other_robots(self) -> FloatArray:
         """The same with a robot of the URDF's kind, and with any bodies on the same joints, shape (2, N)."""
         k, n = self.kernels, range(self.kernels.robot.n)
         alike = [k.alike(j, self._largest) for j in n], [self.rows.tau[:, [j]] - k.mean[:, [j]] for j in n]
         free = [k.free(j, self._largest) for j in n], [self.rows.tau[:, [j]] for j in n]
-        return self._with_prior(np.concatenate([self._likelihood(*of, LEAVES) for of in (alike, free)]), _LOG_OTHER)
+        rows = np.concatenate([self._likelihood(*of, LEAVES) for of in (alike, free)])
+        return self._with_prior(rows, _LOG_OTHER + k.heaviness(self._largest))
 
     def of_no_robot(self) -> FloatArray:
         """The same with no robot, which carries nothing either, shape (1, N)."""
