@@ -14,6 +14,15 @@ import numpy as np
 
 from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.sets.block_scatter import scatter_ratios
+from sysid_ros.diagnosis.sets.prediction_spread import (
+    Spread,
+    White,
+    held_out_rows,
+    spread_of,
+    spread_without,
+    whitened,
+    with_more,
+)
 from sysid_ros.diagnosis.sets.stretches import Indices, Rows, Stretches
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.estimators.symmetric import inverse_of, scaled_to_one
@@ -30,6 +39,7 @@ class Predicted:
         theta: shape (S, a). left: whitened rows that are left of each joint, stretch by stretch, shape (S, n, L).
         likelihood: of each stretch, with its part of the log-prior of the parameters, shape (S,).
         information, score: of all fitted rows, shape (a, a) with the prior and (a,).
+        spread: of the rows of the held-out stretches.
     """
 
     at: Indices
@@ -40,6 +50,12 @@ class Predicted:
     likelihood: FloatArray
     information: FloatArray
     score: FloatArray
+    spread: Spread
+
+    @cached_property
+    def white(self) -> White:
+        """What makes the rows of the held-out stretches white."""
+        return whitened(self.spread)
 
     @cached_property
     def with_all_rows(self) -> tuple[FloatArray, FloatArray]:
@@ -50,6 +66,10 @@ class Predicted:
 
 class LeftOut:
     """Normal equations of all columns that are asked, stretch by stretch.
+
+    A stretch of a held-out recording counts as likely as the parameters, as uncertain as they are, make its rows
+    (:mod:`.prediction_spread`); one that the fit sees but for itself, which asks for nothing that the others do not tell, as
+    likely as its parameters make it, and each of those costs as much as it spoils a prediction.
 
     Args:
         rows: those that are predicted: of the fitted recordings, each stretch from the others, then of held-out ones, from all
@@ -92,24 +112,35 @@ class LeftOut:
         rest, cross, given, theta = _given(state, where)
         covariance = block(state.covariance, rest, rest)
         covariance -= cross @ given
-        return self._predicted(state.at[rest], state.prior[rest], covariance, theta)
+        return self._predicted(state.at[rest], state.prior[rest], covariance, theta, self._spread_without(state, where))
 
     def likelihood_without(self, state: Predicted, where: Indices) -> FloatArray:
         """Likelihood of each stretch without some of a set's columns, shape (S,). Args: where: as :meth:`without` has it."""
         rest, _, _, theta = _given(state, where)
-        return np.asarray(self.likelihood(state.at[rest], state.prior[None, rest], theta[None])[0])
+        spread = {j: A[None] for j, A in self._spread_without(state, where).items()}
+        return np.asarray(self.likelihood(state.at[rest], state.prior[None, rest], theta[None], spread)[0])
 
-    def likelihood(self, at: Indices, priors: FloatArray, thetas: FloatArray) -> FloatArray:
+    def _spread_without(self, state: Predicted, where: Indices) -> Spread:
+        covariance = state.covariance[self.of_each.fitted.argmin()]  # the same of all held-out stretches
+        return spread_without(self.of_each, state.spread, state.at, covariance, where)
+
+    def likelihood(self, at: Indices, priors: FloatArray, thetas: FloatArray, spread: Spread) -> FloatArray:
         """Likelihood of each stretch with one of several parameters of the same columns, shape (k, S).
 
         Args:
             priors: inverse variances of each of them before any data, shape (k, a). thetas: shape (k, S, a).
+            spread: with each of them, shape (k, H, L, L) a joint.
         """
         known = np.einsum("ksa,ka->sk", thetas**2, priors)
         power = np.empty((self.of_each.stretches, len(thetas), self.of_each.y.shape[1]))
+        half, white, held_out = np.zeros_like(power), whitened(spread), ~self.of_each.fitted
         for j, left in enumerate(self._left(at, thetas)):
             power[:, :, j] = np.einsum("skl,skl->sk", left, left)
-        return self._likelihood(power, known).T
+            if j in white:
+                inverse, determinant = white[j]
+                r = (inverse @ left[held_out].swapaxes(0, 1)[..., None])[..., 0]
+                power[held_out, :, j], half[held_out, :, j] = np.sum(r**2, axis=2).T, determinant.T
+        return self._likelihood(power, known, half).T
 
     def _left(self, at: Indices, thetas: FloatArray) -> Iterator[FloatArray]:
         """What parameters of shape (k, S, a) leave of the rows of each joint, one after the other, shape (S, k, L)."""
@@ -120,12 +151,15 @@ class LeftOut:
                 left -= np.ascontiguousarray(thetas[:, :, place >= 0].swapaxes(0, 1)) @ self.of_each.x[j][:, place[place >= 0]]
             yield left
 
-    def _predicted(self, at: Indices, prior: FloatArray, covariance: FloatArray, theta: FloatArray) -> Predicted:
+    def _predicted(
+        self, at: Indices, prior: FloatArray, covariance: FloatArray, theta: FloatArray, spread: Spread | None = None
+    ) -> Predicted:
+        if spread is None:
+            spread = spread_of(self.of_each, at, covariance[self.of_each.fitted.argmin()])
         left = np.concatenate(list(self._left(at, theta[None])), axis=1)
-        power = np.einsum("sjl,sjl->sj", left, left)[:, None]
-        likelihood = self._likelihood(power, np.sum(theta**2 * prior, axis=1)[:, None])[:, 0]
+        likelihood = self.likelihood(at, prior[None], theta[None], {j: A[None] for j, A in spread.items()})[0]
         information = self.of_each.whole[np.ix_(at, at)] + np.diag(prior)
-        return Predicted(at, prior, covariance, theta, left, likelihood, information, self.of_each.score[at])
+        return Predicted(at, prior, covariance, theta, left, likelihood, information, self.of_each.score[at], spread)
 
     def plus(self, state: Predicted, each: Sequence[Indices], priors: Sequence[FloatArray]) -> FloatArray:
         """Likelihood of each stretch with more columns, one of several sets of them at a time, shape (m, S)."""
@@ -144,17 +178,13 @@ class LeftOut:
         own[:, :, np.arange(c), np.arange(c)] += prior + 1e-9 * np.diagonal(self.of_each.whole)[at]
         taken = state.covariance @ cross
         score = self.of_each.score[at] - self.of_each.b[:, at] - (state.theta[:, None] @ cross).reshape(S, m, c)
-        if c == 1:
-            rest = own[..., 0, 0] - np.einsum("sam,sam->sm", cross, taken)
-            least = np.maximum(1e-9 * own[..., 0, 0], 1e-30)
-            step = score / (rest + least)[..., None]
-        else:
-            each = taken.reshape(S, a, m, c).transpose(0, 2, 1, 3)
-            rest = own - cross.reshape(S, a, m, c).transpose(0, 2, 3, 1) @ each
-            least = np.maximum(1e-9 * np.diagonal(own, axis1=2, axis2=3), 1e-30)[..., None] * np.eye(c)
-            step = np.linalg.solve(rest + least, score[..., None])[..., 0]
-        change = -(taken.reshape(S, a, m, c) * step[:, None]).sum(axis=3).swapaxes(1, 2)
+        each = taken.reshape(S, a, m, c)
+        rest = own - cross.reshape(S, a, m, c).transpose(0, 2, 3, 1) @ each.transpose(0, 2, 1, 3)
+        rest += np.maximum(1e-9 * np.diagonal(own, axis1=2, axis2=3), 1e-30)[..., None] * np.eye(c)
+        step = score / rest[..., 0] if c == 1 else np.linalg.solve(rest, score[..., None])[..., 0]
+        change = -(each * step[:, None]).sum(axis=3).swapaxes(1, 2)
         power = np.empty((S, m, self.of_each.y.shape[1]))
+        half, held_out, first = np.zeros_like(power), ~self.of_each.fitted, int(self.of_each.fitted.argmin())
         for j in range(self.of_each.y.shape[1]):
             left = np.repeat(state.left[:, j, None], m, axis=1)
             if j in self.of_each.x:
@@ -165,9 +195,21 @@ class LeftOut:
                     here = np.flatnonzero(place[:, k] >= 0)
                     left[:, here] -= self.of_each.x[j][:, place[here, k]] * step[:, here, k, None]
             power[:, :, j] = np.einsum("sml,sml->sm", left, left)
+            if j in state.white:
+                columns = self._alone(j, state.at, at, taken[first])
+                power[held_out, :, j], half[held_out, :, j] = with_more(state.white[j], left[held_out], columns, rest[first])
         known = np.sum((state.theta[:, None] + change) ** 2 * state.prior, axis=2)
         known += np.sum(step**2 * prior, axis=2)
-        return self._likelihood(power, known).T
+        return self._likelihood(power, known, half).T
+
+    def _alone(self, joint: int, others: Indices, at: Indices, taken: FloatArray) -> FloatArray:
+        """Columns of shape (m, c) in the held-out rows of a joint less what others follow of them, shape (H, m, c, L); ``taken``:
+        how much of each of the others follows each of them, shape (a, m c)."""
+        X, loads = held_out_rows(self.of_each, joint, others)
+        own, here = held_out_rows(self.of_each, joint, at.reshape(-1))
+        out = -(taken[loads].T @ X)
+        out[:, here] += own
+        return np.asarray(out.reshape(len(X), *at.shape, X.shape[2]))
 
     def most(self, state: Predicted, gone: Indices, each: Sequence[Indices], priors: Sequence[FloatArray]) -> FloatArray:
         """What all rows gain at most, about, with one of several sets of columns in place of some of a state's, shape (m,).
@@ -206,7 +248,7 @@ class LeftOut:
         inverse = np.linalg.pinv(left, rcond=1e-12, hermitian=True)
         return np.asarray(0.5 * np.einsum("mc,mcd,md->m", score, inverse, score))
 
-    def _likelihood(self, power: FloatArray, known: FloatArray) -> FloatArray:
+    def _likelihood(self, power: FloatArray, known: FloatArray, half: FloatArray) -> FloatArray:
         """Of each stretch, shape (S, m), up to a constant. What is known of the parameters before any data counts once in all.
 
         The level of a joint's noise in one stretch is known as well as that many rows tell it (a scaled inverse chi-squared
@@ -215,9 +257,11 @@ class LeftOut:
         Args:
             power: what is left of each stretch and joint, shape (S, m, n). known: twice the log-prior of the parameters with the
                 other sign, shape (S, m).
+            half: half the logarithm of the determinant of what the rows spread by, beside the noise, shape (S, m, n).
         """
         size = self.of_each.size[:, None]
-        return np.asarray(-np.sum(size * np.log1p(power / size), axis=2) - 0.5 * known / self.of_each.stretches)
+        counted = size / self.of_each.length[:, None, None]
+        return np.asarray(-np.sum(size * np.log1p(power / size) + counted * half, axis=2) - 0.5 * known / self.of_each.stretches)
 
     def scatter(self, state: Predicted) -> FloatArray:
         """By how much more the parameters of a set scatter from stretch to stretch than its noise explains, variance over

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid_ros.diagnosis.left_out import LeftOut, block
+from sysid_ros.diagnosis.sets.prediction_spread import Spread, held_out_rows
 from sysid_ros.diagnosis.sets.stretches import Indices
 from sysid_ros.estimators.symmetric import inverse_of
 from sysid_ros.sample import FloatArray
@@ -46,6 +47,7 @@ class LinkScales:
         self._alone = (inverse @ score[:, self._fixed, None])[:, :, 0]
         self._rest = block(M, self._free, self._free) - cross.swapaxes(1, 2) @ self._taken
         self._score = score[:, self._free] - (score[:, None, self._fixed] @ self._taken)[:, 0]
+        self._held_out = {j: self._held_out_of(j, inverse) for j in left_out.of_each.held_out_x}
 
     def of(self, which: Sequence[int]) -> tuple[FloatArray, list[float]]:
         """Likelihood of each stretch with some of the priors, shape (k, S), and :func:`occam_factor` of the links with each."""
@@ -57,6 +59,24 @@ class LinkScales:
         thetas = np.empty((*free.shape[:2], len(self._at)))
         thetas[:, :, self._free] = free
         thetas[:, :, self._fixed] = self._alone - (self._taken @ free[..., None])[..., 0]
+        spread: Spread = {
+            j: A + X.swapaxes(1, 2) @ (covariance[:, None, self._first] @ X) for j, (A, X) in self._held_out.items()
+        }
         links = self._links
         parts = zip(covariance[:, :, links[:, None], links], priors[:, self._free[links]], strict=True)
-        return self._left_out.likelihood(self._at, priors, thetas), [occam_factor(c, p) for c, p in parts]
+        return self._left_out.likelihood(self._at, priors, thetas, spread), [occam_factor(c, p) for c, p in parts]
+
+    @property
+    def _first(self) -> int:
+        """The first held-out stretch: what is known of the parameters there is the same for all of them."""
+        return int(self._left_out.of_each.fitted.argmin())
+
+    def _held_out_of(self, joint: int, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The spread of a joint's held-out rows with exact links, shape (H, L, L), and the columns of what differs, less what the
+        others follow of them, shape (H, f, L)."""
+        X, loads = held_out_rows(self._left_out.of_each, joint, self._at)
+        columns = np.zeros((len(X), len(self._at), X.shape[2]))
+        columns[:, loads] = X
+        fixed, free = columns[:, self._fixed], columns[:, self._free]
+        alone = fixed.swapaxes(1, 2) @ (inverse[self._first] @ fixed) + np.eye(X.shape[2])
+        return alone, free - self._taken[self._first].T @ fixed

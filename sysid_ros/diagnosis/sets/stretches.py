@@ -38,6 +38,7 @@ class Stretches:
             are of the fitted recordings, shape (S,).
         x, y: rows of a joint, shape (S, P_j, L), and of all targets, shape (S, n, L), zero beyond the end of a stretch.
         place: where each column stands in ``x`` of a joint, -1 for one that does not load it, shape (P,).
+        held_out_x: ``x`` of the stretches that are not fitted; empty where there are none. length: of each stretch, shape (S,).
         G, b: information of each stretch, shape (S, P, P), and score, shape (S, P), of the fitted rows. whole, score: of all of
             them. all_over_fitted: number of rows over that of the fitted ones.
     """
@@ -67,6 +68,7 @@ class Stretches:
         self.place = {j: np.full(self.count, -1) for j in self.x}
         for j, index in self._index.items():
             self.place[j][index] = np.arange(len(index))
+        self.held_out_x = {j: x[~self.fitted] for j, x in self.x.items()} if not self.fitted.all() else {}
         self._equations()
 
     def _lay_out(self, terms: Sequence[Term], each: int) -> None:
@@ -105,9 +107,10 @@ class Stretches:
                 counted += problem.band.counted_in(i, where, parts)
                 begin += count
         self.stretches = len(edges) - 1
-        self.size = np.maximum(np.diff(edges)[:, None] * np.array(counted), 1.0)
+        self.length = np.diff(edges)
+        self.size = np.maximum(self.length[:, None] * np.array(counted), 1.0)
         self.fitted = np.array(edges[:-1]) < len(self._root[0])
-        self._filled = np.arange(int(np.diff(edges).max())) < np.diff(edges)[:, None]
+        self._filled = np.arange(int(self.length.max())) < self.length[:, None]
 
     def _by_stretch(self, rows: FloatArray) -> FloatArray:
         """Columns of each stretch, shape (S, c, L), zero beyond its end, of rows of shape (R, c)."""
