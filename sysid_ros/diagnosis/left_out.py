@@ -35,7 +35,7 @@ class Predicted:
 
     Attributes:
         at: indices of the columns, shape (a,). prior: inverse variances of their parameters before any data, shape (a,).
-        covariance: of the parameters without each stretch, shape (S, a, a).
+        covariance: of the parameters that predict each stretch, shape (S, a, a).
         theta: shape (S, a). left: whitened rows that are left of each joint, stretch by stretch, shape (S, n, L).
         likelihood: of each stretch, with its part of the log-prior of the parameters, shape (S,).
         information, score: of all fitted rows, shape (a, a) with the prior and (a,).
@@ -72,8 +72,8 @@ class LeftOut:
     likely as its parameters make it, and each of those costs as much as it spoils a prediction.
 
     Args:
-        rows: those that are predicted: of the fitted recordings, each stretch from the others, then of held-out ones, from all
-            that are fitted. terms: all that are asked.
+        rows: those that are predicted: of the fitted recordings, each stretch from the others, then of held-out ones, each from
+            all that are fitted and those before it. terms: all that are asked.
         noise: what the rows are weighted by. dry: level of the dry friction on each joint, shape (n,) [N m].
 
     Attributes:
@@ -91,7 +91,7 @@ class LeftOut:
         return self._predicted(at, prior, covariance, (covariance @ score[:, :, None])[:, :, 0])
 
     def equations(self, at: Indices) -> tuple[FloatArray, FloatArray]:
-        """Information of columns in all rows but each stretch, shape (S, a, a), and their score, shape (S, a)."""
+        """Information of columns in the rows that predict each stretch, shape (S, a, a), and their score, shape (S, a)."""
         return self.of_each.without_each(at, at), self.of_each.score[at] - self.of_each.b[:, at]
 
     def with_all(self, at: Indices, prior: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -121,8 +121,7 @@ class LeftOut:
         return np.asarray(self.likelihood(state.at[rest], state.prior[None, rest], theta[None], spread)[0])
 
     def _spread_without(self, state: Predicted, where: Indices) -> Spread:
-        covariance = state.covariance[self.of_each.fitted.argmin()]  # the same of all held-out stretches
-        return spread_without(self.of_each, state.spread, state.at, covariance, where)
+        return spread_without(self.of_each, state.spread, state.at, state.covariance[~self.of_each.fitted], where)
 
     def likelihood(self, at: Indices, priors: FloatArray, thetas: FloatArray, spread: Spread) -> FloatArray:
         """Likelihood of each stretch with one of several parameters of the same columns, shape (k, S).
@@ -155,7 +154,7 @@ class LeftOut:
         self, at: Indices, prior: FloatArray, covariance: FloatArray, theta: FloatArray, spread: Spread | None = None
     ) -> Predicted:
         if spread is None:
-            spread = spread_of(self.of_each, at, covariance[self.of_each.fitted.argmin()])
+            spread = spread_of(self.of_each, at, covariance[~self.of_each.fitted])
         left = np.concatenate(list(self._left(at, theta[None])), axis=1)
         likelihood = self.likelihood(at, prior[None], theta[None], {j: A[None] for j, A in spread.items()})[0]
         information = self.of_each.whole[np.ix_(at, at)] + np.diag(prior)
@@ -184,7 +183,7 @@ class LeftOut:
         step = score / rest[..., 0] if c == 1 else np.linalg.solve(rest, score[..., None])[..., 0]
         change = -(each * step[:, None]).sum(axis=3).swapaxes(1, 2)
         power = np.empty((S, m, self.of_each.y.shape[1]))
-        half, held_out, first = np.zeros_like(power), ~self.of_each.fitted, int(self.of_each.fitted.argmin())
+        half, held_out = np.zeros_like(power), ~self.of_each.fitted
         for j in range(self.of_each.y.shape[1]):
             left = np.repeat(state.left[:, j, None], m, axis=1)
             if j in self.of_each.x:
@@ -196,18 +195,18 @@ class LeftOut:
                     left[:, here] -= self.of_each.x[j][:, place[here, k]] * step[:, here, k, None]
             power[:, :, j] = np.einsum("sml,sml->sm", left, left)
             if j in state.white:
-                columns = self._alone(j, state.at, at, taken[first])
-                power[held_out, :, j], half[held_out, :, j] = with_more(state.white[j], left[held_out], columns, rest[first])
+                columns = self._alone(j, state.at, at, taken[held_out])
+                power[held_out, :, j], half[held_out, :, j] = with_more(state.white[j], left[held_out], columns, rest[held_out])
         known = np.sum((state.theta[:, None] + change) ** 2 * state.prior, axis=2)
         known += np.sum(step**2 * prior, axis=2)
         return self._likelihood(power, known, half).T
 
     def _alone(self, joint: int, others: Indices, at: Indices, taken: FloatArray) -> FloatArray:
         """Columns of shape (m, c) in the held-out rows of a joint less what others follow of them, shape (H, m, c, L); ``taken``:
-        how much of each of the others follows each of them, shape (a, m c)."""
+        how much of each of the others follows each of them, shape (H, a, m c)."""
         X, loads = held_out_rows(self.of_each, joint, others)
         own, here = held_out_rows(self.of_each, joint, at.reshape(-1))
-        out = -(taken[loads].T @ X)
+        out = -(taken[:, loads].swapaxes(1, 2) @ X)
         out[:, here] += own
         return np.asarray(out.reshape(len(X), *at.shape, X.shape[2]))
 

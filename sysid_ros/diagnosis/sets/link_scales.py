@@ -36,7 +36,7 @@ class LinkScales:
 
     def __init__(self, left_out: LeftOut, at: Indices, priors: FloatArray) -> None:
         self._left_out, self._at, self._priors = left_out, at, priors
-        links = np.isin(at, left_out.of_each.inexact)
+        links, self._later = np.isin(at, left_out.of_each.inexact), ~left_out.of_each.fitted
         self._free = np.flatnonzero(links | (np.ptp(priors, axis=0) > 0.0))
         self._links = np.flatnonzero(links[self._free])
         self._fixed = np.delete(np.arange(len(at)), self._free)
@@ -59,17 +59,10 @@ class LinkScales:
         thetas = np.empty((*free.shape[:2], len(self._at)))
         thetas[:, :, self._free] = free
         thetas[:, :, self._fixed] = self._alone - (self._taken @ free[..., None])[..., 0]
-        spread: Spread = {
-            j: A + X.swapaxes(1, 2) @ (covariance[:, None, self._first] @ X) for j, (A, X) in self._held_out.items()
-        }
+        spread: Spread = {j: A + X.swapaxes(1, 2) @ (covariance[:, self._later] @ X) for j, (A, X) in self._held_out.items()}
         links = self._links
         parts = zip(covariance[:, :, links[:, None], links], priors[:, self._free[links]], strict=True)
         return self._left_out.likelihood(self._at, priors, thetas, spread), [occam_factor(c, p) for c, p in parts]
-
-    @property
-    def _first(self) -> int:
-        """The first held-out stretch: what is known of the parameters there is the same for all of them."""
-        return int(self._left_out.of_each.fitted.argmin())
 
     def _held_out_of(self, joint: int, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The spread of a joint's held-out rows with exact links, shape (H, L, L), and the columns of what differs, less what the
@@ -78,5 +71,5 @@ class LinkScales:
         columns = np.zeros((len(X), len(self._at), X.shape[2]))
         columns[:, loads] = X
         fixed, free = columns[:, self._fixed], columns[:, self._free]
-        alone = fixed.swapaxes(1, 2) @ (inverse[self._first] @ fixed) + np.eye(X.shape[2])
-        return alone, free - self._taken[self._first].T @ fixed
+        alone = fixed.swapaxes(1, 2) @ (inverse[self._later] @ fixed) + np.eye(X.shape[2])
+        return alone, free - self._taken[self._later].swapaxes(1, 2) @ fixed

@@ -2,8 +2,8 @@
 
 Rows of another motion ask for directions that the fitted ones leave open. What a set of causes predicts there is as uncertain as
 its parameters, and an error of that size says nothing against it: whitened rows ``r = y - X theta`` of a held-out stretch have
-the covariance ``A = 1 + X C X'`` with the covariance C of the parameters. As each stretch is predicted by itself, A is that of
-its own rows, joint by joint.
+the covariance ``A = 1 + X C X'`` with the covariance C of the parameters, from the fitted rows and from the held-out ones before
+them: so the same parameters make all of them.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ def held_out_rows(of_each: Stretches, joint: int, at: Indices) -> tuple[FloatArr
 
 
 def spread_of(of_each: Stretches, at: Indices, covariance: FloatArray) -> Spread:
-    """A of a set of columns with the covariance of their parameters from all fitted rows, shape (a, a)."""
+    """A of a set of columns with the covariance of the parameters that predict each held-out stretch, shape (H, a, a)."""
     out = {}
     for j in of_each.held_out_x:
         X, loads = held_out_rows(of_each, j, at)
-        out[j] = X.swapaxes(1, 2) @ (covariance[np.ix_(loads, loads)] @ X) + np.eye(X.shape[2])
+        out[j] = X.swapaxes(1, 2) @ (covariance[:, loads[:, None], loads] @ X) + np.eye(X.shape[2])
     return out
 
 
@@ -42,12 +42,12 @@ def spread_without(
     of_each: Stretches, spread: Mapping[int, FloatArray], at: Indices, covariance: FloatArray, gone: Indices
 ) -> Spread:
     """A with some of the columns left out; ``gone``: their places in ``at``."""
-    own = covariance[np.ix_(gone, gone)]
-    own = own + np.diag(np.maximum(1e-9 * np.diag(own), 1e-30))
+    own = covariance[:, gone[:, None], gone]
+    own = own + np.maximum(1e-9 * np.diagonal(own, axis1=1, axis2=2), 1e-30)[:, :, None] * np.eye(len(gone))
     out = {}
     for j, A in spread.items():
         X, loads = held_out_rows(of_each, j, at)
-        V = covariance[np.ix_(gone, loads)] @ X
+        V = covariance[:, gone[:, None], loads] @ X
         out[j] = A - V.swapaxes(1, 2) @ np.linalg.solve(own, V)
     return out
 
@@ -79,7 +79,7 @@ def with_more(
     Args:
         white: without them. left: of the rows with each group, shape (H, m, L).
         columns: of the groups, without what the others follow of them, shape (H, m, c, L).
-        information: of their parameters beside the others, shape (m, c, c).
+        information: of their parameters beside the others, shape (H, m, c, c).
     """
     inverse, half = white
     turned = inverse.swapaxes(1, 2)[:, None]
