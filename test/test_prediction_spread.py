@@ -14,7 +14,7 @@ from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import SCALES, prepare
 from sysid_ros.diagnosis.set_search import SetSearch
 from sysid_ros.diagnosis.sets.link_scales import LinkScales
-from sysid_ros.diagnosis.sets.prediction_spread import whitened
+from sysid_ros.diagnosis.sets.prediction_spread import powers
 from sysid_ros.diagnosis.sets.set_prior import SetPrior
 from sysid_ros.sample import FloatArray
 
@@ -40,19 +40,18 @@ def columns(left_out: LeftOut, *which: int) -> np.ndarray:
 
 
 def by_definition(left_out: LeftOut, state: Predicted) -> FloatArray:
-    """Student's density with the spread of the rows, for each held-out stretch after those before it."""
+    """Student's density with the spread of the rows, for each held-out stretch."""
     each, out = left_out.of_each, []
-    told, score = each.whole[np.ix_(state.at, state.at)] + np.diag(state.prior), each.score[state.at]
+    C = np.linalg.inv(each.whole[np.ix_(state.at, state.at)] + np.diag(state.prior))
     for s in np.flatnonzero(~each.fitted):
-        C = np.linalg.inv(told)
-        np.testing.assert_allclose(state.theta[s], C @ score, rtol=1e-5, atol=1e-6)
         total = -0.5 * float(state.theta[s] ** 2 @ state.prior) / each.stretches
         for j, x in each.x.items():
             place = each.place[j][state.at]
             X = np.where(place[:, None] >= 0, x[s][place], 0.0)
-            r, A = each.y[s, j] - state.theta[s] @ X, np.eye(X.shape[1]) + X.T @ C @ X
-            size, counted = each.size[s, j], each.size[s, j] / each.length[s]
-            told, score = told + X @ X.T, score + X @ each.y[s, j]
+            r, K = each.y[s, j] - state.theta[s] @ X, X.T @ C @ X
+            size, counted, one = each.size[s, j], each.size[s, j] / each.length[s], np.eye(X.shape[1])
+            level = max(r @ np.linalg.solve(one + K, r) / size, 1.0)
+            A = one + K / level
             total -= size * np.log1p(r @ np.linalg.solve(A, r) / size) + 0.5 * counted * np.linalg.slogdet(A)[1]
         out.append(total)
     return np.array(out)
@@ -91,22 +90,35 @@ def test_links_are_weighed_at_every_scale_as_if_the_set_had_been_made_anew() -> 
         assert abs(cost - state.narrowed) < 1e-3
 
 
-def test_an_error_as_large_as_the_parameters_are_uncertain_says_nothing() -> None:
-    """Of robots that are as the prior says the whitened rows have the variance one; as they are they have more."""
+def drawn(level: float) -> tuple[float, float]:
+    """Mean power of a row, with the parameters taken as known and as they are known, over the noise's, where the parameters are
+    as the posterior says and the noise of the held-out rows has some level."""
     rng, left_out = np.random.default_rng(0), searched().left_out
     each = left_out.of_each
     at = np.concatenate([columns(left_out, 2), each.inexact])
-    prior = np.full(len(at), 1.0)
-    state = left_out.of(at, prior)
-    C, white = state.covariance[~each.fitted], whitened(state.spread)
+    state = left_out.of(at, np.full(len(at), 1.0))
+    C, held_out = state.covariance[~each.fitted], ~each.fitted
     raw, turned = [], []
     for _ in range(200):
         error = np.stack([rng.multivariate_normal(np.zeros(len(at)), c, method="eigh") for c in C])
         for j, x in each.held_out_x.items():
             place = each.place[j][at]
             loads = place >= 0
-            r = (error[:, None, loads] @ x[:, place[loads]])[:, 0] + rng.normal(size=(len(x), x.shape[2]))
-            raw.append(np.mean(r**2))
-            turned.append(np.mean((white[j][0] @ r[..., None]) ** 2))
-    assert 0.988 < np.mean(turned) < 1.012
-    assert np.mean(raw) > 1.015
+            noise = np.sqrt(level) * rng.normal(size=(len(x), x.shape[2]))
+            r = (error[:, None, loads] @ x[:, place[loads]])[:, 0] + noise
+            raw.append(np.mean(r**2) / level)
+            power, _ = powers(state.spread[j][None], r[None], each.size[held_out, j])
+            turned.append(float(np.mean(power)) / x.shape[2] / level)
+    return float(np.mean(raw)), float(np.mean(turned))
+
+
+def test_an_error_as_large_as_the_parameters_are_uncertain_says_nothing() -> None:
+    raw, turned = drawn(1.0)
+    assert raw > 1.015
+    assert 0.985 < turned < 1.01
+
+
+def test_noise_of_another_level_makes_no_parameter_more_uncertain() -> None:
+    """Else what no cause explains would be explained by any whose size is not known well."""
+    raw, turned = drawn(400.0)
+    assert 0.98 < turned / raw < 1.0

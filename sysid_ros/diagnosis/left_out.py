@@ -15,13 +15,14 @@ import numpy as np
 from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.sets.block_scatter import scatter_ratios
 from sysid_ros.diagnosis.sets.prediction_spread import (
+    Axes,
     Spread,
-    White,
     held_out_rows,
+    powers,
+    powers_with_more,
+    principal_axes,
     spread_of,
     spread_without,
-    whitened,
-    with_more,
 )
 from sysid_ros.diagnosis.sets.stretches import Indices, Rows, Stretches
 from sysid_ros.diagnosis.term import Term
@@ -35,7 +36,7 @@ class Predicted:
 
     Attributes:
         at: indices of the columns, shape (a,). prior: inverse variances of their parameters before any data, shape (a,).
-        covariance: of the parameters that predict each stretch, shape (S, a, a).
+        covariance: of the parameters without each stretch, shape (S, a, a).
         theta: shape (S, a). left: whitened rows that are left of each joint, stretch by stretch, shape (S, n, L).
         likelihood: of each stretch, with its part of the log-prior of the parameters, shape (S,).
         information, score: of all fitted rows, shape (a, a) with the prior and (a,).
@@ -53,9 +54,9 @@ class Predicted:
     spread: Spread
 
     @cached_property
-    def white(self) -> White:
-        """What makes the rows of the held-out stretches white."""
-        return whitened(self.spread)
+    def axes(self) -> Axes:
+        """Principal axes of that."""
+        return principal_axes(self.spread)
 
     @cached_property
     def with_all_rows(self) -> tuple[FloatArray, FloatArray]:
@@ -72,8 +73,8 @@ class LeftOut:
     likely as its parameters make it, and each of those costs as much as it spoils a prediction.
 
     Args:
-        rows: those that are predicted: of the fitted recordings, each stretch from the others, then of held-out ones, each from
-            all that are fitted and those before it. terms: all that are asked.
+        rows: those that are predicted: of the fitted recordings, each stretch from the others, then of held-out ones, from all
+            that are fitted. terms: all that are asked.
         noise: what the rows are weighted by. dry: level of the dry friction on each joint, shape (n,) [N m].
 
     Attributes:
@@ -91,7 +92,7 @@ class LeftOut:
         return self._predicted(at, prior, covariance, (covariance @ score[:, :, None])[:, :, 0])
 
     def equations(self, at: Indices) -> tuple[FloatArray, FloatArray]:
-        """Information of columns in the rows that predict each stretch, shape (S, a, a), and their score, shape (S, a)."""
+        """Information of columns in all rows but each stretch, shape (S, a, a), and their score, shape (S, a)."""
         return self.of_each.without_each(at, at), self.of_each.score[at] - self.of_each.b[:, at]
 
     def with_all(self, at: Indices, prior: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -132,13 +133,12 @@ class LeftOut:
         """
         known = np.einsum("ksa,ka->sk", thetas**2, priors)
         power = np.empty((self.of_each.stretches, len(thetas), self.of_each.y.shape[1]))
-        half, white, held_out = np.zeros_like(power), whitened(spread), ~self.of_each.fitted
+        half, held_out = np.zeros_like(power), ~self.of_each.fitted
         for j, left in enumerate(self._left(at, thetas)):
             power[:, :, j] = np.einsum("skl,skl->sk", left, left)
-            if j in white:
-                inverse, determinant = white[j]
-                r = (inverse @ left[held_out].swapaxes(0, 1)[..., None])[..., 0]
-                power[held_out, :, j], half[held_out, :, j] = np.sum(r**2, axis=2).T, determinant.T
+            if j in spread:
+                found = powers(spread[j], left[held_out].swapaxes(0, 1), self.of_each.size[held_out, j])
+                power[held_out, :, j], half[held_out, :, j] = (x.T for x in found)
         return self._likelihood(power, known, half).T
 
     def _left(self, at: Indices, thetas: FloatArray) -> Iterator[FloatArray]:
@@ -194,9 +194,10 @@ class LeftOut:
                     here = np.flatnonzero(place[:, k] >= 0)
                     left[:, here] -= self.of_each.x[j][:, place[here, k]] * step[:, here, k, None]
             power[:, :, j] = np.einsum("sml,sml->sm", left, left)
-            if j in state.white:
-                columns = self._alone(j, state.at, at, taken[held_out])
-                power[held_out, :, j], half[held_out, :, j] = with_more(state.white[j], left[held_out], columns, rest[held_out])
+            if j in state.axes:
+                columns, size = self._alone(j, state.at, at, taken[held_out]), self.of_each.size[held_out, j]
+                found = powers_with_more(state.axes[j], left[held_out], columns, rest[held_out], size)
+                power[held_out, :, j], half[held_out, :, j] = found
         known = np.sum((state.theta[:, None] + change) ** 2 * state.prior, axis=2)
         known += np.sum(step**2 * prior, axis=2)
         return self._likelihood(power, known, half).T

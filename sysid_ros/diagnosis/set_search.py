@@ -86,7 +86,7 @@ class SetSearch:
         predicted, narrowed = self.left_out.of(where, prior), 0.0
         if self._is_inexact(scale):
             own = np.flatnonzero(np.isin(where, self.left_out.of_each.inexact))
-            narrowed = occam_factor(predicted.covariance[:, own[:, None], own], prior[own])
+            narrowed = occam_factor(predicted.covariance[self.left_out.of_each.fitted][:, own[:, None], own], prior[own])
         self._state = State(members, scale, predicted, narrowed, self._score(predicted.likelihood, members, scale) - narrowed)
         return self._state
 

@@ -17,7 +17,8 @@ def occam_factor(covariance: FloatArray, prior: FloatArray) -> float:
     """What it costs that so inexact links could have had other torques, less what their parameters cost the predictions already.
 
     Args:
-        covariance: of these parameters without each stretch, shape (S, c, c). prior: their inverse variances before, shape (c,).
+        covariance: of these parameters without each fitted stretch, shape (S, c, c).
+        prior: their inverse variances before, shape (c,).
     """
     part = np.mean(covariance, axis=0) * prior
     return -0.5 * float(np.linalg.slogdet(part)[1]) - (len(prior) - float(np.trace(part)))
@@ -59,9 +60,9 @@ class LinkScales:
         thetas = np.empty((*free.shape[:2], len(self._at)))
         thetas[:, :, self._free] = free
         thetas[:, :, self._fixed] = self._alone - (self._taken @ free[..., None])[..., 0]
-        spread: Spread = {j: A + X.swapaxes(1, 2) @ (covariance[:, self._later] @ X) for j, (A, X) in self._held_out.items()}
+        spread: Spread = {j: K + X.swapaxes(1, 2) @ (covariance[:, self._later] @ X) for j, (K, X) in self._held_out.items()}
         links = self._links
-        parts = zip(covariance[:, :, links[:, None], links], priors[:, self._free[links]], strict=True)
+        parts = zip(covariance[:, ~self._later][:, :, links[:, None], links], priors[:, self._free[links]], strict=True)
         return self._left_out.likelihood(self._at, priors, thetas, spread), [occam_factor(c, p) for c, p in parts]
 
     def _held_out_of(self, joint: int, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -71,5 +72,5 @@ class LinkScales:
         columns = np.zeros((len(X), len(self._at), X.shape[2]))
         columns[:, loads] = X
         fixed, free = columns[:, self._fixed], columns[:, self._free]
-        alone = fixed.swapaxes(1, 2) @ (inverse[self._later] @ fixed) + np.eye(X.shape[2])
+        alone = fixed.swapaxes(1, 2) @ (inverse[self._later] @ fixed)
         return alone, free - self._taken[self._later].swapaxes(1, 2) @ fixed

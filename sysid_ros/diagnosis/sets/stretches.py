@@ -39,10 +39,8 @@ class Stretches:
         x, y: rows of a joint, shape (S, P_j, L), and of all targets, shape (S, n, L), zero beyond the end of a stretch.
         place: where each column stands in ``x`` of a joint, -1 for one that does not load it, shape (P,).
         held_out_x: ``x`` of the stretches that are not fitted; empty where there are none. length: of each stretch, shape (S,).
-        whole, score: information of all fitted rows, shape (P, P), and their score, shape (P,). G, b: by how much that of the
-            rows which predict a stretch is less, shape (S, P, P) and (S, P): by the stretch itself, or, as those of the held-out
-            stretches before it predict a held-out one too (the chain rule of their joint likelihood), by less than nothing.
-        all_over_fitted: number of rows over that of the fitted ones.
+        G, b: information of each stretch, shape (S, P, P), and score, shape (S, P), of the fitted rows. whole, score: of all of
+            them. all_over_fitted: number of rows over that of the fitted ones.
     """
 
     def __init__(self, rows: Sequence[Rows], terms: Sequence[Term], noise: RowNoise, dry: FloatArray) -> None:
@@ -123,9 +121,9 @@ class Stretches:
     def _equations(self) -> None:
         self.G = np.zeros((self.stretches, self.count, self.count))
         self.b = np.zeros((self.stretches, self.count))
-        shared, held_out = self._shared, ~self.fitted
+        fitted, shared = self.fitted, self._shared
         for j, own in self._own.items():
-            x, p = self.x[j], own.stop - own.start
+            x, p = self.x[j] * fitted[:, None, None], own.stop - own.start
             alone, both = x[:, :p], x[:, p:].swapaxes(1, 2)
             self.G[:, own, own] = alone @ alone.swapaxes(1, 2)
             self.G[:, own, shared] = alone @ both
@@ -133,9 +131,7 @@ class Stretches:
             self.G[:, shared, shared] += x[:, p:] @ both
             self.b[:, self._index[j]] += (x @ self.y[:, j, :, None])[:, :, 0]
         self.all_over_fitted = float(np.sum(self._filled)) / len(self._root[0])
-        self.whole, self.score = self.G[self.fitted].sum(axis=0), self.b[self.fitted].sum(axis=0)
-        for each in (self.G, self.b):
-            each[held_out] -= np.cumsum(each[held_out], axis=0)
+        self.whole, self.score = self.G.sum(axis=0), self.b.sum(axis=0)
 
     def noise(self, left: FloatArray) -> RowNoise:
         """The noise that makes what is left of the fitted recordings, of whitened rows of shape (S, n, L), the most likely."""
@@ -150,7 +146,7 @@ class Stretches:
         return out
 
     def without_each(self, rows: Indices, columns: Indices) -> FloatArray:
-        """Information of some columns with others in the rows that predict each stretch, shape (S, r, c)."""
+        """Information of some columns with others in all fitted rows but those of each stretch, shape (S, r, c)."""
         rest = self.G[:, rows[:, None], columns]
         np.subtract(self.whole[rows[:, None], columns], rest, out=rest)
         return rest
