@@ -19,6 +19,7 @@ from sysid_ros.diagnosis import diagnose
 from sysid_ros.diagnosis.channel_faults import Fault
 from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
 from sysid_ros.diagnosis.whose.robot_hypotheses import judge
+from sysid_ros.diagnosis.whose.robot_kernels import Carried
 from sysid_ros.diagnosis.whose.robot_likelihood import probabilities
 from sysid_ros.diagnosis.whose.robot_trial import Trial
 from sysid_ros.effects import JointSign, TorqueSign, TorqueUnit
@@ -150,4 +151,27 @@ def test_what_is_picked_up_at_any_time_is_no_reason_to_refuse(part: float) -> No
     tau[later] += [model.payload_regressor(*x, frame) @ body for x in zip(q[later], v[later], a[later], strict=True)]
     found = judge(model, [replace(healthy, tau=tau)])
     assert found is not None
+    assert found.refusal is None
+
+
+def test_a_payload_of_hundreds_of_the_arms_mass_is_no_explanation() -> None:
+    """As efforts that are taken for kN m ask for: they explained the torques of another robot."""
+    healthy = record(None, 1)
+    rows = CoarseRows.of(robot(ARM), [healthy])
+    assert rows is not None
+    kernels = Trial.of(robot(ARM), rows).kernels
+    usual = float(np.sqrt(np.mean(healthy.tau**2, axis=0)).max())
+    assert kernels.heaviness(usual) > -0.1
+    assert kernels.heaviness(3.0 * usual) > -1.5
+    assert kernels.heaviness(1000.0 * usual) < -12.0
+    assert kernels.carrying(Carried.NOTHING, rows).heaviness(1000.0 * usual) == 0.0
+
+
+@pytest.mark.slow
+def test_efforts_in_kilonewton_metres_are_found_all_the_same() -> None:
+    healthy = record(None, 1)
+    found = judge(robot(ARM), [replace(healthy, tau=healthy.tau / 1000.0)])
+    assert found is not None
+    (fault,) = found.faults
+    np.testing.assert_allclose(fault.effect.factors, 1e-3)
     assert found.refusal is None
