@@ -20,9 +20,9 @@ _ALIKE = 1.0
 """Number of joints that a guess of how many have an effect is worth: joints of one arm are built alike."""
 
 
-_MASSES_OFF = {0.3: 0.1, 1.0: 0.45, 4.0: 0.45}
+_MASSES_OFF = {0.3: 0.1, 1.0: 0.3, 2.0: 0.3, 4.0: 0.3}
 """How often all masses of a real arm are off by so much, in units of the usual inexactness."""
-_PLACES_OFF = {0.05: 0.05, 0.3: 0.15, 1.0: 0.4, 4.0: 0.4}
+_PLACES_OFF = {0.05: 0.05, 0.3: 0.15, 1.0: 0.3, 2.0: 0.25, 4.0: 0.25}
 """The same of the centres of mass. None is exact: a URDF is drawn before cables, screws, glue and castings."""
 _EXACT = 0.5
 """How often the links of a simulation that was made for one purpose are exact."""
