@@ -17,8 +17,8 @@ from sysid_ros.effects import EFFECTS, Effect, forms_of
 from sysid_ros.sample import FloatArray
 
 _LEAST = 3.0
-"""Likelihood that a compliance must gain on its joint's rows to be looked at on all of them: what its stiffness, damping and motor
-cost a prediction. It may be much more there, for the joints before it feel the load that swings."""
+"""Likelihood that a compliance must gain on its joint's rows to be looked at on all of them: what its stiffness, damping and
+motor cost a prediction. It may gain much more there, for the joints before it feel the load that swings."""
 _AS_MADE_FOR = 0.2, 3.0
 """The fitted compliance over that of the columns."""
 _ALIKE = 0.02
