@@ -173,5 +173,6 @@ def test_efforts_in_kilonewton_metres_are_found_all_the_same() -> None:
     found = judge(robot(ARM), [replace(healthy, tau=healthy.tau / 1000.0)])
     assert found is not None
     (fault,) = found.faults
+    assert isinstance(fault.effect, TorqueUnit)
     np.testing.assert_allclose(fault.effect.factors, 1e-3)
     assert found.refusal is None
