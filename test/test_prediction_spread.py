@@ -97,15 +97,15 @@ def drawn(level: float) -> tuple[float, float]:
     each = left_out.of_each
     at = np.concatenate([columns(left_out, 2), each.inexact])
     state = left_out.of(at, np.full(len(at), 1.0))
-    C, held_out = state.covariance[~each.fitted], ~each.fitted
+    C, held_out = state.covariance[each.predicting], ~each.fitted
     raw, turned = [], []
     for _ in range(200):
-        error = np.stack([rng.multivariate_normal(np.zeros(len(at)), c, method="eigh") for c in C])
+        error = rng.multivariate_normal(np.zeros(len(at)), C, method="eigh")
         for j, x in each.held_out_x.items():
             place = each.place[j][at]
             loads = place >= 0
             noise = np.sqrt(level) * rng.normal(size=(len(x), x.shape[2]))
-            r = (error[:, None, loads] @ x[:, place[loads]])[:, 0] + noise
+            r = error[loads] @ x[:, place[loads]] + noise
             raw.append(np.mean(r**2) / level)
             power, _ = powers(state.spread[j][None], r[None], each.size[held_out, j])
             turned.append(float(np.mean(power)) / x.shape[2] / level)

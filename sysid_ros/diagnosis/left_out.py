@@ -118,11 +118,11 @@ class LeftOut:
     def likelihood_without(self, state: Predicted, where: Indices) -> FloatArray:
         """Likelihood of each stretch without some of a set's columns, shape (S,). Args: where: as :meth:`without` has it."""
         rest, _, _, theta = _given(state, where)
-        spread = {j: A[None] for j, A in self._spread_without(state, where).items()}
+        spread = {j: K[None] for j, K in self._spread_without(state, where).items()}
         return np.asarray(self.likelihood(state.at[rest], state.prior[None, rest], theta[None], spread)[0])
 
     def _spread_without(self, state: Predicted, where: Indices) -> Spread:
-        return spread_without(self.of_each, state.spread, state.at, state.covariance[~self.of_each.fitted], where)
+        return spread_without(self.of_each, state.spread, state.at, state.covariance[self.of_each.predicting], where)
 
     def likelihood(self, at: Indices, priors: FloatArray, thetas: FloatArray, spread: Spread) -> FloatArray:
         """Likelihood of each stretch with one of several parameters of the same columns, shape (k, S).
@@ -154,9 +154,9 @@ class LeftOut:
         self, at: Indices, prior: FloatArray, covariance: FloatArray, theta: FloatArray, spread: Spread | None = None
     ) -> Predicted:
         if spread is None:
-            spread = spread_of(self.of_each, at, covariance[~self.of_each.fitted])
+            spread = spread_of(self.of_each, at, covariance[self.of_each.predicting])
         left = np.concatenate(list(self._left(at, theta[None])), axis=1)
-        likelihood = self.likelihood(at, prior[None], theta[None], {j: A[None] for j, A in spread.items()})[0]
+        likelihood = self.likelihood(at, prior[None], theta[None], {j: K[None] for j, K in spread.items()})[0]
         information = self.of_each.whole[np.ix_(at, at)] + np.diag(prior)
         return Predicted(at, prior, covariance, theta, left, likelihood, information, self.of_each.score[at], spread)
 
@@ -183,7 +183,7 @@ class LeftOut:
         step = score / rest[..., 0] if c == 1 else np.linalg.solve(rest, score[..., None])[..., 0]
         change = -(each * step[:, None]).sum(axis=3).swapaxes(1, 2)
         power = np.empty((S, m, self.of_each.y.shape[1]))
-        half, held_out = np.zeros_like(power), ~self.of_each.fitted
+        half, held_out, first = np.zeros_like(power), ~self.of_each.fitted, self.of_each.predicting
         for j in range(self.of_each.y.shape[1]):
             left = np.repeat(state.left[:, j, None], m, axis=1)
             if j in self.of_each.x:
@@ -195,8 +195,8 @@ class LeftOut:
                     left[:, here] -= self.of_each.x[j][:, place[here, k]] * step[:, here, k, None]
             power[:, :, j] = np.einsum("sml,sml->sm", left, left)
             if j in state.axes:
-                columns, size = self._alone(j, state.at, at, taken[held_out]), self.of_each.size[held_out, j]
-                found = powers_with_more(state.axes[j], left[held_out], columns, rest[held_out], size)
+                columns, size = self._alone(j, state.at, at, taken[first]), self.of_each.size[held_out, j]
+                found = powers_with_more(state.axes[j], left[held_out], columns, rest[first], size)
                 power[held_out, :, j], half[held_out, :, j] = found
         known = np.sum((state.theta[:, None] + change) ** 2 * state.prior, axis=2)
         known += np.sum(step**2 * prior, axis=2)
@@ -204,10 +204,10 @@ class LeftOut:
 
     def _alone(self, joint: int, others: Indices, at: Indices, taken: FloatArray) -> FloatArray:
         """Columns of shape (m, c) in the held-out rows of a joint less what others follow of them, shape (H, m, c, L); ``taken``:
-        how much of each of the others follows each of them, shape (H, a, m c)."""
+        how much of each of the others follows each of them, shape (a, m c)."""
         X, loads = held_out_rows(self.of_each, joint, others)
         own, here = held_out_rows(self.of_each, joint, at.reshape(-1))
-        out = -(taken[:, loads].swapaxes(1, 2) @ X)
+        out = -(taken[loads].T @ X)
         out[:, here] += own
         return np.asarray(out.reshape(len(X), *at.shape, X.shape[2]))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
@@ -69,7 +71,7 @@ class LongRunVariance:
     def add_all(self, residuals: FloatArray) -> None:
         """Take in residuals that follow one another and are nothing but noise, shape (N, m)."""
         sums = (self._sums, self._parts, self._filled)
-        _accumulate_all(residuals, *sums, self.lengths, self._power, self._count, self._seen, self._keep)
+        _accumulate_all(residuals, (*sums, self.lengths, self._power, self._count, self._seen, self._keep))
         self._estimate()
 
     def add_block(self, level: int, power: FloatArray, part: FloatArray) -> bool:
@@ -195,18 +197,8 @@ def _accumulate(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _accumulate_all(
-    residuals: FloatArray,
-    sums: FloatArray,
-    parts: FloatArray,
-    filled: FloatArray,
-    lengths: FloatArray,
-    power: FloatArray,
-    count: FloatArray,
-    seen: FloatArray,
-    keep: float,
-) -> None:
-    """:func:`_accumulate` of each row of (N, m), all of it noise."""
+def _accumulate_all(residuals: FloatArray, state: tuple[Any, ...]) -> None:
+    """:func:`_accumulate` of each row of (N, m), all of it noise; ``state``: what it takes beside the row."""
     part = np.ones(residuals.shape[1])
     for k in range(residuals.shape[0]):
-        _accumulate(residuals[k], part, sums, parts, filled, lengths, power, count, seen, keep)
+        _accumulate(residuals[k], part, *state)

@@ -37,7 +37,7 @@ class LinkScales:
 
     def __init__(self, left_out: LeftOut, at: Indices, priors: FloatArray) -> None:
         self._left_out, self._at, self._priors = left_out, at, priors
-        links, self._later = np.isin(at, left_out.of_each.inexact), ~left_out.of_each.fitted
+        links = np.isin(at, left_out.of_each.inexact)
         self._free = np.flatnonzero(links | (np.ptp(priors, axis=0) > 0.0))
         self._links = np.flatnonzero(links[self._free])
         self._fixed = np.delete(np.arange(len(at)), self._free)
@@ -60,17 +60,19 @@ class LinkScales:
         thetas = np.empty((*free.shape[:2], len(self._at)))
         thetas[:, :, self._free] = free
         thetas[:, :, self._fixed] = self._alone - (self._taken @ free[..., None])[..., 0]
-        spread: Spread = {j: K + X.swapaxes(1, 2) @ (covariance[:, self._later] @ X) for j, (K, X) in self._held_out.items()}
-        links = self._links
-        parts = zip(covariance[:, ~self._later][:, :, links[:, None], links], priors[:, self._free[links]], strict=True)
+        held_out, told = self._held_out.items(), covariance[:, None, self._left_out.of_each.predicting]
+        spread: Spread = {j: K + X.swapaxes(1, 2) @ (told @ X) for j, (K, X) in held_out}
+        links, without = self._links, covariance[:, self._left_out.of_each.fitted]
+        parts = zip(without[:, :, links[:, None], links], priors[:, self._free[links]], strict=True)
         return self._left_out.likelihood(self._at, priors, thetas, spread), [occam_factor(c, p) for c, p in parts]
 
     def _held_out_of(self, joint: int, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The spread of a joint's held-out rows with exact links, shape (H, L, L), and the columns of what differs, less what the
         others follow of them, shape (H, f, L)."""
+        first = self._left_out.of_each.predicting
         X, loads = held_out_rows(self._left_out.of_each, joint, self._at)
         columns = np.zeros((len(X), len(self._at), X.shape[2]))
         columns[:, loads] = X
         fixed, free = columns[:, self._fixed], columns[:, self._free]
-        alone = fixed.swapaxes(1, 2) @ (inverse[self._later] @ fixed)
-        return alone, free - self._taken[self._later].swapaxes(1, 2) @ fixed
+        alone = fixed.swapaxes(1, 2) @ (inverse[first] @ fixed)
+        return alone, free - self._taken[first].T @ fixed

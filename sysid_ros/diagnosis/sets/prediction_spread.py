@@ -30,24 +30,24 @@ def held_out_rows(of_each: Stretches, joint: int, at: Indices) -> tuple[FloatArr
 
 
 def spread_of(of_each: Stretches, at: Indices, covariance: FloatArray) -> Spread:
-    """K of a set of columns with the covariance of the parameters that predict each held-out stretch, shape (H, a, a)."""
+    """K of a set of columns with the covariance of their parameters from all fitted rows, shape (a, a)."""
     out = {}
     for j in of_each.held_out_x:
         X, loads = held_out_rows(of_each, j, at)
-        out[j] = X.swapaxes(1, 2) @ (covariance[:, loads[:, None], loads] @ X)
+        out[j] = X.swapaxes(1, 2) @ (covariance[np.ix_(loads, loads)] @ X)
     return out
 
 
 def spread_without(
     of_each: Stretches, spread: Mapping[int, FloatArray], at: Indices, covariance: FloatArray, gone: Indices
 ) -> Spread:
-    """K with some of the columns left out; ``gone``: their places in ``at``."""
-    own = covariance[:, gone[:, None], gone]
-    own = own + np.maximum(1e-9 * np.diagonal(own, axis1=1, axis2=2), 1e-30)[:, :, None] * np.eye(len(gone))
+    """K with some of the columns left out; ``gone``: their places in ``at``, ``covariance`` as of :func:`spread_of`."""
+    own = covariance[np.ix_(gone, gone)]
+    own = own + np.diag(np.maximum(1e-9 * np.diag(own), 1e-30))
     out = {}
     for j, K in spread.items():
         X, loads = held_out_rows(of_each, j, at)
-        V = covariance[:, gone[:, None], loads] @ X
+        V = covariance[np.ix_(gone, loads)] @ X
         out[j] = K - V.swapaxes(1, 2) @ np.linalg.solve(own, V)
     return out
 
@@ -85,7 +85,7 @@ def powers_with_more(
     Args:
         axes: without them. left: of the rows with each group, shape (H, m, L).
         columns: of the groups, without what the others follow of them, shape (H, m, c, L).
-        information: of their parameters beside the others, shape (H, m, c, c). size: as of :func:`powers`.
+        information: of their parameters beside the others, shape (m, c, c). size: as of :func:`powers`.
     """
     variance, turn = axes
     columns, left = columns @ turn[:, None], left @ turn

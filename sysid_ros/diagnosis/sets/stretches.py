@@ -38,7 +38,8 @@ class Stretches:
             are of the fitted recordings, shape (S,).
         x, y: rows of a joint, shape (S, P_j, L), and of all targets, shape (S, n, L), zero beyond the end of a stretch.
         place: where each column stands in ``x`` of a joint, -1 for one that does not load it, shape (P,).
-        held_out_x: ``x`` of the stretches that are not fitted; empty where there are none. length: of each stretch, shape (S,).
+        held_out_x: ``x`` of the stretches that are not fitted; empty where there are none. predicting: the first of them: what
+            all fitted rows tell of the parameters predicts each. length: of each stretch, shape (S,).
         G, b: information of each stretch, shape (S, P, P), and score, shape (S, P), of the fitted rows. whole, score: of all of
             them. all_over_fitted: number of rows over that of the fitted ones.
     """
@@ -110,6 +111,7 @@ class Stretches:
         self.length = np.diff(edges)
         self.size = np.maximum(self.length[:, None] * np.array(counted), 1.0)
         self.fitted = np.array(edges[:-1]) < len(self._root[0])
+        self.predicting = int(self.fitted.argmin())
         self._filled = np.arange(int(self.length.max())) < self.length[:, None]
 
     def _by_stretch(self, rows: FloatArray) -> FloatArray:

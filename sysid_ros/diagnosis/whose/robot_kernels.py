@@ -82,6 +82,7 @@ class RobotKernels:
         self.gravity = robot.rnea_along(q, np.zeros_like(q), np.zeros_like(q))
         frame = robot.frame_id(robot.default_frame)
         self._payload = np.stack([robot.payload_regressor(*state, frame) for state in zip(q, v, a, strict=True)])
+        self._weight = float(np.sqrt(np.max(np.mean(np.sum((self._payload * _CARRIED) ** 2, axis=2), axis=0))))  # of one kg
         self._force = robot.frame_jacobian_along(q, frame).swapaxes(1, 2)
         self._tilt = np.stack([robot.base_acceleration_columns(x)[:, :2] for x in q])
         self._total = float(robot.pi[::10].sum())
@@ -159,8 +160,7 @@ class RobotKernels:
 
     def _mass(self, usual: float) -> float:
         """Of a usual payload [kg]."""
-        weight = float(np.sqrt(np.max(np.mean(np.sum((self._payload * _CARRIED) ** 2, axis=2), axis=0))))
-        return max(_PAYLOAD * self._total, _WHOLE * usual / max(weight, 1e-9))
+        return max(_PAYLOAD * self._total, _WHOLE * usual / max(self._weight, 1e-9))
 
     def heaviness(self, usual: float) -> float:
         """Log-probability of so heavy a payload, less that of a usual one."""
