@@ -97,6 +97,7 @@ class SmoothRecording:
     feet: tuple[FeetAlong, ...] = ()
     setup: TrunkSetup | None = None
     _motions: dict[int, Motion] = field(default_factory=dict, repr=False, compare=False)
+    _of_links: dict[tuple[str, ...] | None, FloatArray] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def of(
@@ -155,7 +156,8 @@ class SmoothRecording:
             )
         start = float(recording.t[0])
         along = zip(stretches, reported, strict=True) if base else ()
-        feet = [_feet_along(base, x, cutoff, setup, known, r, stands) for x, r in along] if base else []
+        ringing = 1.0 / (3.0 * cutoff)  # near contacts the filter of the kinematics rings at the edge of its band
+        feet = [FeetAlong.of(base, x, ringing, setup.radius, _torque_of(known, x), r, stands) for x, r in along] if base else []
         whole_robot, filtered = robot if base is None else base.robot, (tuple(stretches), tuple(middles), low_pass)
         return cls(name, whole_robot, form, start, *filtered, every * grid_period, cutoff, tuple(feet), setup)
 
@@ -166,7 +168,7 @@ class SmoothRecording:
 
     def every(self, step: int) -> SmoothRecording:
         """The same with each of so many rows."""
-        return replace(self, middles=tuple(middle[::step] for middle in self.middles), period=step * self.period)
+        return replace(self, middles=tuple(middle[::step] for middle in self.middles), period=step * self.period, _of_links={})
 
     def rows(self, model: TorqueModel, slow_part: float = TOL.slow_part) -> BagRows:
         """Rows of the equation for a model's free effects; of a joint those count of which less than ``slow_part`` is slow."""
@@ -233,7 +235,11 @@ class SmoothRecording:
         return values if feet is None else feet.project(values, where)
 
     def fill(self, effect: Effect, out: FloatArray) -> None:
-        """Write the filtered columns of an effect into ``out``, shape (N, n, p)."""
+        """Write the filtered columns of an effect into ``out``, shape (N, n, p). Those of the links, most of the work, are kept."""
+        key = effect.joint_names if effect.replaces_links and effect.robot is self.robot else None
+        if key in self._of_links:
+            out[:] = self._of_links[key]
+            return
         for smooth, middle, rows in self._parts():
             # an effect with a memory needs its recording from the start; the links have none
             size = _CHUNK if effect.replaces_links else len(middle)
@@ -247,6 +253,8 @@ class SmoothRecording:
                 filtered = np.empty((len(chunk), self.robot.n * effect.p))
                 self._smooth(columns, momentum, chunk - begin, filtered)
                 out[at] = filtered.reshape(len(chunk), self.robot.n, effect.p)
+        if key is not None:
+            self._of_links[key] = out.copy()
 
     def _parts(self) -> Iterator[tuple[SmoothMotion, NDArray[np.intp], slice]]:
         """Each stretch, its rows' indices in it, and where these rows stand among all."""
@@ -286,11 +294,6 @@ class SmoothRecording:
         return motion
 
 
-def _feet_along(
-    base: FloatingBase, x: SmoothMotion, cutoff_hz: float, setup: TrunkSetup, known: TorqueModel | None,
-    reported: FloatArray | None,
-    stands: float,
-) -> FeetAlong:  # fmt: skip
-    """The feet along a stretch, near whose contacts the filter of the kinematics rings at the edge of its band."""
-    torque = None if known is None else known.torque_along(Motion(known.robot, x.t, x.q, x.v, x.a, x.tau))
-    return FeetAlong.of(base, x, 1.0 / (3.0 * cutoff_hz), setup.radius, torque, reported, stands)
+def _torque_of(known: TorqueModel | None, x: SmoothMotion) -> FloatArray | None:
+    """The torque along a stretch of what is known, shape (M, n)."""
+    return None if known is None else known.torque_along(Motion(known.robot, x.t, x.q, x.v, x.a, x.tau))
