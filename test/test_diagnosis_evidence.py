@@ -215,6 +215,6 @@ def test_a_time_that_no_row_shows_is_somewhere_in_the_recording() -> None:
     library = Library(robot(ARM), train.band)
     event = next(t for t in library.whole_options() if t.instant is not None)
     fit = train.problem.fit([event])
-    found = with_knobs(train.problem, library, replace(fit, theta=np.zeros_like(fit.theta)))[event]
+    found = with_knobs(train.problem, library, replace(fit, theta=np.zeros_like(fit.theta))).of[event]
     start, end = library.times()
     assert np.sqrt(found.covariance[-1, -1]) == pytest.approx((end - start) / np.sqrt(12.0), rel=1e-3)

@@ -73,13 +73,13 @@ def test_a_size_is_averaged_over_how_inexact_the_links_are() -> None:
     for k in (SCALES.index((0.3, 1.0)), SCALES.index((4.0, 1.0))):
         problem.scale = SCALES[k]
         fit = problem.fit([term], noise, 0, inexact=True)
-        each[k] = with_knobs(problem, library, fit)[term]
+        each[k] = with_knobs(problem, library, fit).of[term]
     narrow, wide = each
-    only = with_knobs(problem, library, fit, np.eye(len(SCALES))[narrow])[term]
+    only = with_knobs(problem, library, fit, np.eye(len(SCALES))[narrow]).of[term]
     np.testing.assert_allclose(only.values, each[narrow].values, rtol=1e-6, atol=1e-9)
     # how much more than the noise the rows scatter is judged from what each fit leaves
     np.testing.assert_allclose(np.diag(only.covariance), np.diag(each[narrow].covariance), rtol=0.05)
-    both = with_knobs(problem, library, fit, 0.5 * np.eye(len(SCALES))[[narrow, wide]].sum(axis=0))[term]
+    both = with_knobs(problem, library, fit, 0.5 * np.eye(len(SCALES))[[narrow, wide]].sum(axis=0)).of[term]
     between = 0.25 * (each[narrow].values - each[wide].values) ** 2
     expected = 0.5 * np.diag(each[narrow].covariance + each[wide].covariance) + between
     np.testing.assert_allclose(np.diag(both.covariance), expected, rtol=0.05)
@@ -153,3 +153,22 @@ def test_gains_made_of_the_torque_of_a_body_do_not_stand_in_for_it(monkeypatch: 
     selection.climb()
     assert ["torque_scale" in x for x in asked_for] == [True, False]
     assert {t.key for t in selection.fit.terms} == {t.key for t in with_body.terms}
+
+
+def test_what_a_link_is_off_by_counts_all_that_it_may_be_inexact_by() -> None:
+    """A link that is heavier as a whole: where its mass lies is as uncertain as that of any link, not as exact as the URDF says."""
+    train, library = rows()
+    problem, name = train.problem, robot(ARM).joint_names[1]
+    found = []
+    for form in ("scale", "compact"):
+        term = next(t for t in library.whole_options(lambda kind: kind.replaces_links) if t.joints == (1,) and t.form == form)
+        everything = with_knobs(problem, library, problem.fit([term], inexact=True))
+        estimates = everything.of[term]
+        assert estimates.basis is not None
+        covariance = estimates.basis @ estimates.covariance @ estimates.basis.T
+        np.testing.assert_allclose(everything.links[10:20, 10:20], covariance, rtol=1e-6, atol=1e-12)
+        found.append(term.effect.as_parameters(estimates.values, estimates.covariance, estimates.basis))
+    for mass, moment in found:
+        assert mass.joint == name
+        assert np.all(np.asarray(moment.std) > 1e-4)
+    assert np.linalg.eigvalsh(everything.links).min() > -1e-12

@@ -129,7 +129,7 @@ def test_a_payload_is_as_uncertain_as_the_links_even_if_exact_links_predict_bett
         judged = Judged(
             train, cast(Any, SimpleNamespace(library=library, fit=fit)), cast(Any, SimpleNamespace(scales=of)), cast(Any, None)
         )
-        return float(np.sqrt(judged.values[term].covariance[0, 0]))
+        return float(np.sqrt(judged.values.of[term].covariance[0, 0]))
 
     exact, usual = std((0.0, 0.0)), std((1.0, 1.0))
     assert usual > 3.0 * exact

@@ -110,6 +110,9 @@ def test_nothing_is_told_of_a_healthy_robot() -> None:
     result = diagnose_on_legs(BASE, [noisy(recording(6), 6)])
     assert result.verdict == "nothing_wrong"
     assert not result.causes
+    assert result.model is not None
+    (links,) = (b for b in result.model.effects if b.effect == "link_inertia")
+    np.testing.assert_allclose(links.theta[::10], BASE.robot.pi[::10], rtol=2e-3)  # not what its IMU or feet are off by
 
 
 @pytest.mark.slow

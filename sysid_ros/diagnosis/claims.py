@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from sysid_ros.diagnosis.covariance import Estimates, with_knobs
+from sysid_ros.diagnosis.covariance import Estimates, Uncertainty, with_knobs
 from sysid_ros.diagnosis.drift_cause import SIGNATURE, drift_cause
 from sysid_ros.diagnosis.evidence import Evidence, Part, fewest, removed_power, shapley
 from sysid_ros.diagnosis.fit import Fit, visible
@@ -54,7 +54,7 @@ class Judged:
     held: HeldOut
 
     @cached_property
-    def values(self) -> dict[Term, Estimates]:
+    def values(self) -> Uncertainty:
         """Of each term, with their covariance: that beside links as inexact as they may be, even if exact ones predict better."""
         problem, fit, scales = self.train.problem, self.fit, self.posterior.scales
         if not fit.inexact and scales.size and scales[0] < 0.5:
@@ -150,7 +150,7 @@ def _evidence(judged: Judged, terms: Sequence[Term], others: Sequence[Term]) -> 
     """Of some terms against a model of all others."""
     fit, train = judged.fit, judged.train
     rest = train.problem.fit(others, fit.noise, inexact=fit.inexact)
-    rise = 2.0 * (fit.loglik - rest.loglik) / max(judged.values[t].scatter for t in terms)
+    rise = 2.0 * (fit.loglik - rest.loglik) / max(judged.values.of[t].scatter for t in terms)
     on = train.problem.active if terms[0].row is None else [j for t in terms for j in t.joints]
     rows = len(train.band.f) * float(np.sum(train.band.counted[on]))
     return Evidence(rise, sum(t.cost for t in terms), rows, judged.selection.tried)
@@ -160,9 +160,9 @@ def _finding(judged: Judged, terms: Sequence[Term], richer: Sequence[Term], evid
     robot, fit, effect = judged.robot, judged.fit, terms[0].effect
     named = sorted([*terms, *richer], key=lambda t: t.joints)
     if richer:
-        parameters = tuple(_dry_friction(t, judged.values[t]) for t in named)
+        parameters = tuple(_dry_friction(t, judged.values.of[t]) for t in named)
     else:
-        parameters = tuple(p for t in terms for p in t.effect.as_parameters(*judged.values[t][:2], t.basis))
+        parameters = tuple(p for t in terms for p in _parameters(t, judged.values.of[t]))
     joints = tuple(dict.fromkeys(robot.joint_names[j] for t in named for j in t.joints))
     drift = drift_cause(judged.train.problem, judged.selection.library, fit, judged.held, list(terms), judged.floor)
     return Finding(
@@ -213,6 +213,10 @@ def _beside_simplest(terms: Sequence[Term], n: int) -> list[Term]:
         if len(plain) >= len(rich) and len(plain) + len(rich) > n // 2:
             out += rich
     return out
+
+
+def _parameters(term: Term, found: Estimates) -> list[Parameter]:
+    return term.effect.as_parameters(found.values, found.covariance, found.basis)
 
 
 def _dry_friction(term: Term, estimates: Estimates) -> Parameter:

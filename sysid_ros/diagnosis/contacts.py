@@ -257,7 +257,7 @@ def contacts_in(robot: RobotModel, train: Prepared, selection: Selection) -> lis
 def contacts_held_out(robot: RobotModel, held: HeldOut, fit: Fit) -> list[Contact]:
     """Contacts in recordings that were not fitted."""
     prepared = held.prepared
-    residuals = [m.tau - x for m, x in zip(prepared.motions, held.predictions(fit, robot), strict=True)]
+    residuals = [m.tau - x for m, x in zip(prepared.motions, held.predictions(fit), strict=True)]
     found = find_contacts(robot, prepared.names, prepared.motions, residuals, prepared.nominal, prepared.band.moving)
     dated = [held.terms[t].effect.settings for t in fit.terms if "t0" in t.effect.settings]
     return [c for c in found if not any(s.get("recording", "") in ("", c.recording) and is_change(c, s["t0"]) for s in dated)]

@@ -49,11 +49,22 @@ class Estimates(NamedTuple):
     Attributes:
         values: theta of its columns, then its knobs, shape (p + k,). covariance: of them.
         scatter: how much more they scatter over time than the noise explains, variance over variance, at least 1.
+        basis: the effect's parameters are ``basis @ values``; None for the identity. Those of a link are all that it is off by:
+            with what every link may be inexact by, beside which its term was found.
     """
 
     values: FloatArray
     covariance: FloatArray
     scatter: float
+    basis: FloatArray | None
+
+
+class Uncertainty(NamedTuple):
+    """What a fit says of all of its terms, and the covariance of the links' inertials with everything that is in it, shape
+    (10 n, 10 n)."""
+
+    of: dict[Term, Estimates]
+    links: FloatArray
 
 
 class _Knob(NamedTuple):
@@ -65,7 +76,7 @@ class _Knob(NamedTuple):
     slope: FloatArray
 
 
-def with_knobs(problem: Problem, library: Library, fit: Fit, scales: FloatArray = _OWN) -> dict[Term, Estimates]:
+def with_knobs(problem: Problem, library: Library, fit: Fit, scales: FloatArray = _OWN) -> Uncertainty:
     """Values and covariance of each term: theta of its columns, then its knobs (Gauss-Newton about the fit).
 
     Values are those of the posterior that the covariance is of: with what is never known of a joint beside them, and with links
@@ -86,15 +97,35 @@ def with_knobs(problem: Problem, library: Library, fit: Fit, scales: FloatArray 
     if swings and not follows(library, fit, swings, (best := max(parts, key=lambda x: x.weight)).moved[:count], best.gained):
         swings = ()
         parts = _parts(problem, library, fit, knobs, swings, scales)
+    inexact = range(count - fit.links.shape[1], count) if fit.inexact else range(0)
+    everything, bases = [*inexact], [fit.links[:, : len(inexact)]]
     out = {}
     for term, where in zip(fit.terms, fit.slices, strict=True):
         own_knobs = [i for i, knob in enumerate(knobs) if knob.term is term]
-        both = [*range(where.start, where.stop), *(count + i for i in own_knobs)]
+        both, basis = [*range(where.start, where.stop), *(count + i for i in own_knobs)], term.basis
         theta = _theta(fit, term)
-        moved, spread, scatter = _together(parts, both)
+        scatter = sum(x.weight * float(np.mean(x.ratios[both])) for x in parts)
+        if term.effect.replaces_links:
+            everything, bases = [*both, *everything], [_of_link(term, fit.links), *bases]
+            both, theta = [*both, *inexact], np.concatenate([theta, fit.theta[list(inexact)]])
+            basis = np.hstack([bases[0], bases[-1]])[_rows_of(term)]
+        moved, spread = _together(parts, both)
         if how := term.effect.deflection:
             spread[0, 0] += (how.form_error * float(theta[0])) ** 2
-        out[term] = Estimates(np.concatenate([theta, [knobs[i].value for i in own_knobs]]) + moved, spread, scatter)
+        out[term] = Estimates(np.concatenate([theta, [knobs[i].value for i in own_knobs]]) + moved, spread, scatter, basis)
+    links = np.hstack(bases)
+    return Uncertainty(out, links @ _together(parts, everything)[1] @ links.T)
+
+
+def _rows_of(term: Term) -> slice:
+    """Where the inertials of the link of a term are among those of all."""
+    return slice(10 * term.joints[0], 10 * term.joints[0] + 10)
+
+
+def _of_link(term: Term, like: FloatArray) -> FloatArray:
+    """Change of the inertials of all links by the parameters of a term of one, shape (10 n, p)."""
+    out = np.zeros((len(like), term.p))
+    out[_rows_of(term)] = np.eye(10)[:, : term.p] if term.basis is None else term.basis
     return out
 
 
@@ -139,8 +170,8 @@ def _inexactness(problem: Problem, fit: Fit, scales: FloatArray) -> list[tuple[f
     return [(weight / whole, prior) for weight, prior in likely]
 
 
-def _together(parts: Sequence[_Part], which: Sequence[int]) -> tuple[FloatArray, FloatArray, float]:
-    """Mean of how far some parameters move, their covariance, of what is within the parts and between them, and their scatter."""
+def _together(parts: Sequence[_Part], which: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """Mean of how far some parameters move, and their covariance, of what is within the parts and between them."""
     weights = np.array([x.weight for x in parts])
     moved = np.stack([x.moved[list(which)] for x in parts])
     mean = weights @ moved
@@ -148,7 +179,7 @@ def _together(parts: Sequence[_Part], which: Sequence[int]) -> tuple[FloatArray,
     for part in parts:
         wider = np.sqrt(part.ratios[list(which)])
         covariance += part.weight * part.covariance[np.ix_(which, which)] * wider[:, None] * wider
-    return mean, covariance, float(sum(x.weight * np.mean(x.ratios[list(which)]) for x in parts))
+    return mean, covariance
 
 
 def _theta(fit: Fit, term: Term) -> FloatArray:

@@ -102,7 +102,7 @@ def diagnose(
     urdf_model, changes = urdf_part(robot, model, train)
     progress("simulating")
     both = effects, urdf_model.known_effects(robot)
-    simulation, tracking, why_not = gain_or_why_not(held.prepared, held.predictions(fit, robot), both, told.noise, simulator)
+    simulation, tracking, why_not = gain_or_why_not(held.prepared, held.predictions(fit), both, told.noise, simulator)
     notes += (*changes, *found.notes, *why_not)
     return replace(found, model=model, urdf_model=urdf_model, simulation=simulation, tracking=tracking, notes=notes)
 

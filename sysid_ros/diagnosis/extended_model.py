@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from sysid_ros.diagnosis.covariance import Estimates
+from sysid_ros.diagnosis.covariance import Uncertainty
 from sysid_ros.diagnosis.fit import Fit
-from sysid_ros.diagnosis.prepare import Prepared, links_off
+from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS, CoulombFriction, LinkInertia, RotorInertia, ViscousFriction
 from sysid_ros.exceptions import DataError
@@ -30,7 +30,7 @@ def extended_model(
     robot: RobotModel,
     known: ModelFile | None,
     fit: Fit,
-    covariance: dict[Term, Estimates],
+    covariance: Uncertainty,
     train: Prepared,
     stamps: dict[str, float],
     provenance: dict[str, Any],
@@ -46,8 +46,8 @@ def extended_model(
     if links or fit.inexact:
         if not has_links(blocks):
             blocks += urdf_dynamics(robot)
-        blocks.append(_links(robot, fit, links, covariance))
-    blocks += [_block(t, fit, covariance[t][1], stamps) for t in fit.terms if not t.effect.replaces_links]
+        blocks.append(_links(robot, fit, links, covariance.links))
+    blocks += [_block(t, fit, covariance.of[t].covariance, stamps) for t in fit.terms if not t.effect.replaces_links]
     samples = sum(len(m.t) for m in train.motions)
     variance = np.sum(fit.variance, axis=0) / samples
     at_zero = fit.noise.at_zero
@@ -75,16 +75,13 @@ def _block(term: Term, fit: Fit, covariance: FloatArray, stamps: dict[str, float
     return EffectBlock(effect.id, effect.joint_names, settings, theta, effect.parameter_names, effect.units, spread)
 
 
-def _links(robot: RobotModel, fit: Fit, links: list[Term], covariance: dict[Term, Estimates]) -> EffectBlock:
+def _links(robot: RobotModel, fit: Fit, links: list[Term], covariance: FloatArray) -> EffectBlock:
     effect = LinkInertia(robot)
-    theta = effect.nominal + links_off(robot, fit)
-    spread = np.zeros((effect.p, effect.p))
+    theta = effect.nominal + fit.links_off
     for term in links:
         where = slice(10 * term.joints[0], 10 * term.joints[0] + 10)
         theta[where] += term.theta_of_effect(fit.theta_of(term))
-        basis = np.eye(10) if term.basis is None else term.basis
-        spread[where, where] += basis @ covariance[term][1] @ basis.T
-    return EffectBlock(effect.id, effect.joint_names, {}, theta, effect.parameter_names, effect.units, spread)
+    return EffectBlock(effect.id, effect.joint_names, {}, theta, effect.parameter_names, effect.units, covariance)
 
 
 def has_links(blocks: Sequence[EffectBlock]) -> bool:

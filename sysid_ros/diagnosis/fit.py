@@ -48,7 +48,7 @@ class Fit:
         inverse: of the information, shape (m, m).
         noise: of each joint. loglik: of the rows, with the nuisance parameters integrated out.
         residual: shape (K, n). blocks: columns of each active joint. variance: of the coefficients, shape (K, n).
-        inexact: whether the nuisance parameters are free.
+        inexact: whether the nuisance parameters are free. links: as :class:`Problem` has it.
     """
 
     terms: tuple[Term, ...]
@@ -60,6 +60,13 @@ class Fit:
     blocks: dict[int, Block]
     variance: FloatArray
     inexact: bool
+    links: FloatArray
+
+    @cached_property
+    def links_off(self) -> FloatArray:
+        """By how much it has the links inexact, shape (10 n,)."""
+        free = len(self.theta) - self.links.shape[1]
+        return np.asarray(self.links @ self.theta[free:]) if self.inexact else np.zeros(len(self.links))
 
     @cached_property
     def slices(self) -> list[slice]:
@@ -103,6 +110,7 @@ class Problem:
         nuisance: columns of what no model gets exactly right, shape (K, n, c). nuisance_std: their usual size, shape (c,).
         scaled_by: which of the two scales the size of each follows, 1 or 2; 0 of what is no link's and always has its usual
             size, the first ones, shape (c,).
+        links: change of the links' inertials by each of the others, the last ones, shape (10 n, l); None: there are none.
 
     Attributes:
         y: rows, corrected for what some causes change of the measured torque. measured: without that.
@@ -116,10 +124,12 @@ class Problem:
         nuisance: FloatArray,
         nuisance_std: FloatArray,
         scaled_by: NDArray[np.intp],
+        links: FloatArray | None = None,
     ) -> None:
         self.band, self.y, self.measured = band, y, y
         self._scaled_by, self.considered = scaled_by, int(np.sum(scaled_by == 0))
         self.active = np.flatnonzero(band.active)
+        self.links = np.zeros((10 * y.shape[1], 0)) if links is None else links
         self.nuisance, self.usual_prior, self.scale = nuisance, 1.0 / nuisance_std**2, (1.0, 1.0)
 
     @property
@@ -200,7 +210,7 @@ class Problem:
             scaled, scale = scaled_to_one(information)
             both, own = np.linalg.slogdet(scaled)[1], np.linalg.slogdet(scaled[:count, :count])[1]
             loglik -= 0.5 * float(both - own - 2.0 * np.sum(np.log(scale[count:])) - np.sum(np.log(self.prior)))
-        return Fit(tuple(terms), theta, inverse, noise, loglik, residual, blocks, variance, inexact)
+        return Fit(tuple(terms), theta, inverse, noise, loglik, residual, blocks, variance, inexact, self.links)
 
 
 def allowed(problem: Problem, fit: Estimated, term: Term) -> bool:

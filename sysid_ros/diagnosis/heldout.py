@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.prepare import SCALES, Prepared, links_off, torques
+from sysid_ros.diagnosis.prepare import SCALES, Prepared, torques
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS
 from sysid_ros.robot.robot_model import RobotModel
@@ -86,7 +86,7 @@ class HeldOut:
         rms: FloatArray = np.sqrt(np.sum(rows**2, axis=0) / samples)
         return rms
 
-    def predictions(self, fit: Fit, robot: RobotModel) -> list[FloatArray]:
+    def predictions(self, fit: Fit) -> list[FloatArray]:
         """Torque of the extended model on the grids of the motions, shape (N, n) each [N m]."""
         out = [x.copy() for x in self.prepared.nominal]
         for term in fit.terms:
@@ -94,9 +94,8 @@ class HeldOut:
             for i in range(len(out)):
                 out[i] += self.library.along(self.terms[term], theta, i)
         if fit.inexact:
-            off = links_off(robot, fit)
             for i in range(len(out)):
-                out[i] += self.library.links_along(off, i)
+                out[i] += self.library.links_along(fit.links_off, i)
         return out
 
 

@@ -139,7 +139,7 @@ def made_anew(problem: Problem, library: Library, fit: Fit, links: Sequence[Floa
     Args:
         links, nominal: torque of the nominal links and of the nominal model on the library's motions, shape (N, n) each.
     """
-    carried = links_changed(library.robot, fit)
+    carried = links_changed(fit)
     again = {t: dict(t.effect.settings) for t in fit.terms if t.on_torques}
     for t in fit.terms:
         before = t.effect.settings.get("links")

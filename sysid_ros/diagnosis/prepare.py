@@ -88,7 +88,7 @@ def assemble(robot: RobotModel, found: Sequence[Motion], nominal: Sequence[Float
     y = band.rows([m.tau - t for m, t in zip(found, nominal, strict=True)])
     links = inexact_links(robot)
     columns = band.rows([m.regressor @ links.basis for m in found])
-    return Prepared(tuple(found), tuple(nominal), band, Problem(band, y, columns, links.std, links.scaled_by))
+    return Prepared(tuple(found), tuple(nominal), band, Problem(band, y, columns, *links[1:], links.basis))
 
 
 class InexactLinks(NamedTuple):
@@ -121,12 +121,6 @@ def inexact_links(robot: RobotModel, floats: bool = False) -> InexactLinks:
     moments = moments @ principal_directions(robot, moments) if not floats else moments[:, :0]
     scaled_by = np.repeat([1, 2, 1], [n, 3 * n, moments.shape[1]])
     return InexactLinks(np.concatenate([basis, moments], axis=1), np.full(len(scaled_by), INEXACT), scaled_by)
-
-
-def links_off(robot: RobotModel, fit: Fit) -> FloatArray:
-    """By how much a fit has the links inexact, shape (10 n,)."""
-    basis = inexact_links(robot).basis
-    return np.asarray(basis @ fit.theta[-basis.shape[1] :]) if fit.inexact else np.zeros(len(basis))
 
 
 def _nominal(model: TorqueModel, motion: Motion) -> FloatArray:
@@ -172,9 +166,8 @@ def torques(
                 free[i] += torque
             if term.effect.acts is Acts.LINK:
                 link[i] += torque
-    off = links_off(library.robot, fit)
     for i, motion in enumerate(library.motions if fit.inexact else ()):
-        torque = motion.regressor @ off
+        torque = motion.regressor @ fit.links_off
         link[i] += torque
         drive[i] += torque
     held = [np.where(moving, x, tau) for moving, x, tau in zip(library.band.moving, drive, given, strict=True)]
@@ -192,9 +185,9 @@ def before_gains(fit: Fit) -> Fit:
     return replace(fit, theta=theta)
 
 
-def links_changed(robot: RobotModel, fit: Fit) -> FloatArray:
+def links_changed(fit: Fit) -> FloatArray:
     """What a fit adds to the links' inertials all the time, payload included, shape (10 n,)."""
-    change = links_off(robot, fit)
+    change = fit.links_off.copy()
     for term in fit.terms:
         theta = term.theta_of_effect(fit.theta_of(term))
         # a term of links is a change of them already

@@ -15,7 +15,6 @@ from sysid_ros.diagnosis.drift_cause import RECORD_NEXT
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut, dates_in_words
 from sysid_ros.diagnosis.leftover import Leftover, leftovers
-from sysid_ros.diagnosis.prepare import inexact_links
 from sysid_ros.diagnosis.result import Diagnosis, Finding, Predictions, RankedUrdf, Rest, TorqueRmse
 from sysid_ros.effects.wording import listed
 from sysid_ros.robot.robot_model import RobotModel
@@ -143,7 +142,7 @@ def _predictions(robot: RobotModel, held: HeldOut, fit: Fit) -> Predictions:
         joints=robot.joint_names,
         measured=np.concatenate([m.tau for m in motions]),
         nominal=np.concatenate(held.prepared.nominal),
-        extended=np.concatenate(held.predictions(fit, robot)),
+        extended=np.concatenate(held.predictions(fit)),
         q=np.concatenate([m.q for m in motions]),
         v=np.concatenate([m.v for m in motions]),
         a=np.concatenate([m.a for m in motions]),
@@ -155,7 +154,7 @@ def _tolerated(robot: RobotModel, fit: Fit) -> tuple[str, ...]:
     """What was taken for the inexactness that every URDF has, in a sentence."""
     if not fit.inexact:
         return ()
-    part = fit.theta[-len(inexact_links(robot).std) :][: robot.n]
+    part = fit.links_off[::10] / np.maximum(robot.pi[::10], 1e-9)
     stated = [f"{robot.body_names[k]} {100.0 * part[k]:+.1f} %" for k in np.argsort(-np.abs(part)) if abs(part[k]) > _STATED]
     if not stated:
         return ()
@@ -219,9 +218,9 @@ def with_ceiling(found: Diagnosis, judged: Judged, progress: Callable[[str], Non
     """
     progress("asking black boxes what is left")
     robot, fit, train, held = judged.robot, judged.fit, judged.train, judged.held.prepared
-    fitted = HeldOut(train, judged.selection.library, {t: t for t in fit.terms}).predictions(fit, robot)
+    fitted = HeldOut(train, judged.selection.library, {t: t for t in fit.terms}).predictions(fit)
     rest = [m.tau - x for m, x in zip(train.motions, fitted, strict=True)]
-    later = [m.tau - x for m, x in zip(held.motions, judged.held.predictions(fit, robot), strict=True)]
+    later = [m.tau - x for m, x in zip(held.motions, judged.held.predictions(fit), strict=True)]
     active = [int(j) for j in train.problem.active]
     top = ceiling(robot.joint_names, [*train.motions, *held.motions], [*rest, *later], active)
     if not top.claimed:

@@ -9,7 +9,6 @@ import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.prepare import inexact_links
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
 
@@ -54,7 +53,7 @@ def by_links(problem: Problem, library: Library, fit: Fit, term: Term) -> FloatA
     directions = np.linalg.svd(columns, full_matrices=False)[2][:_DIRECTIONS]
     out = np.zeros_like(problem.nuisance)
     for direction in directions:
-        other = library.remake(term, links=_links(library, term, _PART * usual * direction))
+        other = library.remake(term, links=_links(fit, term, _PART * usual * direction))
         out += (other.columns - term.columns) * around / _PART * (direction / usual)
     return out
 
@@ -68,7 +67,7 @@ def follows(library: Library, fit: Fit, swings: Sequence[Swing], moved: FloatArr
         change = moved[len(moved) - by_links.shape[2] :]
         if around + step <= 0.0:
             return False
-        other = library.remake(term, around=around + step, links=_links(library, term, change))
+        other = library.remake(term, around=around + step, links=_links(fit, term, change))
         torque = other.columns[..., 0] * (around + step) - term.columns[..., 0] * around
         off += torque - slope * step - by_links @ change
     joints = list(fit.blocks)
@@ -76,8 +75,8 @@ def follows(library: Library, fit: Fit, swings: Sequence[Swing], moved: FloatArr
     return bool(np.isfinite(cost)) and cost <= _LINEAR * gained
 
 
-def _links(library: Library, term: Term, change: FloatArray) -> list[float]:
+def _links(fit: Fit, term: Term, change: FloatArray) -> list[float]:
     """The links that a term's columns were made for, changed by some parameters of theirs, shape (10 n,)."""
-    own = np.array(term.effect.settings.get("links") or np.zeros(10 * library.robot.n))
-    changed: list[float] = (own + inexact_links(library.robot).basis @ change).tolist()
+    own = np.array(term.effect.settings.get("links") or np.zeros(len(fit.links)))
+    changed: list[float] = (own + fit.links @ change).tolist()
     return changed

@@ -235,7 +235,7 @@ class SmoothRecording:
         return values if feet is None else feet.project(values, where)
 
     def fill(self, effect: Effect, out: FloatArray) -> None:
-        """Write the filtered columns of an effect into ``out``, shape (N, n, p). Those of the links, most of the work, are kept."""
+        """Write the filtered columns of an effect into ``out``, shape (N, n, p). Those of the links are kept."""
         key = effect.joint_names if effect.replaces_links and effect.robot is self.robot else None
         if key in self._of_links:
             out[:] = self._of_links[key]

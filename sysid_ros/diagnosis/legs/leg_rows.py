@@ -82,8 +82,8 @@ class LegLibrary(Library):
         problem = Problem(band, band.rows(rest), *self._nuisance(model))
         self.prepared = Prepared(tuple(found), nominal, band, problem, tuple(b.name for b in bags))
 
-    def _nuisance(self, model: TorqueModel) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-        """Columns of what is never known exactly, shape (K, n, c), its size (c,), and what that follows."""
+    def _nuisance(self, model: TorqueModel) -> tuple[FloatArray, FloatArray, NDArray[np.intp], FloatArray]:
+        """What is never known exactly, as :class:`.Problem` has it: columns, size, what that follows, and links."""
         torque, columns, std = standing_torque(self._base.mass), [], []
         for effect, where in zip(model.free, model.slices, strict=True):
             size = effect.usual_on_legs(torque)
@@ -98,6 +98,7 @@ class LegLibrary(Library):
             np.concatenate([*columns, own @ links.basis[heavy]], axis=2),
             np.concatenate([*std, links.std]),
             np.concatenate([np.zeros(considered, dtype=np.intp), links.scaled_by]),
+            links.basis,
         )
 
     def _links(self) -> list[tuple[type[Effect], int, slice]]:
