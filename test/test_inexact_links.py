@@ -156,7 +156,7 @@ def test_gains_made_of_the_torque_of_a_body_do_not_stand_in_for_it(monkeypatch: 
 
 
 def test_what_a_link_is_off_by_counts_all_that_it_may_be_inexact_by() -> None:
-    """A link that is heavier as a whole: where its mass lies is as uncertain as that of any link, not as exact as the URDF says."""
+    """Where the mass of a link lies that is heavier as a whole is as uncertain as that of any link."""
     train, library = rows()
     problem, name = train.problem, robot(ARM).joint_names[1]
     found = []

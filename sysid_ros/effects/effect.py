@@ -214,6 +214,9 @@ class JointEffect(Effect):
         out[:, self.joints, self._columns] = self.curves_along(motion)[0][:, self.joints]
         return out
 
+    def torque_along(self, motion: Motion, theta: FloatArray) -> FloatArray:
+        return _of_one_joint(self, motion, theta) if self.alone and self.p == 1 else super().torque_along(motion, theta)
+
     def add_spread(self, sample: Sample, directions: FloatArray, out: FloatArray) -> None:
         curve = self.curve(sample)
         if len(self.joints) == self.robot.n:
@@ -272,7 +275,19 @@ class JointCurves(Effect):
         self._place(self.curves_along(motion), out)
         return out
 
+    def torque_along(self, motion: Motion, theta: FloatArray) -> FloatArray:
+        one = self.alone and len(self.joints) == 1
+        return _of_one_joint(self, motion, theta) if one else super().torque_along(motion, theta)
+
     def _place(self, curves: FloatArray, out: FloatArray) -> None:
         for k, j in enumerate(self.joints):
             for c in range(len(self.symbols)):
                 out[:, j, k * len(self.symbols) + c] = curves[c][:, j]
+
+
+def _of_one_joint(effect: JointEffect | JointCurves, motion: Motion, theta: FloatArray) -> FloatArray:
+    """Torque of an effect of one joint which needs the channels of that joint alone, shape (N, n) [N m]."""
+    (joint,) = effect.joints
+    out = np.zeros((len(motion.t), effect.robot.n))
+    out[:, joint] = theta @ effect.curves_along(motion.of_joint(joint))[:, :, 0]
+    return out
