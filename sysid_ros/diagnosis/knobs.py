@@ -133,11 +133,19 @@ def search(term: Term, settings: dict[str, Any], cost: Callable[[dict[str, Any]]
     return settings
 
 
-def made_anew(problem: Problem, library: Library, fit: Fit, links: Sequence[FloatArray], nominal: Sequence[FloatArray]) -> Fit:
+def made_anew(
+    problem: Problem,
+    library: Library,
+    fit: Fit,
+    links: Sequence[FloatArray],
+    nominal: Sequence[FloatArray],
+    refined: bool = True,
+) -> Fit:
     """The fit on a library that knows its torques.
 
     Args:
         links, nominal: torque of the nominal links and of the nominal model on the library's motions, shape (N, n) each.
+        refined: move the knobs of what is made anew; else they stay, and the rows are no likelier than with their best.
     """
     carried = links_changed(fit)
     again = {t: dict(t.effect.settings) for t in fit.terms if t.on_torques}
@@ -145,15 +153,15 @@ def made_anew(problem: Problem, library: Library, fit: Fit, links: Sequence[Floa
         before = t.effect.settings.get("links")
         if Depends.LINKS in t.effect.depends_on and (carried.any() or before):
             again[t] = {**t.effect.settings, "links": carried.tolist() if carried.any() else []}
-            if t.effect.deflection and _heavier(library.robot, carried, before or ()):
+            if refined and t.effect.deflection and _heavier(library.robot, carried, before or ()):
                 again[t]["exact"] = False  # another spring makes these links swing as they were seen to
     made = {t: library.remake(t, **settings) for t, settings in again.items()}
     # on the way to a set links may be lighter than nothing: they swing on no spring, which stays as it was made
     made = {t: new for t, new in made.items() if np.isfinite(new.columns).all()}
     if made or problem.corrected:
         fit = _with(problem, library, fit, [made.get(t, t) for t in fit.terms])
-        fit = refine(problem, library, fit, list(made.values()))
-    for _ in range(_ADVANCED if any(t.effect.corrects for t in fit.terms) else 0):
+        fit = refine(problem, library, fit, list(made.values())) if refined else fit
+    for _ in range(_ADVANCED if refined and any(t.effect.corrects for t in fit.terms) else 0):
         library.update(*torques(library, fit, links, nominal))
         for term in [t for t in fit.terms if t.effect.corrects]:
             fit = _advanced(problem, library, fit, term)

@@ -27,6 +27,9 @@ _DISTINCT = 5.0
 """Log-likelihood by which a rival must be worse to be distinct from a finding."""
 
 
+Anew = Callable[[Fit, bool], Fit]
+
+
 @dataclass(frozen=True, eq=False)
 class Posterior:
     """Of the terms of the most probable set: probability, the part of the rest that nothing in their place has, and what the
@@ -43,7 +46,7 @@ class Posterior:
         return Posterior(probability, nothing, {same.get(t, t): others for t, others in self.instead.items()}, self.scales)
 
 
-def posterior_of(search: SetSearch, state: State, *others: State, anew: Callable[[Fit], Fit] = lambda fit: fit) -> Posterior:
+def posterior_of(search: SetSearch, state: State, *others: State, anew: Anew = lambda fit, refined: fit) -> Posterior:
     """How probable each term of a set is: against the sets without it, with another in its place, or without all of its effect.
 
     What depends on torques and stands in for a cause is weighed with columns of the torques that there are without that cause:
@@ -55,7 +58,7 @@ def posterior_of(search: SetSearch, state: State, *others: State, anew: Callable
     interval is widened. What stays in the model is asked without that: there it costs nothing.
 
     Args:
-        others: sets that are rivals, too. anew: a fit with columns of its own torques.
+        others: sets that are rivals, too. anew: a fit with columns of its own torques, refined or not.
     """
     rng = np.random.default_rng(0)
     weights = rng.dirichlet(np.ones(search.left_out.of_each.stretches), _DRAWS) * search.left_out.of_each.stretches
@@ -99,23 +102,25 @@ def posterior_of(search: SetSearch, state: State, *others: State, anew: Callable
 
 
 def on_own_torques(
-    problem: Problem, library: Library, fit: Fit, links: Sequence[FloatArray], nominal: Sequence[FloatArray]
+    problem: Problem, library: Library, fit: Fit, refined: bool, links: Sequence[FloatArray], nominal: Sequence[FloatArray]
 ) -> Fit:
-    """A fit with columns of its own torques, of rows and of a library that stay as they are; torques as
+    """A fit with columns of its own torques, of rows and of a library that stay as they are; the others as
     :func:`.made_anew` has them."""
     rows, own = copy(problem), copy(library)
     own.band = copy(library.band)
     own.update(*torques(own, fit, links, nominal))
-    return made_anew(rows, own, fit, links, nominal)
+    return made_anew(rows, own, fit, links, nominal, refined)
 
 
-def _stale(search: SetSearch, members: Sequence[int], scale: int, anew: Callable[[Fit], Fit]) -> float:
+def _stale(search: SetSearch, members: Sequence[int], scale: int, anew: Anew) -> float:
     """Log-likelihood of a set that it owes to columns of the torques of another one."""
     before = search.problem.scale
     fit = search.fit(members, scale)
-    stale = max(fit.loglik - anew(fit).loglik, 0.0)
+    stale = fit.loglik - anew(fit, False).loglik
+    if stale > 0.0:  # knobs that are where the rows are the likeliest owe less, or nothing
+        stale = fit.loglik - anew(fit, True).loglik
     search.problem.scale = before
-    return stale
+    return max(stale, 0.0)
 
 
 def _scatter(search: SetSearch, state: State) -> dict[int, float]:
