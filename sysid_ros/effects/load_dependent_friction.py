@@ -90,4 +90,4 @@ class LoadDependentFriction(DryFriction, JointCurves):
         return self.of_symbol("Fc", theta) if self.level else np.zeros(self.robot.n)
 
     def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
-        return bool((not self.level or theta[0] + 2.0 * std[0] > 0.0) and theta[-1] > 0.0)
+        return bool(np.all(theta + 2.0 * std > 0.0))

@@ -130,7 +130,7 @@ class Searched(ABC):
             theta, std: shape (m,). form: of the candidate. torque: of :meth:`reference_torque` [N m].
         """
         low, high = (0.0, np.inf) if self.nonnegative else self.between
-        return bool(np.all((low < theta) & (theta < high)))
+        return bool(np.all((low < theta + 2.0 * std) & (theta - 2.0 * std < high)))
 
     def notable(self, theta: FloatArray) -> bool:
         """False where it is no more than what every recording has."""
