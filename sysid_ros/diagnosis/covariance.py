@@ -106,27 +106,15 @@ def with_knobs(problem: Problem, library: Library, fit: Fit, scales: FloatArray 
         theta = _theta(fit, term)
         scatter = sum(x.weight * float(np.mean(x.ratios[both])) for x in parts)
         if term.effect.replaces_links:
-            everything, bases = [*both, *everything], [_of_link(term, fit.links), *bases]
+            everything, bases = [*both, *everything], [term.of_links, *bases]
             both, theta = [*both, *inexact], np.concatenate([theta, fit.theta[list(inexact)]])
-            basis = np.hstack([bases[0], bases[-1]])[_rows_of(term)]
+            basis = np.hstack([bases[0], bases[-1]])[10 * term.joints[0] : 10 * term.joints[0] + 10]
         moved, spread = _together(parts, both)
         if how := term.effect.deflection:
             spread[0, 0] += (how.form_error * float(theta[0])) ** 2
         out[term] = Estimates(np.concatenate([theta, [knobs[i].value for i in own_knobs]]) + moved, spread, scatter, basis)
     links = np.hstack(bases)
     return Uncertainty(out, links @ _together(parts, everything)[1] @ links.T)
-
-
-def _rows_of(term: Term) -> slice:
-    """Where the inertials of the link of a term are among those of all."""
-    return slice(10 * term.joints[0], 10 * term.joints[0] + 10)
-
-
-def _of_link(term: Term, like: FloatArray) -> FloatArray:
-    """Change of the inertials of all links by the parameters of a term of one, shape (10 n, p)."""
-    out = np.zeros((len(like), term.p))
-    out[_rows_of(term)] = np.eye(10)[:, : term.p] if term.basis is None else term.basis
-    return out
 
 
 class _Part(NamedTuple):

@@ -53,7 +53,7 @@ class SetSearch:
         self._at = [np.arange(s.start, s.stop) for s in self.left_out.of_each.slices]
         self._prior = [t.prior for t in pool]
         self._number = np.array([prior.number(t) for t in pool], dtype=np.intp)
-        self._cost = np.array([prior.cost(t) for t in pool])
+        self._cost = prior.costs(pool, noise.along(problem.band), problem.active)
         self._against = conflicts(pool)
         self._banned: set[tuple[tuple[int, ...], int]] = set()
         self._weighed: dict[tuple[tuple[int, ...], int], Weighed] = {}

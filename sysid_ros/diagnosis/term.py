@@ -8,6 +8,7 @@ from functools import cached_property
 from itertools import chain, combinations, product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid_ros.effects import EFFECTS, Depends, Effect, Scope, forms_of
 from sysid_ros.sample import FloatArray
@@ -98,6 +99,12 @@ class Term:
         return np.concatenate([known, np.zeros(self.p - len(known))])
 
     @cached_property
+    def usual_size(self) -> FloatArray:
+        """How large the columns' parameters are where robots have it, shape (p,); infinite where that is not known."""
+        known = self.effect.usual_size(self.form)[: self.p]
+        return np.concatenate([known, np.full(self.p - len(known), np.inf)])
+
+    @cached_property
     def cost(self) -> int:
         """Number of parameters that data have to tell, with the nonlinear ones."""
         return self.effect.free_parameters(self.form, self.p) + (0 if self.fixed else len(self.effect.knobs))
@@ -109,6 +116,21 @@ class Term:
             return np.asarray(torque)
         out = np.zeros((len(torque), self.effect.robot.n))
         out[:, self.row] = torque
+        return out
+
+    def std_alone(self, variance: FloatArray, active: NDArray[np.intp]) -> FloatArray:
+        """Standard deviations that rows of this variance, shape (K, n), leave of its columns' parameters if there are no others,
+        shape (p,). Args: active: joints that count."""
+        on = active if self.row is None else [self.row]
+        columns = self.columns[:, on] if self.row is None else self.columns[:, None]
+        information = np.sum(columns**2 / variance[:, on, None], axis=(0, 1))
+        return np.asarray(1.0 / np.sqrt(np.maximum(information, 1e-300)))
+
+    @property
+    def of_links(self) -> FloatArray:
+        """Change of the inertials of all links by the parameters of a term of one, shape (10 n, p)."""
+        out = np.zeros((10 * self.effect.robot.n, self.p))
+        out[10 * self.joints[0] : 10 * self.joints[0] + 10] = np.eye(10)[:, : self.p] if self.basis is None else self.basis
         return out
 
     def theta_of_effect(self, theta: FloatArray) -> FloatArray:

@@ -36,6 +36,8 @@ class BaseTilt(Effect):
     label = "tilted base"
     words = "a base that does not stand level (roll {roll}, pitch {pitch})"
     acts = Acts.LINK
+    size = 0.1
+    """Of a base on feet that nobody levelled, and more of one that was built askew [rad]."""
     depends_on = frozenset({Depends.LINKS})
     between = (-_STEEPEST, _STEEPEST)
     signature = "like gravity on all joints, and on a vertical first joint too"

@@ -21,6 +21,8 @@ class ExternalForce(Effect):
     words = "a steady force on the last link, {force} in the axes of the base"
     setting_names = ("frame",)
     acts = Acts.LINK
+    size = 5.0
+    """Of the pull of a hose or a cable, a lean, a hand that rests on the arm [N]."""
     signature = "as a weight that keeps its direction in the world, without any inertia"
     look_alikes = ("payload", "base_tilt", "payload_change")
     separated_by = "changes of the wrist's orientation, and accelerations, which only a mass answers"

@@ -31,6 +31,8 @@ class JointOffset(Effect):
     acts = Acts.LINK
     depends_on = frozenset({Depends.LINKS})
     scope = Scope.LINK
+    size = 0.1
+    """Of an encoder that was mounted or homed some degrees off [rad]."""
     between = (-_FARTHEST, _FARTHEST)
     signature = "the gradient of gravity along the joint's position, in all joints around it"
     look_alikes = ("base_tilt", "backlash", "link_inertia", "joint_elasticity")

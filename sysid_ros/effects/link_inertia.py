@@ -101,6 +101,9 @@ class LinkInertia(Effect):
             return np.full(3, _PLACE_STD)
         return np.tile(COMPACT_STD if form == COMPACT else BODY_STD, len(self.joints))
 
+    def usual_size(self, form: str = "") -> FloatArray:
+        return self.prior_std(form) if form in (_SCALE, _PART) else super().usual_size(form)
+
     def free_parameters(self, form: str, columns: int) -> int:
         return FIRST_MOMENT if form == COMPACT else columns
 

@@ -39,6 +39,7 @@ class Searched(ABC):
         of_own_torque: its column is the torque that its joint is driven with.
         inertial: its torque is that of moving bodies, linear in the acceleration and of second order in the velocities.
         carried: it is a body that the robot carries, at times or always.
+        size: of its parameters on robots that have it; infinite where that is not known.
         deflection: how its size is found where the torque is far from linear in that.
         corrects: True where its columns are exact of a corrected torque only, see :meth:`correction_along`.
     """
@@ -64,6 +65,7 @@ class Searched(ABC):
     of_own_torque: ClassVar[bool] = False
     inertial: ClassVar[bool] = False
     carried: ClassVar[bool] = False
+    size: ClassVar[float] = np.inf
     deflection: ClassVar[DeflectionSearch | None] = None
     corrects: ClassVar[bool] = False
     robot: RobotModel
@@ -139,6 +141,10 @@ class Searched(ABC):
     def prior_std(self, form: str = "") -> FloatArray:
         """Standard deviation of its parameters before any data, for what no motion shows, shape (p,); infinite: unknown."""
         return np.full(len(self.parameter_names), np.inf)
+
+    def usual_size(self, form: str = "") -> FloatArray:
+        """How large its parameters are on robots that have it, shape (p,); infinite: as large as one row of data could tell."""
+        return np.full(len(self.parameter_names), self.size)
 
     def free_parameters(self, form: str, columns: int) -> int:
         """How many of a candidate's columns have a size that data alone tell: before any data they may have any."""

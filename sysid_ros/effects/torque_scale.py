@@ -27,6 +27,7 @@ class TorqueScale(JointCurves):
     depends_on = frozenset({Depends.DRIVE})
     usual = 0.1
     between = (-0.98, np.inf)
+    size = _USUAL_ERROR
     symbols = ("gain_error",)
     symbol_units = ("1",)
     signature = "in proportion to the joint's own torque, on that joint alone"

@@ -115,6 +115,20 @@ class SetPrior:
         place = term.joints[0] if term.kind.scope is not Scope.ARM else None
         return self._forms.get((term.id, place), 0.0) + self._parameter * term.cost
 
+    def costs(self, terms: Sequence[Term], variance: FloatArray, active: NDArray[np.intp]) -> FloatArray:
+        """What each term costs beside rows of this variance, shape (K, n), of the joints that count."""
+        return np.array([self.cost(t) + self.finer(t, t.std_alone(variance, active)) for t in terms])
+
+    def finer(self, term: Term, told: FloatArray) -> float:
+        """What a term costs beside :meth:`cost` where robots have it so large that rows tell far smaller ones: as much less
+        likely is each of these (a normal prior of its usual size, in place of the one that a row would leave).
+
+        Args:
+            told: standard deviations that the rows leave of its parameters, the only ones, shape (p,).
+        """
+        finer = np.log(term.usual_size / told) - 1.0 - self._parameter
+        return float(np.sum(np.maximum(finer[np.isfinite(finer)], 0.0)))
+
     def price(self, term: Term, present: tuple[Term, ...]) -> float:
         """Likelihood that a term must gain beside others: what its parameters cost a prediction, and how unusual it is there."""
         if self._beside[0] is not present:
