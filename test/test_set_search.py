@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from itertools import product
 
@@ -323,3 +324,39 @@ def test_rows_that_scatter_more_than_their_noise_tell_less() -> None:
     surely, less = (1.0 - float(_shares(rivals, scatter).sum()) for scatter in (1.0, 4.0))
     assert surely > 0.9
     assert less < 0.5
+
+
+@pytest.mark.parametrize(("effect", "size"), [("external_force", 5.0), ("torque_scale", 0.5)])
+def test_a_cause_that_is_far_smaller_than_on_robots_costs_what_its_usual_size_makes_of_it(effect: str, size: float) -> None:
+    """Occam's factor of a normal prior of the usual size: ``log(size / std)`` a parameter, one of which a prediction pays."""
+    train, library = rows()
+    problem = train.problem
+    prior = SetPrior(library, [int(j) for j in problem.active])
+    term = library.whole(effect) if effect == "external_force" else library.local(effect, 1)
+    variance = np.full(problem.y.shape, 1e-12)
+    std = term.std_alone(variance, problem.active)
+    (cost,) = prior.costs([term], variance, problem.active)
+    row = 0.5 * np.log(len(train.band.f)) - 1.0
+    assert cost == pytest.approx(prior.cost(term) + np.sum(np.log(size / std) - 1.0 - row))
+    rough = np.full(problem.y.shape, 1e6)
+    assert prior.costs([term], rough, problem.active) == pytest.approx(prior.cost(term))  # of rows that tell no small ones
+    quiet = library.local("viscous_friction", 1)
+    assert prior.costs([quiet], variance, problem.active) == pytest.approx(prior.cost(quiet))  # any size is usual
+
+
+def test_what_rows_tell_of_a_term_alone_is_what_a_fit_of_it_alone_says() -> None:
+    train, library = rows()
+    for term in (library.local("viscous_friction", 1), library.whole("external_force")):
+        fit = train.problem.fit([replace(term, columns=term.columns[..., :1])])
+        std = term.std_alone(fit.variance, train.problem.active)
+        np.testing.assert_allclose(std[:1], fit.std_of(fit.terms[0]), rtol=1e-6)
+
+
+def test_what_is_impossible_by_less_than_its_noise_is_allowed() -> None:
+    """A rotor that a slow motion leaves at -.007 +- .06: no set that has it is impossible for that."""
+    _, library = rows()
+    rotor, shares = library.local("rotor_inertia", 2), library.local("load_dependent_friction", 1)
+    assert rotor.possible(np.array([-0.007]), np.array([0.06]))
+    assert not rotor.possible(np.array([-0.2]), np.array([0.06]))
+    assert shares.possible(np.full(shares.p, -0.01), np.full(shares.p, 0.02))
+    assert not shares.possible(np.full(shares.p, -0.1), np.full(shares.p, 0.02))
