@@ -79,8 +79,7 @@ def _links(robot: RobotModel, fit: Fit, links: list[Term], covariance: FloatArra
     effect = LinkInertia(robot)
     theta = effect.nominal + fit.links_off
     for term in links:
-        where = slice(10 * term.joints[0], 10 * term.joints[0] + 10)
-        theta[where] += term.theta_of_effect(fit.theta_of(term))
+        theta += term.of_links @ fit.theta_of(term)
     return EffectBlock(effect.id, effect.joint_names, {}, theta, effect.parameter_names, effect.units, covariance)
 
 
