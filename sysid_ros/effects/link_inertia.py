@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid_ros.effects.effect import Acts, Effect
 from sysid_ros.effects.parameter import Parameter, by_delta_method, vector
-from sysid_ros.effects.payload import BODY_STD, COMPACT, COMPACT_STD, FIRST_MOMENT
+from sysid_ros.effects.payload import COMPACT, FIRST_MOMENT, body_std
 from sysid_ros.effects.traits import Candidate, Scope
 from sysid_ros.effects.wording import one
 from sysid_ros.robot import inertial_parameters
@@ -99,7 +99,7 @@ class LinkInertia(Effect):
             return np.full(1, _SCALE_STD)
         if form == _PLACE:
             return np.full(3, _PLACE_STD)
-        return np.tile(COMPACT_STD if form == COMPACT else BODY_STD, len(self.joints))
+        return np.tile(body_std(self.robot, form), len(self.joints))
 
     def usual_size(self, form: str = "") -> FloatArray:
         return self.prior_std(form) if form in (_SCALE, _PART) else super().usual_size(form)

@@ -16,14 +16,26 @@ from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
 BODY_STD = np.array([30.0] + [10.0] * 3 + [3.0] * 6)
-"""Size of the ten parameters of a body before any data [kg, kg m, kg m^2]."""
+"""Size of the ten parameters of a body on an arm of 30 kg before any data [kg, kg m, kg m^2]."""
 COMPACT = "compact"
 """Form of a body whose inertia is as usual: two kilograms, a hand's breadth from the frame."""
 COMPACT_STD = np.array([30.0] + [10.0] * 3 + [0.02] * 6)
+_INERTIA = 4
+"""First of the parameters that are an inertia."""
 _SEEN = 0.5
 """Part of what is expected of a mass before any data, below which data must have brought it to be seen."""
 FIRST_MOMENT = 4
 """Parameters of a compact body that data have to tell."""
+
+
+def body_std(robot: RobotModel, form: str) -> FloatArray:
+    """Size of the ten parameters of a body before any data [kg, kg m, kg m^2]: a mass as that of all links, and a compact body's
+    inertia as usual."""
+    whole = float(robot.pi[::10].sum())
+    std = BODY_STD * (whole / BODY_STD[0] if whole > 0.0 else 1.0)
+    if form == COMPACT:
+        std[_INERTIA:] = COMPACT_STD[_INERTIA:]
+    return std
 
 
 class Payload(Effect):
@@ -93,14 +105,14 @@ class Payload(Effect):
         return [Candidate(), Candidate(form=COMPACT)]
 
     def prior_std(self, form: str = "") -> FloatArray:
-        return COMPACT_STD if form == COMPACT else BODY_STD
+        return body_std(self.robot, form)
 
     def free_parameters(self, form: str, columns: int) -> int:
         return FIRST_MOMENT if form == COMPACT else columns
 
     def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
         """A body with a mass: one that is seen is not negative."""
-        seen = std[0] < _SEEN * BODY_STD[0]
+        seen = std[0] < _SEEN * body_std(self.robot, form)[0]
         return bool(theta[0] > 0.0 or not seen) and within_reach(self.robot, theta, std)
 
     def in_words(self, parameters: Sequence[Parameter], where: str) -> str:
@@ -115,7 +127,7 @@ class Payload(Effect):
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         """Mass and centre of mass; where the mass does not show, the first moment."""
         mass = by_delta_method("mass", None, "kg", lambda x: float(x[0]), values, covariance)
-        if np.sqrt(covariance[0, 0]) >= _SEEN * BODY_STD[0]:
+        if np.sqrt(covariance[0, 0]) >= _SEEN * body_std(self.robot, "")[0]:
             return [mass, vector("mc", None, "kg m", lambda x: x[1:4], values, covariance)]
         return [mass, vector("com", None, "m", lambda x: x[1:4] / x[0], values, covariance)]
 

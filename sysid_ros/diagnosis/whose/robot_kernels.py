@@ -17,6 +17,10 @@ _MASS, _PLACE, _INERTIA = 0.15, 0.03, 0.3
 """Standard deviation of a URDF's masses (part), centres of mass [m] and inertias (part): what identified arms differ by."""
 _KIND = 3.0
 """How many times further robots of one kind are from each other than each is from its URDF."""
+_OFF = 1.0, 0.1, 1.0
+"""The same of a link that is wrong: another link than was built, a part that is not mounted."""
+_FINE = 0.1
+"""Part of that which links are inexact by where a URDF is as the maker drew it, or that of a simulation."""
 _GYRATION, _LEAST = 0.08, 0.02
 """Least radius of gyration [m] and least mass (of the heaviest link's) of a link where a URDF gives less."""
 _BODY = np.array([1.0] + [0.3] * 3 + [0.1] * 6)
@@ -100,6 +104,15 @@ class RobotKernels:
         other._later = changes_of_payload(rows, residual, self._payload) if carried is Carried.CHANGING else []
         return other
 
+    def exact(self, wrong: int | None = None) -> RobotKernels:
+        """The same with the URDF's links much more exact than is usual, but for one that is far off if it is given."""
+        other = copy(self)
+        other._inexact = _FINE * _inexactness(self.robot)
+        if wrong is not None:
+            of_it = slice(10 * wrong, 10 * wrong + 10)
+            other._inexact[of_it] = _inexactness(self.robot, *_OFF)[of_it]
+        return other
+
     def own(self, joint: int) -> FloatArray:
         """Covariance of what a joint has of its own, over the square of its usual torque, shape (N, N)."""
         r = self.rows
@@ -169,7 +182,7 @@ class RobotKernels:
         return -0.5 * float(np.log(self._mass(usual) / max(_PAYLOAD * self._total, 1e-9)) / _HEAVIER) ** 2
 
 
-def _inexactness(robot: RobotModel) -> FloatArray:
+def _inexactness(robot: RobotModel, of_mass: float = _MASS, place: float = _PLACE, of_inertia: float = _INERTIA) -> FloatArray:
     """Standard deviation of what a URDF says of its links, shape (10 n,)."""
     out = np.zeros((robot.n, 10))
     least = max(_LEAST * float(robot.pi[::10].max()), 1e-6)
@@ -177,7 +190,8 @@ def _inexactness(robot: RobotModel) -> FloatArray:
         mass = max(float(body[0]), least)
         first = float(np.linalg.norm(body[1:4])) / mass
         moment = max(float(body[[4, 6, 9]].max()), mass * _GYRATION**2)
-        row[:] = [_MASS * mass] + [mass * float(np.hypot(_PLACE, _MASS * first))] * 3 + [_INERTIA * moment] * 6
+        lever = float(np.hypot(place, of_mass * first))
+        row[:] = [of_mass * mass] + [mass * lever] * 3 + [of_inertia * moment] * 6
     return out.ravel()
 
 

@@ -21,6 +21,8 @@ _GRAVITY = {0.0: 0.978, -1.0: 0.02, 1.0: 0.002}
 _OTHER = 0.005
 """Probability that a URDF that somebody gives is that of a robot of the same kind, that of any other, or that the efforts are no
 torques of a robot: each."""
+_EXACT, _WRONG_LINK = 0.5, 0.1
+"""Probability that a URDF's links are exact, and that one of them is far off and the others are exact."""
 _NO_FAULT, _LOG_OTHER = float(np.log(1.0 - 3.0 * _OTHER)), float(np.log(_OTHER))
 Likelihood = Callable[[Sequence[JointTorques]], FloatArray]
 """Of each row under each form of a hypothesis, shape (g, N)."""
@@ -72,6 +74,11 @@ class Trial:
     def carrying(self, carried: Carried) -> Trial:
         """The same with something else beside the links."""
         return replace(self, kernels=self.kernels.carrying(carried, self.rows))
+
+    def exact(self, wrong: int | None = None) -> Trial:
+        """The same with the URDF's links exact, but for one that is far off if it is given."""
+        part = _EXACT if wrong is None else _WRONG_LINK / self.kernels.robot.n
+        return replace(self, kernels=self.kernels.exact(wrong), faults_prior=self.faults_prior + float(np.log(part)))
 
     def roughly(self) -> float:
         """Its log-likelihood with noise and discrepancy as one of a few sizes, for a first comparison."""
