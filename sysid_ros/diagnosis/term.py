@@ -104,6 +104,10 @@ class Term:
         known = self.effect.usual_size(self.form)[: self.p]
         return np.concatenate([known, np.full(self.p - len(known), np.inf)])
 
+    def sizes_that_make(self, torque: float) -> FloatArray:
+        """How large each of the parameters is, shape (p,), if its column alone makes such a torque (rms) [N m]."""
+        return np.asarray(torque / np.sqrt(np.maximum(np.mean(self.columns.reshape(-1, self.p) ** 2, axis=0), 1e-300)))
+
     @cached_property
     def cost(self) -> int:
         """Number of parameters that data have to tell, with the nonlinear ones."""

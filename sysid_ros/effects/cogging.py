@@ -26,6 +26,7 @@ class Cogging(JointCurves):
     symbols = ("s", "c")
     symbol_units = ("N m", "N m")
     knobs = (Knob("harmonic", 3.0, 120.0, "1/rev", False, reach=0.6, bumpy=True),)
+    share = 0.1
     signature = "a line at the joint's speed times the harmonic: visible over the position, not over time"
     look_alikes = ("spring",)
     separated_by = "slow motion of changing speed, so that the harmonic stays below the band of the torque"

@@ -31,6 +31,7 @@ class JointCoupling(JointCurves):
     alone = False
     symbols = ("c",)
     symbol_units = ("1",)
+    share = 0.1
     signature = "one joint's residual follows the torque of another"
     look_alikes = ("link_inertia", "torque_scale", "joint_order")
     separated_by = "moves of one of the two joints alone, with the other loaded"

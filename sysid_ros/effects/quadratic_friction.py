@@ -17,6 +17,7 @@ class QuadraticFriction(JointEffect):
     simpler = "viscous_friction"
     symbol = "c"
     unit = "N m s^2/rad^2"
+    share = 0.1
     signature = "curved against the speed, odd"
     look_alikes = ("viscous_friction",)
     separated_by = "speeds from a fifth of the limit to nearly all of it"

@@ -66,6 +66,7 @@ class Searched(ABC):
     inertial: ClassVar[bool] = False
     carried: ClassVar[bool] = False
     size: ClassVar[float] = np.inf
+    share: ClassVar[float] = np.inf
     deflection: ClassVar[DeflectionSearch | None] = None
     corrects: ClassVar[bool] = False
     robot: RobotModel

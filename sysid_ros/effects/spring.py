@@ -29,6 +29,7 @@ class Spring(JointCurves):
     acts = Acts.LINK
     symbols = ("along", "across")
     symbol_units = ("N m/rad", "N m")
+    share = 0.2
     signature = "a straight line or a sinusoid against the joint's own position, at any speed"
     look_alikes = ("link_inertia", "torque_offset", "joint_offset", "payload")
     separated_by = "more than 1.5 rad of the joint, with the joints beyond it in several postures"

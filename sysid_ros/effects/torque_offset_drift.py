@@ -26,6 +26,7 @@ class TorqueOffsetDrift(JointEffect):
     times = ("start",)
     symbol = "rate"
     unit = "N m/s"
+    share = 0.1
     signature = "a slow ramp, whatever the motion"
     look_alikes = ("friction_drift", "payload_change")
     separated_by = "a long recording that repeats one motion at its start and at its end"

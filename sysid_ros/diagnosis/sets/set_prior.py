@@ -63,6 +63,7 @@ class SetPrior:
                 each = range(n) if kind.scope is Scope.LINK else (None,)
                 places[kind] = {place: len(kind.candidates(motions, place)) for place in each}
         self._set(places, len(library.band.f))
+        self._torque = np.sqrt(np.mean(np.concatenate([m.tau for m in motions]) ** 2, axis=0))
 
     @classmethod
     def of_places(cls, places: Places, rows: int) -> SetPrior:
@@ -78,7 +79,7 @@ class SetPrior:
         self._forms = {
             (kind.id, place): float(np.log(max(forms, 1))) for kind, each in places.items() for place, forms in each.items()
         }
-        self._scales = _of_scales()
+        self._scales, self._torque = _of_scales(), np.zeros(0)
         self._beside: tuple[tuple[Term, ...] | None, NDArray[np.intp], float] = (None, np.zeros(0, dtype=np.intp), 0.0)
         self._none = np.array([sum(self._without(id_, factor) for id_ in self._places) for factor in _WORLDS])
         self._number = {id_: i for i, id_ in enumerate(self._places)}
@@ -126,7 +127,10 @@ class SetPrior:
         Args:
             told: standard deviations that the rows leave of its parameters, the only ones, shape (p,).
         """
-        finer = np.log(term.usual_size / told) - 1.0 - self._parameter
+        size = term.usual_size
+        if self._torque.size and term.row is not None and np.isfinite(term.effect.share):
+            size = term.sizes_that_make(term.effect.share * float(self._torque[term.row]))
+        finer = np.log(size / told) - 1.0 - self._parameter
         return float(np.sum(np.maximum(finer[np.isfinite(finer)], 0.0)))
 
     def price(self, term: Term, present: tuple[Term, ...]) -> float:
