@@ -18,6 +18,7 @@ from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Finding
 from sysid_ros.diagnosis.sets.posterior import Posterior, rivals
+from sysid_ros.diagnosis.sets.set_prior import SetPrior
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import Parameter, named
 from sysid_ros.effects.parameter import by_delta_method
@@ -30,9 +31,10 @@ _LIKELIER = 0.5
 
 
 class Selected(Protocol):
-    """A search that has ended: its candidates, what it has found, and how many it tried."""
+    """A search that has ended: its candidates, what it has found, how many it tried, and what was usual before any data."""
 
     tried: int
+    prior: SetPrior
 
     @property
     def library(self) -> Library: ...
@@ -60,6 +62,18 @@ class Judged:
         if not fit.inexact and scales.size and scales[0] < 0.5:
             fit = problem.fit(fit.terms, fit.noise, 0, inexact=True)
         return with_knobs(problem, self.selection.library, fit, scales)
+
+    @cached_property
+    def probability(self) -> dict[Term, float]:
+        """Of each term: as the posterior of the sets has it, and no more than its parameters with all that their interval holds,
+        what is never known of a joint and what scatters over time among it, allow."""
+        out, terms = dict[Term, float](), self.fit.terms
+        for term in terms:
+            found, own = self.values.of[term], slice(0, term.p)
+            others = [t for t in terms if t is not term]
+            surely = self.selection.prior.surely(term, others, found.values[own], found.covariance[own, own])
+            out[term] = min(self.posterior.probability[term], surely)
+        return out
 
     @property
     def robot(self) -> RobotModel:
@@ -115,7 +129,7 @@ def claims(judged: Judged) -> list[Finding]:
             continue  # in the model, but no fault
         if not any(visible(judged.train.problem, fit, t) for t in terms):
             continue  # in the model, but too small to tell
-        told = [t for t in terms if judged.posterior.probability[t] > _LIKELIER]
+        told = [t for t in terms if judged.probability[t] > _LIKELIER]
         if not told:
             continue  # in the model as in the plainest one, but not told
         others = [p.term for p in parts if i not in p.of and (p.unless is None or p.unless == i)]
@@ -170,7 +184,7 @@ def _finding(judged: Judged, terms: Sequence[Term], richer: Sequence[Term], evid
         label=effect.label,
         joints=joints,
         parameters=parameters,
-        probability=max(judged.posterior.probability[t] for t in terms),
+        probability=max(judged.probability[t] for t in terms),
         **evidence.figures(),
         cannot_be_told_from=rivals(judged.train.problem, judged.selection.library, fit, judged.posterior, list(terms)),
         words=effect.in_words(parameters, of_joints(joints, robot.n)),

@@ -39,7 +39,8 @@ class Searched(ABC):
         of_own_torque: its column is the torque that its joint is driven with.
         inertial: its torque is that of moving bodies, linear in the acceleration and of second order in the velocities.
         carried: it is a body that the robot carries, at times or always.
-        size: of its parameters on robots that have it; infinite where that is not known.
+        size: of its parameters on robots that have it; infinite where that is not known. share: part of its joint's torque (rms)
+            that each of its columns makes there.
         deflection: how its size is found where the torque is far from linear in that.
         corrects: True where its columns are exact of a corrected torque only, see :meth:`correction_along`.
     """

@@ -55,12 +55,13 @@ class LegSelection:
     """The most probable set.
 
     Attributes:
-        library: its candidates. fit: the set on the fitted rows. tried: number of candidates.
+        library: its candidates. fit: the set on the fitted rows. tried: number of candidates. prior: of the sets.
     """
 
     library: Library
     fit: Fit
     tried: int
+    prior: SetPrior
 
 
 def search_legs(
@@ -86,7 +87,7 @@ def search_legs(
         posterior = _no_surer_than_a_step(rows, search, state, noise, prior, posterior_of(search, state))
         asked = [t for t in asked if posterior.nothing.get(t, 0.0) < 0.5]
         if all(p < 0.5 for p in posterior.nothing.values()):
-            return LegSelection(train, fit, len(pool)), posterior, held
+            return LegSelection(train, fit, len(pool), prior), posterior, held
 
 
 def _climbed(rows: _Rows, pool: Sequence[Term], prior: SetPrior, progress: Progress) -> tuple[State, Fit, SetSearch, NoiseOfEach]:

@@ -12,6 +12,7 @@ from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import SCALES
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS, Effect, Scope
+from sysid_ros.estimators.symmetric import inverse_of
 from sysid_ros.sample import FloatArray
 
 _WORLDS = (1.0, 0.1)
@@ -127,11 +128,32 @@ class SetPrior:
         Args:
             told: standard deviations that the rows leave of its parameters, the only ones, shape (p,).
         """
-        size = term.usual_size
-        if self._torque.size and term.row is not None and np.isfinite(term.effect.share):
-            size = term.sizes_that_make(term.effect.share * float(self._torque[term.row]))
-        finer = np.log(size / told) - 1.0 - self._parameter
+        finer = np.log(self._sizes(term) / told) - 1.0 - self._parameter
         return float(np.sum(np.maximum(finer[np.isfinite(finer)], 0.0)))
+
+    def _sizes(self, term: Term) -> FloatArray:
+        """How large the columns' parameters are where robots have it, shape (p,); infinite where that is not known."""
+        if self._torque.size and term.row is not None and np.isfinite(term.effect.share):
+            return term.sizes_that_make(term.effect.share * float(self._torque[term.row]))
+        return term.usual_size
+
+    def surely(self, term: Term, others: Sequence[Term], values: FloatArray, covariance: FloatArray) -> float:
+        """Probability of a term beside others by what its parameters are known as: how much less they may be nought than before
+        any data (the ratio of Savage and Dickey; Dickey, Lientz 1970). 1 where no usual size of all of them is known.
+
+        Args:
+            values, covariance: of the columns' parameters with all fitted rows, shape (p,) and (p, p).
+        """
+        sizes = np.minimum(self._sizes(term), 1.0 / np.sqrt(np.maximum(term.prior, 1e-300)))
+        if not np.isfinite(sizes).all() or sizes.max() > 1e100:
+            return 1.0
+        told = inverse_of(covariance / np.outer(sizes, sizes))
+        score, known = told @ (values / sizes), told + np.diag(1.0 - term.prior * sizes**2)
+        gained = 0.5 * float(score @ inverse_of(known) @ score - np.linalg.slogdet(known)[1])
+        beside = self.counts([self.number(t) for t in others])
+        more = beside + self.counts([self.number(term)])
+        odds = gained + self.of(more, 0.0) - self.of(beside, 0.0)
+        return float(special.expit(odds))
 
     def price(self, term: Term, present: tuple[Term, ...]) -> float:
         """Likelihood that a term must gain beside others: what its parameters cost a prediction, and how unusual it is there."""
