@@ -14,6 +14,7 @@ from robots import DATA, robot, urdf
 from test_diagnosis import ARM, RATE, record
 from unsimulated import unsimulated as unsimulated
 
+from sysid_ros import load
 from sysid_ros.cli.main import run
 from sysid_ros.diagnosis import diagnose
 from sysid_ros.diagnosis.channel_faults import Fault
@@ -23,6 +24,7 @@ from sysid_ros.diagnosis.whose.robot_kernels import Carried
 from sysid_ros.diagnosis.whose.robot_likelihood import probabilities
 from sysid_ros.diagnosis.whose.robot_trial import Trial
 from sysid_ros.effects import JointSign, TorqueSign, TorqueUnit
+from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
 
@@ -58,6 +60,38 @@ def test_a_wrong_sign_is_told_from_a_joint_that_counts_backwards() -> None:
         assert fault.joints == (2,)
         assert fault.probability is not None
         assert fault.probability > 0.9
+
+
+@pytest.mark.slow
+def test_a_link_that_is_far_off_on_an_arm_that_is_exact_else_is_no_unit(tmp_path: Path) -> None:
+    """A link lighter by 0.94 kg was told as efforts in lbf ft: with links all as inexact as usual, that was likelier."""
+    hidden = ["--hide", "link_inertia", "--hide-seed", "5", "--seed", "3", "--duration", "20"]
+    assert run(["simulate", "arm", "--bag", str(tmp_path / "bag"), *hidden]) == 0
+    recorded = load(tmp_path / "bag").arrays()
+    iiwa = RobotModel.from_urdf(recorded.robot_description or "", recorded.joint_names)
+    found = judge(iiwa, [Recording("bag", recorded.t, recorded.q, recorded.v, recorded.tau)])
+    assert found is not None
+    assert not found.faults
+    assert found.probability > 0.99
+
+
+def heavy_link(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
+    links = np.zeros((model.n, 10))
+    links[1] = 1.5 * model.pi[10:20]
+    return tau + model.link_torque_along(q, v, a, links.ravel())
+
+
+def test_exact_links_cost_what_they_expect_less() -> None:
+    """Of the URDF's own torque exact links are likelier; of one with a heavy link those are that leave that link free."""
+    arm = robot(ARM)
+    for cause, wrong in ((None, None), (heavy_link, 1)):
+        rows = CoarseRows.of(arm, [record(cause, 1)])
+        assert rows is not None
+        trial = Trial.of(arm, rows)
+        each = {link: trial.exact(link) for link in (None, *range(arm.n))}
+        links = {link: x.likelihood().sum(axis=1).max() - x.faults_prior for link, x in each.items()}
+        assert max(links, key=lambda link: links[link]) == wrong
+        assert links[wrong] > trial.likelihood().sum(axis=1).max()
 
 
 def rubs_more_than_it_carries(sign: float) -> Recording:

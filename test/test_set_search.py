@@ -9,6 +9,7 @@ from itertools import product
 import numpy as np
 import pytest
 from robots import robot
+from scipy import stats
 from test_diagnosis import ARM, coulomb, record
 
 from sysid_ros.diagnosis.covariance import unknown_columns, unknown_prior
@@ -342,6 +343,45 @@ def test_a_cause_that_is_far_smaller_than_on_robots_costs_what_its_usual_size_ma
     assert prior.costs([term], rough, problem.active) == pytest.approx(prior.cost(term))  # of rows that tell no small ones
     quiet = library.local("viscous_friction", 1)
     assert prior.costs([quiet], variance, problem.active) == pytest.approx(prior.cost(quiet))  # any size is usual
+
+
+def test_a_cause_that_is_a_far_smaller_share_of_the_torque_than_on_robots_costs_more() -> None:
+    train, library = rows()
+    problem = train.problem
+    prior, term = SetPrior(library, [int(j) for j in problem.active]), library.local("spring", 1)
+    usual = float(np.sqrt(np.mean(np.concatenate([m.tau[:, 1] for m in library.motions]) ** 2)))
+    sizes = term.sizes_that_make(term.effect.share * usual)
+    np.testing.assert_allclose(np.sqrt(np.mean((term.columns * sizes) ** 2, axis=0)), term.effect.share * usual)
+    variance = np.full(problem.y.shape, 1e-12)
+    (cost,) = prior.costs([term], variance, problem.active)
+    row = 0.5 * np.log(len(train.band.f)) - 1.0
+    std = term.std_alone(variance, problem.active)
+    assert cost == pytest.approx(prior.cost(term) + np.sum(np.log(sizes / std) - 1.0 - row))
+
+
+def test_a_cause_is_as_probable_as_what_is_known_of_its_size_allows() -> None:
+    """The ratio of Savage and Dickey against the integral of the likelihood over the prior."""
+    train, library = rows()
+    prior, term = SetPrior(library, [int(j) for j in train.problem.active]), library.local("torque_scale", 1)
+    gains = np.linspace(-4.0, 4.0, 80001)
+    before = stats.norm.pdf(gains, scale=term.effect.size)
+    for value, std in ((0.02, 0.01), (0.3, 0.05), (0.0, 0.2)):
+        likelihood = stats.norm.pdf(value, loc=gains, scale=std)
+        ratio = np.trapezoid(likelihood * before, gains) / stats.norm.pdf(value, scale=std)
+        odds = ratio * np.exp(prior.log([term]) + prior.cost(term) - prior.log([]))
+        known = std**-2.0 + term.prior[0]  # a fit has what is known before any data in it
+        told = prior.surely(term, [], np.array([value * std**-2.0 / known]), np.array([[1.0 / known]]))
+        assert told == pytest.approx(odds / (1.0 + odds), rel=1e-3)
+    friction = library.local("viscous_friction", 1)
+    assert prior.surely(friction, [], np.zeros(1), np.eye(1)) == 1.0  # of any size
+
+
+def test_a_body_of_which_data_tell_nothing_is_as_probable_as_before_them() -> None:
+    train, library = rows()
+    prior = SetPrior(library, [int(j) for j in train.problem.active])
+    term = library.whole("payload")
+    odds = np.exp(prior.log([term]) + prior.cost(term) - prior.log([]))
+    assert prior.surely(term, [], np.zeros(term.p), np.diag(1.0 / term.prior)) == pytest.approx(odds / (1.0 + odds), rel=1e-3)
 
 
 def test_what_rows_tell_of_a_term_alone_is_what_a_fit_of_it_alone_says() -> None:
