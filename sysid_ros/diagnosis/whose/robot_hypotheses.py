@@ -35,8 +35,8 @@ for no payload."""
 _LIKELY, _SURE = 0.5, 0.95
 """Probabilities from which a fault is likelier than not, and from which it is undone: what is undone wrongly spoils all that
 comes after it, and what is left shows. So sure must a URDF be the robot's if some channels are not to speak against it."""
-_DOUBTFUL = 0.1
-"""Probability of faults from which they are weighed again, with links that are exact but for one."""
+_DOUBTFUL, _WEIGHED_AGAIN = 0.1, 0.01
+"""Probability of faults from which they are weighed again, with links that are exact but for one, and of one that is."""
 _HOPELESS = 0.001
 """Probability below which nothing that is found later is waited for."""
 _FAULTS = 3
@@ -156,8 +156,8 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
         weighed = [(urdf, trial), *((option.likelihood(), option) for option in _first_choice(robot, trial))]
         share = probabilities([likeliest(x) for x, _ in weighed])
         if share[0] < 1.0 - _DOUBTFUL:
-            weighed = [w for w, p in zip(weighed, share, strict=True) if p > _HOPELESS or w[1] is trial]
-            weighed = [(np.concatenate([x, *_with_exact_links(option)]), option) for x, option in weighed]
+            weighed = [w for w, p in zip(weighed, share, strict=True) if p > _WEIGHED_AGAIN or w[1] is trial]
+            weighed = [(np.concatenate([x, _with_exact_links(option)]), option) for x, option in weighed]
             urdf, _ = weighed[0]
             share = probabilities([likeliest(x) for x, _ in weighed])
         best = int(np.argmax(share))
@@ -182,14 +182,13 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
     return replace(first, urdf=urdf, other_robots=robots)
 
 
-def _with_exact_links(trial: Trial) -> list[FloatArray]:
-    """Rows with the URDF's links exact, or all but one: the likeliest on a few rows, roughly compared.
+def _with_exact_links(trial: Trial) -> FloatArray:
+    """Rows with the URDF's links exact, or all but one: what is the likeliest on a few rows, roughly compared.
 
     One link that is far off is more usual than any fault of the channels, and looks like one of them to inexact links.
     """
     few, wrong = trial.every(_COARSE), [None, *range(trial.kernels.robot.n)]
-    chosen = sorted(wrong, key=lambda link: -few.exact(link).roughly())[:_TRIED]
-    return [trial.exact(link).likelihood() for link in chosen]
+    return trial.exact(max(wrong, key=lambda link: few.exact(link).roughly())).likelihood()
 
 
 def _other_robots(trials: Sequence[Trial]) -> FloatArray:

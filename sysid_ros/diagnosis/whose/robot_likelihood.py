@@ -168,14 +168,14 @@ def _with_likeliest_sizes(joints: Sequence[JointTorques]) -> FloatArray:
     sizes = [x.sizes(x.residual[:, 0], x.fixed() + x.prior[0] @ x.prior[0].T, step=2)[0] for x in joints]
     told = [x.information(inverse(x.covariance(s))) for x, s in zip(joints, sizes, strict=True)]
     unit, reached = np.eye(joints[0].prior[0].shape[1]), [-np.inf] * len(joints)
-    for sweep in range(_SWEEPS):
-        before = sum(reached)
+    for sweep in range(1 + _SWEEPS):
+        before, half = sum(reached), sweep == 0  # half of the rows tell which of the optima it is
         for j, x in enumerate(joints):
             X, rest = x.prior[0], [y for i, y in enumerate(told) if i != j]
             others = _factored(unit + sum(H for H, _ in rest))
             theta = linalg.cho_solve(others, sum((h for _, h in rest), np.zeros(len(unit))))
             left = x.residual[:, 0] - X @ theta
-            sizes[j], reached[j] = x.sizes(left, x.fixed() + _spread(X, others), sizes[j], near=sweep > 0)
+            sizes[j], reached[j] = x.sizes(left, x.fixed() + _spread(X, others), sizes[j], 1 + half, not half)
             told[j] = x.information(inverse(x.covariance(sizes[j])))
         if abs(sum(reached) - before) < _SETTLED:
             break
