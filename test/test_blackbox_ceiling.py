@@ -46,7 +46,7 @@ def asked(motion: Motion, rest: FloatArray) -> Ceiling:
     return ceiling(NAMES, [motion], [rest])
 
 
-@pytest.mark.parametrize("memory", [0.0, 2.0])
+@pytest.mark.parametrize("memory", [0.0, pytest.param(2.0, marks=pytest.mark.slow)])
 def test_nothing_is_claimed_of_noise(memory: float) -> None:
     claims = [bool(asked(m, noise(m, s, 0.3, memory)).claimed) for s in range(6) for m in (moved(s),)]
     assert sum(claims) <= 1

@@ -102,6 +102,7 @@ def test_order_and_stabilisation(folder: Path, capsys: pytest.CaptureFixture[str
     assert run([*arguments, "--force", "--order", "99"]) == 2
 
 
+@pytest.mark.slow
 def test_an_arm_of_seven_joints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model, out, plot = tmp_path / "model.yaml", tmp_path / "out.json", tmp_path / "bode.svg"
     assert run(["identify", str(ARM), "--out", str(model)]) == 0

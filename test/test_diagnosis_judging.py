@@ -142,7 +142,8 @@ def test_joints_with_nothing_but_noise_make_no_other_robot(colour: float) -> Non
         assert accepted(robot(ARM), with_noise(seed, 20.0, colour))
 
 
-@pytest.mark.parametrize("noise", [pytest.param(0.02, marks=pytest.mark.slow), 0.3])
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [0.02, 0.3])
 def test_efforts_without_gravity_make_no_other_robot(noise: float) -> None:
     """Of a slow arm nothing is left to compare then but noise."""
     model, rng = robot(ARM), np.random.default_rng(0)

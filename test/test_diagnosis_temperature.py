@@ -86,6 +86,7 @@ def test_friction_that_falls_with_the_temperature_is_found_as_such() -> None:
     assert abs(facts["friction_after"][0]) < 0.1
 
 
+@pytest.mark.slow
 def test_the_model_follows_the_temperature_where_it_is_known_and_stays_at_the_reference_elsewhere(tmp_path: Path) -> None:
     result = diagnosed("temperature")
     assert result.model is not None

@@ -139,6 +139,7 @@ def test_efforts_against_gravity(sound: Recording) -> None:
     assert "effort_sign" in text
 
 
+@pytest.mark.slow
 def test_a_urdf_whose_joints_stand_elsewhere(sound: Recording) -> None:
     order = [1, 0, 3, 2, 5, 4, 6]
     text = refusal(replace(sound, q=sound.q[:, order], tau=sound.tau[:, order]))

@@ -82,6 +82,7 @@ def test_the_imu_has_its_own_rate_and_its_stamps_are_late() -> None:
     assert delays == pytest.approx([0.01] * len(delays))
 
 
+@pytest.mark.slow
 def test_rotors_and_friction_of_the_legs_are_found_beside_the_load_in_a_trot() -> None:
     record = simulate_legged(LeggedScenario(gait="trot", duration=8.0, seed=11, **ROUGH), start_time=1000.0)
     estimation, result = told(record)
@@ -96,6 +97,7 @@ def test_rotors_and_friction_of_the_legs_are_found_beside_the_load_in_a_trot() -
     assert np.abs(off).max() < 0.2
 
 
+@pytest.mark.slow
 def test_a_load_that_is_put_on_and_taken_off_in_a_trot_is_seen_within_two_steps() -> None:
     scenario = LeggedScenario(gait="trot", duration=9.0, seed=12, pick_time=4.0, drop_time=6.5, **ROUGH)
     _, result = told(simulate_legged(scenario, start_time=1000.0))
@@ -136,7 +138,7 @@ def test_an_imu_that_is_tilted_is_named() -> None:
 @pytest.mark.parametrize(
     ("gait", "delay"),
     [
-        ("trot", 0.01),
+        pytest.param("trot", 0.01, marks=pytest.mark.slow),
         pytest.param("trot", 0.02, marks=pytest.mark.slow),
         pytest.param("flying_trot", 0.01, marks=pytest.mark.slow),
     ],

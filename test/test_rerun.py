@@ -166,7 +166,7 @@ def test_the_suffix_is_that_of_rerun() -> None:
         check_plot_paths(None, Path("x.png"))
 
 
-@pytest.mark.parametrize("command", ["identify", "diagnose", "frequency"])
+@pytest.mark.parametrize("command", ["identify", pytest.param("diagnose", marks=pytest.mark.slow), "frequency"])
 @pytest.mark.usefixtures("stand")
 def test_what_the_page_of_a_command_shows(command: str, tmp_path: Path) -> None:
     """The same robot in the same colours, and the same curves over time, as on its page."""

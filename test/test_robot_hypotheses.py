@@ -106,6 +106,7 @@ def rubs_more_than_it_carries(sign: float) -> Recording:
     return Recording("rubs", t, q, None, tau * np.where(np.arange(model.n) == 0, sign, 1.0))
 
 
+@pytest.mark.slow
 def test_friction_that_gives_power_is_an_effort_of_the_wrong_sign() -> None:
     right, wrong = (judge(robot(ARM), [rubs_more_than_it_carries(sign)]) for sign in (1.0, -1.0))
     assert right is not None
