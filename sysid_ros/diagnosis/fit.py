@@ -131,15 +131,20 @@ class Problem:
         self.active = np.flatnonzero(band.active)
         self.links = np.zeros((10 * y.shape[1], 0)) if links is None else links
         self.nuisance, self.usual_prior, self.scale = nuisance, 1.0 / nuisance_std**2, (1.0, 1.0)
+        self._unchanged = nuisance
 
     @property
     def corrected(self) -> bool:
         """Whether rows are not those that were measured."""
         return self.y is not self.measured
 
-    def correct(self, rows: FloatArray | None) -> None:
-        """Add rows of shape (K, n) to those that were measured; None: nothing."""
+    def correct(self, rows: FloatArray | None, links: FloatArray | None = None) -> None:
+        """Add rows of shape (K, n) to those that were measured, and to the links' columns, shape (K, n, l); None: nothing."""
         self.y = self.measured if rows is None else self.measured + rows
+        self.nuisance = self._unchanged
+        if links is not None:
+            self.nuisance = self._unchanged.copy()
+            self.nuisance[:, :, -links.shape[2] :] += links
 
     @property
     def prior(self) -> FloatArray:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import optimize
 
 from sysid_ros.diagnosis.band import RowNoise
+from sysid_ros.diagnosis.corrections import correct
 from sysid_ros.diagnosis.deflections import fit_deflection
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
@@ -148,7 +149,8 @@ def made_anew(
         refined: move the knobs of what is made anew; else they stay, and the rows are no likelier than with their best.
     """
     carried = links_changed(fit)
-    again = {t: dict(t.effect.settings) for t in fit.terms if t.on_torques}
+    library.lean(fit.terms if fit.inexact else (), [fit.theta_of(t) for t in fit.terms if fit.inexact])
+    again = {t: dict(t.effect.settings) for t in fit.terms if library.follows(t)}
     for t in fit.terms:
         before = t.effect.settings.get("links")
         if Depends.LINKS in t.effect.depends_on and (carried.any() or before):
@@ -170,7 +172,7 @@ def made_anew(
 
 def _with(problem: Problem, library: Library, fit: Fit, terms: Sequence[Term]) -> Fit:
     """The fit with other terms in place of its own, and with what they change of the measured rows."""
-    problem.correct(library.correction(terms))
+    correct(problem, library, terms)
     return problem.fit(terms, fit.noise, inexact=fit.inexact)
 
 
@@ -178,9 +180,8 @@ def _advanced(problem: Problem, library: Library, fit: Fit, term: Term) -> Fit:
     """A step of Newton's to the delay: what is left with the torques advanced, along the tangent of the model's torque."""
     around = float(term.effect.settings["around"])
     tangent, others = library.remake(term, around=0.0), [t for t in fit.terms if t is not term]
-    correction = library.correction([term])
-    if correction is not None:
-        problem.correct(correction - term.rows(np.array([around])))
+    correct(problem, library, fit.terms)
+    problem.y = problem.y - term.rows(np.array([around]))
     step = problem.fit([*others, tangent], fit.noise, inexact=fit.inexact).theta_of(tangent)
     new = library.remake(term, around=around + float(step[0]))
     return _with(problem, library, fit, [new if t is term else t for t in fit.terms])

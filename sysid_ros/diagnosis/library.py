@@ -36,6 +36,8 @@ class Library:
         self.apart = True
         self._curves: dict[tuple[str, str], FloatArray] = {}
         self._options: dict[tuple[str, int], list[Term]] = {}
+        self._leans: list[FloatArray] = []
+        self._leans_anew = False
 
     def update(
         self,
@@ -124,7 +126,10 @@ class Library:
         return {**settings, instant: float(np.clip(settings[instant], start + self.inside, end - self.inside))}
 
     def _rows(self, effect: Effect) -> FloatArray:
-        return self.band.rows([effect.columns_along(m) for m in self.motions])
+        rows = self.band.rows([effect.columns_along(m) for m in self.motions])
+        if not self._leans or not (links := _of_links(effect)).any():
+            return rows
+        return rows + self.leaning(links)
 
     def _term(self, effect: Effect, joints: Sequence[int], rows: FloatArray, basis: FloatArray | None, form: str) -> Term:
         columns = rows if basis is None else rows @ basis
@@ -143,6 +148,32 @@ class Library:
             for out, motion in zip(nothing, self.motions, strict=True):
                 out += 0.0 if (more := effect.correction_along(motion)) is None else more
         return self.band.rows(nothing)
+
+    def lean(self, terms: Sequence[Term], thetas: Sequence[FloatArray]) -> None:
+        """Take in what terms with parameters of their columns make of the links: on a tilted base those have gravity from another
+        side."""
+        before, self._leans = self._leans, []
+        for term, theta in zip(terms, thetas, strict=True):
+            each = [term.effect.links_along(m, term.theta_of_effect(theta)) for m in self.motions]
+            self._leans = [x for x in each if x is not None] or self._leans
+        self._leans_anew = bool(before or self._leans)
+
+    def follows(self, term: Term) -> bool:
+        """True where the columns of a term depend on what was taken in last, of torques or of the links."""
+        return term.on_torques or (self._leans_anew and bool(_of_links(term.effect).any()))
+
+    def newest(self, terms: Sequence[Term]) -> list[Term]:
+        """Terms, of which those are made anew whose columns depend on what was taken in."""
+        return [self.remake(t) if self.follows(t) else t for t in terms]
+
+    @property
+    def leans(self) -> bool:
+        """Whether links have another torque because of terms that are there."""
+        return bool(self._leans)
+
+    def leaning(self, links: FloatArray) -> FloatArray:
+        """Rows of the torque that changes of the links' inertials, shape (10 n,) or (10 n, l), have because of those terms."""
+        return self.band.rows([x @ links for x in self._leans])
 
     def remake(self, term: Term, **changes: Any) -> Term:
         """The same term on the library's motions, with some settings changed."""
@@ -194,3 +225,9 @@ class Library:
                         rows = self._rows(effect)
                     terms.append(self._term(effect, joints, rows, c.basis, c.form))
         return terms
+
+
+def _of_links(effect: Effect) -> FloatArray:
+    """What each parameter of an effect changes of the links' inertials all the time, shape (10 n, p)."""
+    nothing = effect.as_links(np.zeros(effect.p))
+    return np.stack([(effect.as_links(unit) - nothing).ravel() for unit in np.eye(effect.p)], axis=1)

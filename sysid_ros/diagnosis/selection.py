@@ -7,6 +7,7 @@ from copy import copy
 from functools import partial
 
 from sysid_ros.diagnosis.band import RowNoise
+from sysid_ros.diagnosis.corrections import correct
 from sysid_ros.diagnosis.covariance import dry_friction
 from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.heldout import HeldOut, no_worse
@@ -54,8 +55,7 @@ class Selection:
         self.problem, self.library, self._nominal = problem, library, nominal
         self._links = [m.link_torque for m in library.motions]
         self._progress, self._allowed = progress, partial(allowed, problem)
-        self._joints = [int(j) for j in problem.active]
-        self._whole = library.whole_options()
+        self._joints, self._whole = [int(j) for j in problem.active], library.whole_options()
         self._screen, self.prior = ComplianceScreen(library), SetPrior(library, self._joints)
         each = [(name, j) for name in library.of_joints for j in self._joints]
         self.tried = len(self._whole) + sum(len(library.local_options(name, j)) for name, j in each)
@@ -76,7 +76,7 @@ class Selection:
         other._screen, other.prior = ComplianceScreen(library), SetPrior(library, other._joints)
         made = {key: library.remake(t) for key, t in {t.exact_key: t for t in [*self.pool, *self.fit.terms]}.items()}
         problem.scale, other.pool = self.problem.scale, list(made.values())
-        problem.correct(library.correction(terms := [made[t.exact_key] for t in self.fit.terms]))
+        correct(problem, library, terms := [made[t.exact_key] for t in self.fit.terms])
         other.fit = problem.fit(terms, self.fit.noise, inexact=self.fit.inexact)
         return other
 
@@ -236,10 +236,10 @@ class Selection:
         self.fit = refine(self.problem, self.library, self.fit, list(filter(which, self.fit.terms)))
 
     def refresh(self) -> None:
-        """Make anew the columns that depend on torques or on what the links weigh, with those of the present fit."""
+        """Make anew the columns that depend on torques, or what the links weigh, with those of the present fit."""
         self.library.update(*torques(self.library, self.fit, self._links, self._nominal))
-        self._whole, self.pool = ([self.library.remake(t) if t.on_torques else t for t in x] for x in (self._whole, self.pool))
         self.fit = made_anew(self.problem, self.library, self.fit, self._links, self._nominal)
+        self._whole, self.pool = (self.library.newest(x) for x in (self._whole, self.pool))
 
     def propose(self) -> Proposal | None:
         """The best step forward, or None where nothing gains its price; all that were proposed stay in the pool."""

@@ -39,6 +39,7 @@ class BaseTilt(Effect):
     size = 0.1
     """Of a base on feet that nobody levelled, and more of one that was built askew [rad]."""
     depends_on = frozenset({Depends.LINKS})
+    leans = True
     between = (-_STEEPEST, _STEEPEST)
     signature = "like gravity on all joints, and on a vertical first joint too"
     look_alikes = ("joint_offset", "external_force", "link_inertia")
@@ -67,6 +68,9 @@ class BaseTilt(Effect):
     def _columns(self, q: FloatArray) -> FloatArray:
         still = np.zeros_like(q)
         return np.stack([self._arm.rnea_along(q, still, still, g) for g in self._directions()], axis=-1)
+
+    def links_along(self, motion: Motion, theta: FloatArray) -> FloatArray:
+        return self.robot.gravity_regressor_along(motion.q, theta @ self._directions())
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         out[:] = self._columns(sample.q[None])[0]

@@ -42,6 +42,7 @@ class Searched(ABC):
         size: of its parameters on robots that have it; infinite where that is not known. share: part of its joint's torque (rms)
             that each of its columns makes there.
         deflection: how its size is found where the torque is far from linear in that.
+        leans: links have another torque because of it, see :meth:`links_along`; its columns have that of its setting ``links``.
         corrects: True where its columns are exact of a corrected torque only, see :meth:`correction_along`.
     """
 
@@ -68,6 +69,7 @@ class Searched(ABC):
     carried: ClassVar[bool] = False
     size: ClassVar[float] = np.inf
     share: ClassVar[float] = np.inf
+    leans: ClassVar[bool] = False
     deflection: ClassVar[DeflectionSearch | None] = None
     corrects: ClassVar[bool] = False
     robot: RobotModel
@@ -117,6 +119,10 @@ class Searched(ABC):
 
     def correction_along(self, motion: Motion) -> FloatArray | None:
         """What is to be added to the measured torque for its columns to be exact, shape (N, n) [N m]; None for nothing."""
+        return None
+
+    def links_along(self, motion: Motion, theta: FloatArray) -> FloatArray | None:
+        """What each inertial of the links adds to the torque because of it, shape (N, n, 10 n); None for nothing."""
         return None
 
     def search_range(self, knob: Knob, value: float, torque: float) -> tuple[float, float]:

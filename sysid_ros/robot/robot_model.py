@@ -216,6 +216,15 @@ class RobotModel:
             q.shape
         )
 
+    def gravity_regressor_along(self, q: FloatArray, gravity: FloatArray) -> FloatArray:
+        """:meth:`regressor` at rest under another gravity of shape (3,), at positions of shape (N, n), shape (N, n, 10 n)."""
+        kept, still = np.array(self.model.gravity.linear), np.zeros_like(q)
+        self.model.gravity.linear = gravity
+        try:
+            return self.regressor_along(q, still, still)
+        finally:
+            self.model.gravity.linear = kept
+
     def regressor_along(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """:meth:`regressor` of a whole motion, shape (N, n, 10 n)."""
         out = np.empty((len(q), self.n, 10 * self.n))

@@ -25,6 +25,7 @@ def most_probable(train: Prepared, library: Library, progress: Callable[[str], N
     progress(f"beginning again with {shared.words}")
     its_scale, problem.scale = problem.scale, scale
     problem.correct(None)
+    library.lean((), ())
     other = Selection(problem, library, train.nominal, progress)
     other.pool = [library.remake(t) for t in one.pool]
     terms = [*other.fit.terms, *(library.remake(t) for t in shared.terms)]
