@@ -17,7 +17,7 @@ TILT = np.array([0.08, -0.06])
 
 def test_columns_of_links_and_of_the_tilt_add_up_to_the_torque_on_a_tilted_base() -> None:
     model = robot(ARM)
-    train = prepare(model, [record(None, 1)])
+    train = prepare(model, [record(None, 1)], ())
     library, problem, rng = Library(model, train.band), train.problem, np.random.default_rng(0)
     off = 0.02 * rng.normal(size=problem.links.shape[1])
     change = 0.1 * model.pi[10:20]
@@ -56,7 +56,7 @@ def test_columns_of_links_and_of_the_tilt_add_up_to_the_torque_on_a_tilted_base(
 @pytest.mark.parametrize("name", ["spring", "external_force"])
 def test_other_causes_change_nothing_of_the_links(name: str) -> None:
     model = robot(ARM)
-    train = prepare(model, [record(None, 1)])
+    train = prepare(model, [record(None, 1)], ())
     library = Library(model, train.band)
     term = library.local(name, 1) if name == "spring" else library.whole(name)
     library.lean([term], [np.ones(term.p)])
