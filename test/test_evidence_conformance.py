@@ -314,10 +314,24 @@ def lag_inside(seed: int) -> bool:
 def factor_inside(seed: int) -> bool:
     """Is a factor of 1 on all efforts inside its interval, where nothing is wrong with them."""
     train = prepare(robot(ARM), [run_again("velocity_lag", seed)[1]], [])
-    measured = deviation_of(train, train.problem.fit([]))(range(robot(ARM).n))
+    measured = deviation_of(train, train.problem.fit([]))(range(robot(ARM).n), ())
     assert measured is not None
     low, high = interval(*measured)
     return low <= 0.0 <= high
+
+
+def test_what_factors_have_in_common_is_as_uncertain_as_the_links() -> None:
+    """With a factor of its own on each joint none says for another how much torque the links make."""
+    model = robot(ARM)
+    train = prepare(model, [run_again("velocity_lag", 0)[1]], [])
+    fit = train.problem.fit([], inexact=True)
+    deviation, first = deviation_of(train, fit), int(train.problem.active[1])
+    alone, each = deviation((first,), ()), deviation((first,), [j for j in range(model.n) if j != first])
+    assert alone is not None
+    assert each is not None
+    assert each[1] > 1.5 * alone[1]
+    # what is left is the prior of the links: masses that are all off by one part
+    assert each[1] < 3.0 / np.sqrt(np.min(train.problem.prior[: model.n]))
 
 
 @pytest.mark.slow

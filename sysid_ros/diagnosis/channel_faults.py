@@ -17,6 +17,7 @@ from sysid_ros.diagnosis.sets.block_scatter import BlockScatter
 from sysid_ros.diagnosis.whose.robot_kernels import RobotKernels
 from sysid_ros.diagnosis.whose.robot_likelihood import USUAL, JointTorques, inverse
 from sysid_ros.effects import ChannelEffect, Channels, JointOrder, JointSign, TorqueSign, TorqueUnit
+from sysid_ros.estimators.symmetric import inverse_of
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
@@ -45,8 +46,9 @@ _DEAD = 0.1
 _ROUNDS = 3
 _SEEN = 1e-6
 """Part of a column that all others leave of it, from which its parameter is determined."""
-Deviation = Callable[[Sequence[int]], tuple[float, float] | None]
-"""Of some joints: by what part the efforts are larger than the model's, with its standard deviation."""
+Deviation = Callable[[Sequence[int], Sequence[int]], tuple[float, float] | None]
+"""Of some joints, and others that have a factor of their own: by what part the efforts of the first are larger than the model's,
+with its standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -230,31 +232,35 @@ def _likelihood(robot: RobotModel, published: Sequence[Recording], faults: Seque
 
 
 def deviation_of(train: Prepared, fit: Fit) -> Deviation:
-    """How far one factor on the efforts of some joints is from 1, all parameters of a fit adjusted to it: one step of Newton's.
+    """How far one factor on the efforts of some joints is from 1, all parameters of a fit and a factor of its own on each of some
+    other joints adjusted to it: one step of Newton's.
 
     The standard deviation holds the scatter from one stretch of time to the next. None where the fit has that factor already."""
     root = 1.0 / np.sqrt(fit.variance)
     modelled = (train.band.rows([m.tau for m in train.motions]) - fit.residual) * root
     residual = fit.residual * root
 
-    def deviation(joints: Sequence[int]) -> tuple[float, float] | None:
-        active = [j for j in joints if j in fit.blocks]
-        whitened = {j: fit.blocks[j][1] * root[:, j, None] for j in active}
-        shared = np.zeros(len(fit.theta))
-        for j in active:
-            np.add.at(shared, fit.blocks[j][0], whitened[j].T @ modelled[:, j])
+    def deviation(joints: Sequence[int], beside: Sequence[int]) -> tuple[float, float] | None:
+        of_each = np.zeros((1 + len(beside), fit.residual.shape[1]))  # which factor a joint has
+        of_each[0, list(joints)] = 1.0
+        of_each[range(1, len(of_each)), list(beside)] = 1.0
+        of_each = of_each[:, list(fit.blocks)]
+        of_each = of_each[[0, *np.flatnonzero(of_each[1:].any(axis=1)) + 1]]
+        shared, own = np.zeros((len(fit.theta), len(of_each))), np.zeros(len(of_each))
+        for (j, (index, X)), which in zip(fit.blocks.items(), of_each.T, strict=True):
+            shared[index] += np.outer((X * root[:, j, None]).T @ modelled[:, j], which)
+            own += which * float(np.sum(modelled[:, j] ** 2))
         adjusted = fit.inverse @ shared
-        own = float(np.sum(modelled[:, active] ** 2))
-        information = own - float(shared @ adjusted)
-        if information <= _SEEN * own:
+        information = np.diag(own) - shared.T @ adjusted
+        if not own[0] or information[0, 0] <= _SEEN * own[0]:
             return None
-        scatter, score = BlockScatter(train.band, 1), 0.0
-        for j in fit.blocks:
-            X = fit.blocks[j][1] * root[:, j, None]
-            column = (modelled[:, j] if j in active else 0.0) - X @ adjusted[fit.blocks[j][0]]
-            score += float(column @ residual[:, j])
-            scatter.add(column[:, None], residual[:, j], np.array([0]))
-        variance = scatter.ratios(np.array([[information]]))[0] / information
-        return score / information, float(np.sqrt(variance))
+        variance = inverse_of(information)
+        scatter, score = BlockScatter(train.band, len(own)), np.zeros(len(own))
+        for (j, (index, X)), which in zip(fit.blocks.items(), of_each.T, strict=True):
+            columns = modelled[:, j, None] * which - (X * root[:, j, None]) @ adjusted[index]
+            score += columns.T @ residual[:, j]
+            scatter.add(columns, residual[:, j], np.arange(len(own)))
+        scattered = scatter.ratios(information)[0] * variance[0, 0]
+        return float(variance[0] @ score), float(np.sqrt(scattered))
 
     return deviation

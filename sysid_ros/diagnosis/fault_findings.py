@@ -38,12 +38,17 @@ def finding_of(fault: Fault, joints: Sequence[str], evidence: Evidence, deviatio
             found.append(Parameter(name, where, value, unit))
         elif std is not None:
             found.append(Parameter(name, where, value, unit, std, *interval(value, std)))
-        elif (measured := deviation(fault.joints if joint is None else (joint,))) is None:
+        elif (measured := deviation(*(_own(fault, joint) if joint is not None else (fault.joints, ())))) is None:
             found.append(Parameter(name, where, value, unit))
         else:
             found.append(_factor(name, where, value, unit, *measured))
     named = tuple(joints[j] for j in fault.joints)
     return replace(_finding(effect, named, len(joints), tuple(found), evidence, _UNDONE), probability=fault.probability)
+
+
+def _own(fault: Fault, joint: int) -> tuple[Sequence[int], Sequence[int]]:
+    """A joint with a factor of its own, and the others that have one: what all have in common is as uncertain as the links."""
+    return (joint,), [j for _, j, value, _, _ in fault.values if j not in (None, joint) and not isinstance(value, str)]
 
 
 def _factor(name: str, joint: str | None, value: float, unit: str, part: float, part_std: float) -> Parameter:
@@ -138,7 +143,8 @@ def with_faults(
         train: what was fitted. published: what the model is judged on, as it was published.
     """
     joints = found.joints
-    found = with_findings(found, as_unit(found.findings, joints))
+    if not any(f.effect.absorbs for f in faults):
+        found = with_findings(found, as_unit(found.findings, joints))
     if not faults and not others:
         return found
     known, rest = with_scales(faults, found.findings, joints)
