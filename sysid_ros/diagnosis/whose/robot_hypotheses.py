@@ -156,10 +156,7 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
         weighed = [(urdf, trial), *((option.likelihood(), option) for option in _first_choice(robot, trial))]
         share = probabilities([likeliest(x) for x, _ in weighed])
         if share[0] < 1.0 - _DOUBTFUL:
-            weighed = [w for w, p in zip(weighed, share, strict=True) if p > _WEIGHED_AGAIN or w[1] is trial]
-            weighed = [(np.concatenate([x, _with_exact_links(option)]), option) for x, option in weighed]
-            urdf, _ = weighed[0]
-            share = probabilities([likeliest(x) for x, _ in weighed])
+            share = _weighed_again(weighed, share)
         best = int(np.argmax(share))
         if best == 0 or share[best] < sure:
             doubtful = bool(best > 0 and share[best] >= _LIKELY)
@@ -180,6 +177,16 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
     parts = np.log(list(_CARRIED.values())) / len(rows.t)
     urdf, robots = (np.concatenate([x + part for x, part in zip(xs, parts, strict=True)]) for xs in zip(*of_each, strict=True))
     return replace(first, urdf=urdf, other_robots=robots)
+
+
+def _weighed_again(weighed: Sequence[tuple[FloatArray, Trial]], share: FloatArray) -> FloatArray:
+    """Probability of each fault, and of none first, with exact links among the forms of those that have some probability. Whose
+    robot it is they do not decide: a link that may be anything is a part of another robot."""
+    again = [i for i, p in enumerate(share) if p > _WEIGHED_AGAIN or i == 0]
+    rows = [likeliest(np.concatenate([weighed[i][0], _with_exact_links(weighed[i][1])])) for i in again]
+    out = np.zeros_like(share)
+    out[again] = probabilities(rows)
+    return out
 
 
 def _with_exact_links(trial: Trial) -> FloatArray:
