@@ -22,6 +22,8 @@ COMPACT = "compact"
 COMPACT_STD = np.array([30.0] + [10.0] * 3 + [0.02] * 6)
 _INERTIA = 4
 """First of the parameters that are an inertia."""
+_SERVO = 1.0
+"""What hangs on a robot whose description has hardly any links, at least [kg]."""
 _SEEN = 0.5
 """Part of what is expected of a mass before any data, below which data must have brought it to be seen."""
 FIRST_MOMENT = 4
@@ -29,10 +31,9 @@ FIRST_MOMENT = 4
 
 
 def body_std(robot: RobotModel, form: str) -> FloatArray:
-    """Size of the ten parameters of a body before any data [kg, kg m, kg m^2]: a mass as that of all links, and a compact body's
-    inertia as usual."""
-    whole = float(robot.pi[::10].sum())
-    std = BODY_STD * (whole / BODY_STD[0] if whole > 0.0 else 1.0)
+    """Size of the ten parameters of a body before any data [kg, kg m, kg m^2]: a mass as that of all links, or a kilogram of a
+    servo without any, and a compact body's inertia as usual."""
+    std: FloatArray = BODY_STD * (max(float(robot.pi[::10].sum()), _SERVO) / BODY_STD[0])
     if form == COMPACT:
         std[_INERTIA:] = COMPACT_STD[_INERTIA:]
     return std
