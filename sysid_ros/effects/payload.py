@@ -20,8 +20,6 @@ BODY_STD = np.array([30.0] + [10.0] * 3 + [3.0] * 6)
 COMPACT = "compact"
 """Form of a body whose inertia is as usual: two kilograms, a hand's breadth from the frame."""
 COMPACT_STD = np.array([30.0] + [10.0] * 3 + [0.02] * 6)
-_INERTIA = 4
-"""First of the parameters that are an inertia."""
 _SERVO = 1.0
 """What hangs on a robot whose description has hardly any links, at least [kg]."""
 _SEEN = 0.5
@@ -35,7 +33,7 @@ def body_std(robot: RobotModel, form: str) -> FloatArray:
     servo without any, and a compact body's inertia as usual."""
     std: FloatArray = BODY_STD * (max(float(robot.pi[::10].sum()), _SERVO) / BODY_STD[0])
     if form == COMPACT:
-        std[_INERTIA:] = COMPACT_STD[_INERTIA:]
+        std[FIRST_MOMENT:] = COMPACT_STD[FIRST_MOMENT:]
     return std
 
 
