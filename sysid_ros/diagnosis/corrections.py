@@ -6,9 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid_ros.diagnosis.fit import Problem
+from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.term import Term
+
+
+def lean(library: Library, fit: Fit) -> None:
+    """Let a library know what the terms of a fit make of links that are off, where its links are."""
+    terms = fit.terms if fit.inexact else ()
+    library.lean(terms, [fit.theta_of(t) for t in terms])
 
 
 def correct(problem: Problem, library: Library, terms: Sequence[Term]) -> None:

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sysid_ros.diagnosis.corrections import correct
+from sysid_ros.diagnosis.corrections import correct, lean
 from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import SCALES, Prepared, torques
@@ -61,7 +61,7 @@ class HeldOut:
         links = [m.link_torque for m in self.prepared.motions]
         for _ in range(2 if any(t.on_torques for t in fit.terms) else 0):
             self.library.update(*torques(self.library, fit, links, self.prepared.nominal))
-        self.library.lean(fit.terms if fit.inexact else (), [fit.theta_of(t) for t in fit.terms if fit.inexact])
+        lean(self.library, fit)
         for term in fit.terms:
             if term not in self.terms or self.library.follows(term):
                 self.terms[term] = self.library.remake(term)

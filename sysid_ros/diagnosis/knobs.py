@@ -10,7 +10,7 @@ import numpy as np
 from scipy import optimize
 
 from sysid_ros.diagnosis.band import RowNoise
-from sysid_ros.diagnosis.corrections import correct
+from sysid_ros.diagnosis.corrections import correct, lean
 from sysid_ros.diagnosis.deflections import fit_deflection
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
@@ -149,7 +149,7 @@ def made_anew(
         refined: move the knobs of what is made anew; else they stay, and the rows are no likelier than with their best.
     """
     carried = links_changed(fit)
-    library.lean(fit.terms if fit.inexact else (), [fit.theta_of(t) for t in fit.terms if fit.inexact])
+    lean(library, fit)
     again = {t: dict(t.effect.settings) for t in fit.terms if library.follows(t)}
     for t in fit.terms:
         before = t.effect.settings.get("links")

@@ -155,7 +155,8 @@ class Library:
         before, self._leans = self._leans, []
         for term, theta in zip(terms, thetas, strict=True):
             each = [term.effect.links_along(m, term.theta_of_effect(theta)) for m in self.motions]
-            self._leans = [x for x in each if x is not None] or self._leans
+            if found := [x for x in each if x is not None]:
+                self._leans = [a + b for a, b in zip(self._leans or [0.0] * len(found), found, strict=True)]
         self._leans_anew = bool(before or self._leans)
 
     def follows(self, term: Term) -> bool:
