@@ -156,7 +156,8 @@ class Library:
         for term, theta in zip(terms, thetas, strict=True):
             each = [term.effect.links_along(m, term.theta_of_effect(theta)) for m in self.motions]
             if found := [x for x in each if x is not None]:
-                self._leans = [a + b for a, b in zip(self._leans or [0.0] * len(found), found, strict=True)]
+                before_it = self._leans or [np.zeros_like(x) for x in found]
+                self._leans = [a + b for a, b in zip(before_it, found, strict=True)]
         self._leans_anew = bool(before or self._leans)
 
     def follows(self, term: Term) -> bool:
