@@ -20,11 +20,13 @@ from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.sets.block_scatter import BlockScatter, scatter_ratios
 from sysid_ros.diagnosis.sets.posterior import Posterior, rivals
-from sysid_ros.effects import Motion, TorqueSaturation
+from sysid_ros.effects import Motion, TorqueOffset, TorqueSaturation
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.conditioning import motions
+from sysid_ros.torque.known_effect import KnownEffect
+from sysid_ros.torque.torque_model import TorqueModel
 
 
 @pytest.fixture(scope="module")
@@ -138,6 +140,16 @@ def test_a_motor_that_can_do_no_more_is_told_by_what_was_asked_of_it() -> None:
     still = np.zeros((3, model.n))
     motion = Motion(model, np.arange(3.0), still, still, still, asked)
     np.testing.assert_allclose(motor.torque_along(motion, np.ones(1))[:, 0], [0.0, 0.5 * limit, -limit])
+    # it was not asked for an offset of the sensor, and a sensor that ends somewhere ends there with its offset
+    with_offset = motion.with_torques(still, asked, sensor_torque=np.full_like(still, 0.1 * limit))
+    np.testing.assert_allclose(motor.torque_along(with_offset, np.ones(1))[:, 0], [0.0, 0.4 * limit, -1.1 * limit])
+    sensor = TorqueSaturation(model, (model.joint_names[0],), limit=limit, kind="sensor")
+    np.testing.assert_allclose(sensor.torque_along(with_offset, np.ones(1))[:, 0], [0.0, -0.6 * limit, 0.9 * limit])
+    offset = TorqueOffset(model, (model.joint_names[0],))
+    known = KnownEffect(sensor, np.ones(1)), KnownEffect(offset, np.array([0.1 * limit]))
+    t = np.arange(len(q)) / RATE
+    shown = TorqueModel(model, [], known).torque_along(Motion(model, t, q, v, a, np.zeros_like(q)))
+    np.testing.assert_allclose(shown[:, 0], np.clip(model.rnea_along(q, v, a)[:, 0] + 0.1 * limit, -limit, limit))
     with pytest.raises(ModelFileError, match=r"'brake'.*'sensor' or 'motor'"):
         TorqueSaturation(model, kind="brake")
 

@@ -21,6 +21,7 @@ from sysid_ros.effects import (
 from sysid_ros.effects.payload import COMPACT
 from sysid_ros.exceptions import ModelFileError
 from sysid_ros.robot import inertial_parameters
+from sysid_ros.robot.inertial_parameters import from_com, to_com
 
 ARM = "small_arm"
 every_effect = pytest.mark.parametrize("effect_id", EFFECTS)
@@ -119,13 +120,14 @@ def test_a_compact_body_is_a_body_whose_inertia_data_need_not_tell() -> None:
     motion = Motion(model, t, q, v, a, np.zeros_like(q))
     for effect in (Payload, EFFECTS["link_inertia"], EFFECTS["payload_change"]):
         one = effect(model, model.joint_names[2:3])
-        forms = {c.form for c in effect.candidates([motion], 2)}
+        forms = {c.form: c for c in effect.candidates([motion], 2)}
         assert COMPACT in forms, effect.id
         assert one.free_parameters(COMPACT, 10) == 4 < one.free_parameters("", 10) == 10, effect.id
-        std = one.prior_std(COMPACT)
-        assert std[0] == pytest.approx(max(model.pi[::10].sum(), 1.0)), effect.id
+        std, full, basis = one.prior_std(COMPACT), one.prior_std(""), forms[COMPACT].basis
+        mass = 1.0 if basis is None else basis[0, 0]  # of a link, which an error of its mass is a part of
+        assert mass * std[0] == pytest.approx(max(model.pi[::10].sum(), 1.0)), effect.id
         assert np.all(std[4:] < 0.1), effect.id
-        assert np.all(one.prior_std("")[4:] == pytest.approx(0.1 * std[0])), effect.id
+        assert np.all(full[4:] == pytest.approx(0.1 * full[0])), effect.id
 
 
 def test_curves_of_an_effect_that_writes_columns_only_are_those_columns() -> None:
@@ -155,3 +157,20 @@ def test_parameters_of_a_combination_are_those_of_the_effect() -> None:
     slope, level = Effect.as_parameters(effect, np.array([3.0]), np.array([[0.01]]), basis)
     assert (slope.name, slope.value, level.name, level.value) == ("along", 3.0, "across", 6.0)
     assert level.std == pytest.approx(np.hypot(0.2, 1e-3 * 6.0))
+
+
+def test_a_link_that_is_off_has_the_inertia_that_goes_with_its_mass_and_place() -> None:
+    """A heavier link of the same shape, elsewhere: its inertia differs by a square of how far at most."""
+    model = robot(ARM)
+    t = np.asarray(0.01 * np.arange(300.0))
+    q, v, a = Motion_(model, 0)(t)
+    motion, link = Motion(model, t, q, v, a, np.zeros_like(q)), EFFECTS["link_inertia"]
+    (basis,) = [c.basis for c in link.candidates([motion], 1) if c.form == COMPACT]
+    assert basis is not None
+    mass, com, inertia = to_com(model.pi[10:20])
+    for factor, shift in ((1.4, np.zeros(3)), (1.0, np.array([0.01, -0.02, 0.01])), (0.7, np.array([0.02, 0.01, 0.0]))):
+        changed = from_com(factor * mass, com + shift, factor * inertia) - model.pi[10:20]
+        own = np.asarray(np.linalg.solve(basis, changed), dtype=float)
+        np.testing.assert_allclose(own[:4], [factor - 1.0, *factor * shift], atol=1e-9)
+        assert np.abs(own[4:]).max() <= factor * mass * (shift @ shift) + 1e-9
+        assert link(model, model.joint_names[1:2]).possible(own, np.full(10, np.inf), COMPACT)

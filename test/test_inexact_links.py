@@ -76,7 +76,8 @@ def test_a_size_is_averaged_over_how_inexact_the_links_are() -> None:
         each[k] = with_knobs(problem, library, fit).of[term]
     narrow, wide = each
     only = with_knobs(problem, library, fit, np.eye(len(SCALES))[narrow]).of[term]
-    np.testing.assert_allclose(only.values, each[narrow].values, rtol=1e-6, atol=1e-9)
+    rounding = 1e-4 * np.sqrt(np.diag(only.covariance))  # its last digits are those of sums in another order
+    assert np.all(np.abs(only.values - each[narrow].values) < rounding)
     # how much more than the noise the rows scatter is judged from what each fit leaves
     np.testing.assert_allclose(np.diag(only.covariance), np.diag(each[narrow].covariance), rtol=0.05)
     both = with_knobs(problem, library, fit, 0.5 * np.eye(len(SCALES))[[narrow, wide]].sum(axis=0)).of[term]

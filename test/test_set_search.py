@@ -400,3 +400,24 @@ def test_what_is_impossible_by_less_than_its_noise_is_allowed() -> None:
     assert not rotor.possible(np.array([-0.2]), np.array([0.06]))
     assert shares.possible(np.full(shares.p, -0.01), np.full(shares.p, 0.02))
     assert not shares.possible(np.full(shares.p, -0.1), np.full(shares.p, 0.02))
+
+
+@pytest.mark.parametrize("size", [0.5, 3.0])
+def test_a_term_that_takes_measured_torque_away_costs_what_that_would_as_a_signal(size: float) -> None:
+    """As noise that is so much stronger, in the time that it lasts."""
+    train, library = rows()
+    problem, rng = train.problem, np.random.default_rng(1)
+    prior, variance = SetPrior(library, [int(j) for j in problem.active]), rng.uniform(0.5, 2.0, size=problem.y.shape)
+    limit = float(np.quantile(np.abs(library.motions[0].tau[:, 1]), 0.8))
+    term = library.local("torque_saturation", 1, limit=limit, kind="motor")
+    lasts = library.lasts(term)
+    assert lasts == pytest.approx(0.2, abs=0.01)
+    drawn = size * np.sqrt(variance[:, 1]) * rng.normal(size=len(variance))
+    each = stats.norm.logpdf(drawn, scale=np.sqrt(variance[:, 1])) + 0.5 * drawn**2 / variance[:, 1]  # of noise that is 0
+    own = stats.norm.logpdf(drawn, scale=np.sqrt((1.0 + size**2) * variance[:, 1]))
+    taken = replace(term, columns=np.sqrt(lasts) * drawn[:, None])
+    assert prior.unsaid(taken, variance) == pytest.approx(lasts * np.sum(each - own), rel=0.05)
+    assert prior.costs([taken], variance, problem.active)[0] > prior.cost(term) + 0.5 * prior.unsaid(taken, variance)
+    never = library.local("torque_saturation", 1, limit=1e3, kind="motor")
+    of_motion = library.local("torque_saturation", 1, limit=limit, kind="sensor")
+    assert prior.unsaid(never, variance) == prior.unsaid(of_motion, variance) == 0.0

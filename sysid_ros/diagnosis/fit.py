@@ -31,8 +31,8 @@ thousandth or two of it. Of eleven causes below 0.012 (exam seeds hard 98600 to 
 delays, of 0.003 and 0.005, are less than what must be seen of all joints."""
 _SEEN_OF_ALL = 0.003
 """Least part of the nominal residual of all joints (rms, each over its noise), for effects that not every arm has."""
-_FLOORS, _FLOORS_OF_NOISE = 0.4, 1.0
-"""Least size (rms) of such an effect in noise floors, all joints together, and where its columns hold the noise themselves."""
+_FLOORS = 0.4
+"""Least size (rms) of such an effect in noise floors, all joints together."""
 _EXACT = 1e-3
 """Part of their usual inexactness that links have which are exact."""
 _EDGE = 0.1
@@ -245,5 +245,4 @@ def visible(problem: Problem, fit: Fit, term: Term) -> bool:
     if term.expected:
         return True
     floors = float(np.sum(power / noise[rows]))
-    least = _FLOORS_OF_NOISE if term.effect.from_measured else _FLOORS
-    return floors > max(least**2, _SEEN_OF_ALL**2 * float(np.sum(nominal[active] / noise[active])))
+    return floors > max(_FLOORS**2, _SEEN_OF_ALL**2 * float(np.sum(nominal[active] / noise[active])))

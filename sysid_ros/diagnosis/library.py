@@ -45,14 +45,17 @@ class Library:
         drive_torque: Sequence[FloatArray],
         free: Sequence[FloatArray] = (),
         held_torque: Sequence[FloatArray] | None = None,
+        sensor_torque: Sequence[FloatArray] | None = None,
     ) -> None:
         """Take in what is now known of the torques on both sides of the gears; terms that depend on them are made anew.
 
         Args:
             free: part of the drive torque that is of effects of single joints, shape (N, n) a motion; empty for none.
             held_torque: the drive torque, and what was measured where a joint stands; None where that is not known.
+            sensor_torque: what the sensor adds to the drive torque; None for nothing.
         """
-        self.free, known = tuple(free), zip(link_torque, drive_torque, held_torque or drive_torque, strict=True)
+        added = sensor_torque or [np.zeros_like(x) for x in drive_torque]
+        self.free, known = tuple(free), zip(link_torque, drive_torque, held_torque or drive_torque, added, strict=True)
         self.band.motions = tuple(m.with_torques(*x) for m, x in zip(self.band.motions, known, strict=True))
         self._curves = {k: x for k, x in self._curves.items() if not depends_on_torques(EFFECTS[k[0]])}
         self._options = {k: x for k, x in self._options.items() if not depends_on_torques(EFFECTS[k[0]])}
@@ -192,6 +195,11 @@ class Library:
     def links_along(self, change: FloatArray, index: int) -> FloatArray:
         """Torque of a change of the links' inertials, shape (10 n,), on the grid of one motion, shape (N, n) [N m]."""
         return LinkInertia(self.robot).torque_along(self.motions[index], change)
+
+    def lasts(self, term: Term) -> float:
+        """Part of the time in which a term that loads one joint loads it."""
+        loads = [np.any(term.effect.curves_along(m)[:, :, term.row] != 0.0, axis=0) for m in self._seen_by(term.effect)]
+        return float(np.mean(np.concatenate(loads)))
 
     @property
     def of_joints(self) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.effects import Acts, Motion
+from sysid_ros.effects import Acts, Depends, Motion
 from sysid_ros.robot.inertial_parameters import by_centre
 from sysid_ros.robot.link_inexactness import by_moments, principal_directions
 from sysid_ros.robot.robot_model import RobotModel
@@ -145,21 +145,22 @@ def _turns(robot: RobotModel, found: Sequence[Motion]) -> FloatArray:
 
 def torques(
     library: Library, fit: Fit, links: Sequence[FloatArray], nominal: Sequence[FloatArray]
-) -> tuple[list[FloatArray], list[FloatArray], list[FloatArray], list[FloatArray]]:
+) -> tuple[list[FloatArray], list[FloatArray], list[FloatArray], list[FloatArray], list[FloatArray]]:
     """Torque on the link side and on the motor side of the joints with the effects of a fit, what effects of single joints have
-    in the latter, and the latter with what was measured where a joint stands, shape (N, n) a motion. Links as inexact as the fit
-    has them are a part of both.
+    in the latter, the latter with what was measured where a joint stands, and what the sensor adds, shape (N, n) a motion. Links
+    as inexact as the fit has them are a part of both sides.
 
     Where a joint stands dry friction holds any torque, which its sensor alone tells.
     """
     link, drive, free = ([x.copy() for x in links], [x.copy() for x in nominal], [np.zeros_like(x) for x in nominal])
-    given = [motion.tau.copy() for motion in library.motions]
+    given, added = [motion.tau.copy() for motion in library.motions], [np.zeros_like(x) for x in nominal]
     for term in fit.terms:
         theta = term.theta_of_effect(fit.theta_of(term))
         for i, motion in enumerate(library.motions):
             torque = term.effect.torque_along(motion, theta)
             if term.effect.acts is Acts.MEASUREMENT:
                 given[i] -= torque
+                added[i] += torque if Depends.SENSOR not in term.effect.depends_on else 0.0
                 continue
             drive[i] += torque
             if term.row is not None:
@@ -171,7 +172,7 @@ def torques(
         link[i] += torque
         drive[i] += torque
     held = [np.where(moving, x, tau) for moving, x, tau in zip(library.band.moving, drive, given, strict=True)]
-    return link, drive, free, held
+    return link, drive, free, held, added
 
 
 def before_gains(fit: Fit) -> Fit:

@@ -87,19 +87,22 @@ class LinkInertia(Effect):
         nominal = robot.pi[own]
         scale = [Candidate(basis=nominal[:, None], form=_SCALE)] if np.any(nominal) else []
         parts = [Candidate(basis=b.theta[:, None], form=_PART) for b in fixed_bodies(robot, joint)]
-        return [*scale, *parts, Candidate(form=COMPACT), Candidate(form="full")]
+        return [*scale, *parts, Candidate(basis=_beside(nominal), form=COMPACT), Candidate(form="full")]
 
     def candidates_on_legs(self) -> list[Candidate]:
         own = self.nominal
         scale, place = Candidate(basis=own[:, None], form=_SCALE), Candidate(basis=by_centre(own), form=_PLACE)
-        return [scale, place, Candidate(form=COMPACT), Candidate(form="full")]
+        return [scale, place, Candidate(basis=_beside(own), form=COMPACT), Candidate(form="full")]
 
     def prior_std(self, form: str = "") -> FloatArray:
         if form in (_SCALE, _PART):
             return np.full(1, _SCALE_STD)
         if form == _PLACE:
             return np.full(3, _PLACE_STD)
-        return np.tile(body_std(self.robot, form), len(self.joints))
+        std = body_std(self.robot, form)
+        if form == COMPACT and self.nominal[0] > 0.0:
+            std[:FIRST_MOMENT] /= self.nominal[0]
+        return np.tile(std, len(self.joints))
 
     def usual_size(self, form: str = "") -> FloatArray:
         return self.prior_std(form) if form in (_SCALE, _PART) else super().usual_size(form)
@@ -117,6 +120,9 @@ class LinkInertia(Effect):
             return bool(theta[0] + 2.0 * std[0] > -1.0)
         if form == _PLACE:
             return True  # its prior says how far
+        if form == COMPACT:
+            basis = _beside(self.nominal)
+            theta, std = basis @ theta, np.sqrt(basis**2 @ np.minimum(std, self.prior_std(form)) ** 2)
         if self.robot.body_names[joint] == self.robot.default_frame and theta[0] > 0.0:
             return False
         return within_reach(self.robot, self.robot.pi[10 * joint : 10 * joint + 4] + theta[:4], std)
@@ -154,3 +160,12 @@ class LinkInertia(Effect):
     def drawn_on_legs(self, size: float, rng: np.random.Generator) -> FloatArray:
         """What a link that is heavier by a part than its description says has beside that: ``size / (1 + size)`` of its own."""
         return np.asarray(size / (1.0 + size) * self.nominal)
+
+
+def _beside(nominal: FloatArray) -> FloatArray:
+    """Ten parameters of an error of a link, shape (10, 10): its mass, as a part of that, and its place [m], with the inertia that
+    goes with both, and what its inertia differs from that; of one without a mass, of a body at its frame."""
+    basis = np.eye(10)
+    if nominal[0] > 0.0:
+        basis[:, :FIRST_MOMENT] = np.column_stack([nominal, by_centre(nominal)])
+    return basis

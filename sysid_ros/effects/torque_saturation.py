@@ -30,11 +30,11 @@ def _given(motions: Sequence[Motion], joint: int) -> float:
 
 
 class TorqueSaturation(JointCurves):
-    """``tau_j = -share max(|tau_link| - limit, 0) sign(tau_link)`` [N m]: the measured torque stays flat at the limit where share
-    is 1.
+    """``tau_j = -share max(|tau| - limit, 0) sign(tau)`` [N m] of the torque that a sensor would show: the measured torque stays
+    flat at the limit where share is 1.
 
-    Or the motor itself can do no more, and the published effort is what was asked of it: ``tau_j = share max(|tau_measured| -
-    limit, 0) sign(tau_measured)``.
+    Or the motor itself can do no more, and the published effort is what was asked of it: ``tau_j = share max(|tau_asked| - limit,
+    0) sign(tau_asked)``, the measured torque less what the sensor adds.
 
     Args:
         robot: the model. joints: joints that saturate; empty for all. limit: largest torque [N m].
@@ -49,7 +49,7 @@ class TorqueSaturation(JointCurves):
     words = "efforts that stop at a limit on {where} ({limit})"
     setting_names = ("limit", "kind")
     acts = Acts.MEASUREMENT
-    depends_on = frozenset({Depends.DRIVE})
+    depends_on = frozenset({Depends.DRIVE, Depends.SENSOR})
     partial = True
     symbols = ("share",)
     symbol_units = ("1",)
@@ -66,7 +66,16 @@ class TorqueSaturation(JointCurves):
         self.kind = kind
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
-        torque, sign = (load, -1.0) if self.kind == "sensor" else (state.tau, 1.0)
+        return self._beyond(load if self.kind == "sensor" else state.tau)
+
+    def curves_along(self, motion: Motion) -> FloatArray:
+        """A sensor shows no more than its limit of all that it would show; a motor gives no more of what it was asked for, which
+        the sensor's offset and gain are not."""
+        added = motion.sensor_torque
+        return self._beyond(motion.drive_torque + added if self.kind == "sensor" else motion.tau - added)
+
+    def _beyond(self, torque: FloatArray) -> FloatArray:
+        sign = -1.0 if self.kind == "sensor" else 1.0
         return sign * (np.maximum(np.abs(torque) - self.limit, 0.0) * np.sign(torque))[None]
 
     @property

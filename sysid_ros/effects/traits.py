@@ -78,6 +78,8 @@ class Depends(Enum):
     """The torque of the links on the gears, as far as it is known."""
     DRIVE = "drive"
     """The torque of the drives, as far as it is known."""
+    SENSOR = "sensor"
+    """What the sensor adds to that: offsets, gains."""
     LINKS = "links"
     """The inertials of the links, as far as they are known."""
     TEMPERATURE = "temperature"

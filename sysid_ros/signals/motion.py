@@ -21,6 +21,7 @@ class Motion:
         link_torque: torque that the links need, as far as it is known; None for the URDF's.
         drive_torque: torque that the drives give, friction included, as far as it is known; None for that of the links.
         held_torque: as :attr:`held_torque`; None where that is not known.
+        sensor_torque: as :attr:`sensor_torque`; None for nothing.
         temperature: of the joints [degrees Celsius], NaN where it is not known; None where none is.
 
     Attributes:
@@ -43,10 +44,12 @@ class Motion:
         drive_torque: FloatArray | None = None,
         temperature: FloatArray | None = None,
         held_torque: FloatArray | None = None,
+        sensor_torque: FloatArray | None = None,
     ) -> None:
         self.robot, self.t, self.q, self.v, self.a, self.tau = robot, t, q, v, a, tau
         self.temperature = temperature
         self._link_torque, self._drive_torque, self._held_torque = link_torque, drive_torque, held_torque
+        self._sensor_torque = sensor_torque
         self.clear: FloatArray | None = None
         self.recording = ""
         self.by_radius: FloatArray | None = None
@@ -81,6 +84,11 @@ class Motion:
         """Torque on the motor side, but as it was measured where a joint stands, as dry friction holds any torque there; shape
         (N, n) [N m]."""
         return self.drive_torque if self._held_torque is None else self._held_torque
+
+    @property
+    def sensor_torque(self) -> FloatArray:
+        """What the sensor adds to the torque on the motor side by an offset or a gain, shape (N, n) [N m]."""
+        return np.zeros_like(self.tau) if self._sensor_torque is None else self._sensor_torque
 
     @cached_property
     def regressor(self) -> FloatArray:
@@ -133,9 +141,15 @@ class Motion:
         """Derivative by time of values on the grid, along the first axis."""
         return np.asarray(np.gradient(values, self.period, axis=0))
 
-    def with_torques(self, link_torque: FloatArray, drive_torque: FloatArray, held_torque: FloatArray | None = None) -> Motion:
+    def with_torques(
+        self,
+        link_torque: FloatArray,
+        drive_torque: FloatArray,
+        held_torque: FloatArray | None = None,
+        sensor_torque: FloatArray | None = None,
+    ) -> Motion:
         """The same motion with more known of its torques, shape (N, n) each; what was computed from the motion alone is kept."""
-        known = link_torque, drive_torque, self.temperature, held_torque
+        known = link_torque, drive_torque, self.temperature, held_torque, sensor_torque
         other = Motion(self.robot, self.t, self.q, self.v, self.a, self.tau, *known)
         for name in ("regressor", "sensitivity", "gravity_torque", "rigid_torque", "base_mass"):
             if name in self.__dict__:
@@ -159,7 +173,7 @@ class Motion:
             assert other.sensitivity[0].shape == other.rigid_torque.shape + other.rigid_torque.shape[1:]
             self._carrying.clear()
             self._carrying[key] = other
-        return self._carrying[key].with_torques(self.link_torque, self.drive_torque, self._held_torque)
+        return self._carrying[key].with_torques(self.link_torque, self.drive_torque, self._held_torque, self._sensor_torque)
 
     def of_joint(self, joint: int) -> Motion:
         """The channels of one joint alone, shape (N, 1) each: for curves that depend on nothing but that joint."""
@@ -167,6 +181,7 @@ class Motion:
             one = slice(joint, joint + 1)
             channels = (x[:, one] for x in (self.q, self.v, self.a, self.tau, self.link_torque, self.drive_torque))
             self._joints[joint] = Motion(self.robot, self.t, *channels)
+            self._joints[joint]._sensor_torque = self.sensor_torque[:, one]
             self._joints[joint].temperature = None if self.temperature is None else self.temperature[:, one]
         return self._joints[joint]
 

@@ -144,14 +144,15 @@ class TorqueModel:
         damping = robot.damping * motion.v if self._dynamics else nothing
         jumps = robot.friction * smoothed_sign(motion.v, self._turns) if self._dynamics else nothing
         drive, own = link + damping + jumps, link + nothing if self._urdf_links else nothing
-        total = own + damping + jumps
+        total, added = own + damping + jumps, nothing
         for k in sorted(self._others, key=_from_link_to_message):
             late, acts = k.effect.as_delay(k.theta) != 0.0, k.effect.acts
-            torque = k.effect.torque_along(motion.with_torques(link, total if late else drive), k.theta)
+            known = motion.with_torques(link, total if late else drive, sensor_torque=added)
+            torque = k.effect.torque_along(known, k.theta)
             total = total + torque
             jumps = jumps + torque if k.effect.jumps else jumps
             link = link + torque if acts is Acts.LINK else link
-            drive = drive + torque if acts is not Acts.MEASUREMENT else drive
+            drive, added = (drive, added + torque) if acts is Acts.MEASUREMENT else (drive + torque, added)
         return TorquesAlong(link, drive, total, jumps)
 
     def known_torque(self, sample: Sample) -> FloatArray:
@@ -247,6 +248,7 @@ class TorqueModel:
         self._left_out.update(id(e) for e in effects)
 
 
-def _from_link_to_message(k: KnownEffect) -> tuple[bool, int, bool]:
+def _from_link_to_message(k: KnownEffect) -> tuple[bool, int, bool, bool]:
     """Where in the order of :meth:`TorqueModel.torques_along` an effect comes."""
-    return k.effect.as_delay(k.theta) != 0.0, list(Acts).index(k.effect.acts), Depends.DRIVE in k.effect.depends_on
+    sees = k.effect.depends_on
+    return k.effect.as_delay(k.theta) != 0.0, list(Acts).index(k.effect.acts), Depends.DRIVE in sees, Depends.SENSOR in sees

@@ -14,6 +14,7 @@ from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import EFFECTS, Effect, Scope
 from sysid_ros.estimators.symmetric import inverse_of
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.whittle import Bins
 
 _WORLDS = (1.0, 0.1)
 """How much of what real arms have an arm has: a real one, or a simulation made for one purpose. Each as likely as the other."""
@@ -56,6 +57,7 @@ class SetPrior:
 
     def __init__(self, library: Library, joints: Sequence[int]) -> None:
         motions, n = library.motions, library.robot.n
+        self._library: Library | None = library
         places: Places = {}
         for kind in EFFECTS.values():
             if kind.scope is Scope.JOINT:
@@ -70,6 +72,7 @@ class SetPrior:
     def of_places(cls, places: Places, rows: int) -> SetPrior:
         """Where each effect can be: its places with the number of its forms there; ``rows`` of the recordings."""
         prior = cls.__new__(cls)
+        prior._library = None
         prior._set(places, rows)
         return prior
 
@@ -119,7 +122,21 @@ class SetPrior:
 
     def costs(self, terms: Sequence[Term], variance: FloatArray, active: NDArray[np.intp]) -> FloatArray:
         """What each term costs beside rows of this variance, shape (K, n), of the joints that count."""
-        return np.array([self.cost(t) + self.finer(t, t.std_alone(variance, active)) for t in terms])
+        return np.array([self.cost(t) + self.finer(t, t.std_alone(variance, active)) + self.unsaid(t, variance) for t in terms])
+
+    def unsaid(self, term: Term, variance: FloatArray) -> float:
+        """What it costs that a term says nothing of a part of the measured torque: it takes that away, whatever it is, and leaves
+        less to be predicted. As a signal of its own, as strong at each frequency as that part is, it is so much less likely than
+        noise of this variance, shape (K, n), in the time that it lasts (Whittle's likelihood of both).
+        """
+        if not term.effect.from_measured or term.row is None or self._library is None:
+            return 0.0
+        lasts, bins = self._library.lasts(term), Bins.of(self._library.band.f)
+        if lasts == 0.0:
+            return 0.0
+        power, noise = (bins.mean @ x for x in (np.sum(term.columns**2, axis=1), variance[:, term.row]))
+        larger = power / (lasts * noise)
+        return 0.5 * lasts * float(np.sum(bins.count * (np.log1p(larger) + larger / (1.0 + larger))))
 
     def finer(self, term: Term, told: FloatArray) -> float:
         """What a term costs beside :meth:`cost` where robots have it so large that rows tell far smaller ones: as much less
