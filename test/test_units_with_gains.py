@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sysid_ros.diagnosis.channel_faults import faults_of_units
+from sysid_ros.diagnosis.channel_faults import faults_of_units, in_newton_metres
 from sysid_ros.diagnosis.evidence import interval
 from sysid_ros.diagnosis.fault_findings import with_scales
 from sysid_ros.diagnosis.result import Finding
@@ -35,3 +35,18 @@ def test_one_wrong_gain_beside_another_unit_is_a_cause_of_its_own() -> None:
     findings = [OTHER, gains(elbow=1.4)]
     assert with_scales([UNIT], findings, JOINTS) == ([UNIT], findings)
     assert with_scales([], findings, JOINTS) == ([], findings)
+
+
+@pytest.mark.parametrize(
+    ("factors", "none"),
+    [
+        ([(1.001, 0.044), (0.943, 0.039), (1.005, 0.016), (1.011, 0.046), (0.942, 0.056), (0.989, 0.039)], True),
+        ([(0.101, 0.004), (0.098, 0.004), (0.103, 0.002), (0.102, 0.005)], False),  # kgf m
+        ([(3.0, 0.1), (1.02, 0.05), (8.0, 0.2), (14.0, 1.0)], False),  # amperes, one of whose factors happens to be 1
+        ([(1.0, 3.0)], False),  # says nothing
+        ([(-1.0, 0.01)], False),  # no factor of a unit
+        ([], False),
+    ],
+)
+def test_factors_near_one_are_no_unit(factors: list[tuple[float, float]], none: bool) -> None:
+    assert (in_newton_metres(factors, 0.05) > 0.95) is none

@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.evidence import Evidence
@@ -155,6 +156,20 @@ def effort_factors(kernels: RobotKernels, tau: FloatArray) -> EffortFactors:
         factors = np.where(seen, factors, np.exp(np.median(np.log(factors[seen]))))
     log_prior = np.where(seen, log_prior + np.log(1.0 - _DEAD), np.log(_DEAD))
     return EffortFactors(factors, factors * part, seen, float(log_prior.sum() + _together(np.log(factors[seen]))))
+
+
+def in_newton_metres(found: Sequence[tuple[float, float]], gain: float) -> float:
+    """Probability that factors are those of efforts in N m and not in another unit, either as usual: by how much more they may be
+    1 than before any data (the ratio of Savage and Dickey).
+
+    Args:
+        found: each factor with its standard deviation. gain: by what part gains of efforts in N m are off.
+    """
+    if not found or any(value <= 0.0 for value, _ in found):
+        return 0.0
+    logs, part = np.log([value for value, _ in found]), np.array([std / value for value, std in found])
+    own, other = (0.5 * (logs / spread) ** 2 + np.log(spread) for spread in (np.hypot(part, gain), np.hypot(part, _APART)))
+    return float(special.expit(np.sum(other - own)))
 
 
 def _narrowly(logs: FloatArray, part: FloatArray) -> FloatArray:

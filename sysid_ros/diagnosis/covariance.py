@@ -19,7 +19,7 @@ from sysid_ros.diagnosis.prepare import SCALES
 from sysid_ros.diagnosis.sets.block_scatter import BlockScatter
 from sysid_ros.diagnosis.swings import Swing, follows, slope_of, swinging
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects.traits import Curve
+from sysid_ros.effects.traits import Curve, Knob
 from sysid_ros.estimators.symmetric import inverse_of, scaled_to_one
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import SLIDE, smoothed_sign, smoothed_sign_slope
@@ -67,10 +67,11 @@ class Uncertainty(NamedTuple):
     links: FloatArray
 
 
-class _Knob(NamedTuple):
+class KnobOfTerm(NamedTuple):
     """A knob of a term: its value, the range that it can have, and the derivative of the torque by it, shape (K, n)."""
 
     term: Term
+    knob: Knob
     value: float
     reach: float
     slope: FloatArray
@@ -91,7 +92,7 @@ def with_knobs(problem: Problem, library: Library, fit: Fit, scales: FloatArray 
     Args:
         scales: probability of each of :data:`sysid_ros.diagnosis.prepare.SCALES`; empty for that of the fit alone.
     """
-    knobs, count = _knobs(library, fit), len(fit.theta)
+    knobs, count = knobs_of(library, fit), len(fit.theta)
     swings = swinging(problem, library, fit)
     parts = _parts(problem, library, fit, knobs, swings, scales)
     if swings and not follows(library, fit, swings, (best := max(parts, key=lambda x: x.weight)).moved[:count], best.gained):
@@ -129,7 +130,7 @@ class _Part(NamedTuple):
 
 
 def _parts(
-    problem: Problem, library: Library, fit: Fit, knobs: Sequence[_Knob], swings: Sequence[Swing], scales: FloatArray
+    problem: Problem, library: Library, fit: Fit, knobs: Sequence[KnobOfTerm], swings: Sequence[Swing], scales: FloatArray
 ) -> list[_Part]:
     information, score, blocks = _equations(problem, library, fit, knobs, swings)
     count = len(fit.theta)
@@ -175,7 +176,7 @@ def _theta(fit: Fit, term: Term) -> FloatArray:
     return np.array([float(term.effect.settings["around"])]) if term.effect.deflection else fit.theta_of(term)
 
 
-def _knobs(library: Library, fit: Fit) -> list[_Knob]:
+def knobs_of(library: Library, fit: Fit) -> list[KnobOfTerm]:
     """The knobs of all terms."""
     out = []
     for term in fit.terms:
@@ -186,12 +187,12 @@ def _knobs(library: Library, fit: Fit) -> list[_Knob]:
                 above, below = (library.remake(term, **{knob.name: x}).columns for x in (value + step, value - step))
                 slope = replace(term, columns=(above - below) / (2.0 * step)).rows(_theta(fit, term))
                 start, end = library.times(term.recording) if knob.name == term.effect.instant else (knob.low, knob.high)
-                out.append(_Knob(term, value, end - start, slope))
+                out.append(KnobOfTerm(term, knob, value, end - start, slope))
     return out
 
 
 def _equations(
-    problem: Problem, library: Library, fit: Fit, knobs: Sequence[_Knob], swings: Sequence[Swing]
+    problem: Problem, library: Library, fit: Fit, knobs: Sequence[KnobOfTerm], swings: Sequence[Swing]
 ) -> tuple[FloatArray, FloatArray, BlockScatter]:
     """Information of the parameters of a fit, of its knobs and of what is never known of each joint; what the rows that are left
     say of them, which is nothing but of the last, of a delay and of links that swing; and how their scores scatter."""

@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
-from sysid_ros.diagnosis.channel_faults import fault_evidence, undone
+from sysid_ros.diagnosis.channel_faults import Fault, fault_evidence, undone
 from sysid_ros.diagnosis.claims import Judged
 from sysid_ros.diagnosis.contacts import Contact, contacts_held_out, contacts_in, without
 from sysid_ros.diagnosis.extended_model import extended_model, urdf_part
-from sysid_ros.diagnosis.fault_findings import contact_findings, message_finding, signal_findings, with_faults
+from sysid_ros.diagnosis.fault_findings import contact_findings, message_finding, refuted, signal_findings, with_faults
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.gain import gain_or_why_not
 from sysid_ros.diagnosis.heldout import HeldOut, split
@@ -31,6 +31,7 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.temperature import known_everywhere
 from sysid_ros.simulation.simulators import installed
+from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.model_file import ModelFile
 
 _MOST_CONTACTS = 8
@@ -85,17 +86,15 @@ def diagnose(
     of_data = [*signal_findings(fitted, robot.joint_names), *message_finding(of_messages, robot.joint_names)]
 
     effects = known.known_effects(robot) if known else []
-    prepared = partial(prepare, robot, known=effects, silent=silent)
-    train, selection, contacts = _search(robot, [undone(r, faults) for r in fitted], prepared, progress)
-    held, later = _held_out(robot, [undone(r, faults) for r in judged], prepared, train, selection.fit, progress)
-    notes += whose.in_words if whose else ()
+    told, found, contacts, later, faults, silent = _told(robot, fitted, judged, faults, silent, effects, progress)
+    fit, train, held = told.fit, told.train, told.held
+    found = with_ceiling(found, told, progress)
+    notes += whose.in_words if whose and silent else ()
     notes += tuple(f"{c.recording}: {c.in_words()}, and is left out of what the models are judged on." for c in later)
-    told = Judged(train, selection, selection.judged_with(held), held)
-    found, fit = with_ceiling(report(told), told, progress), told.fit
     if doubt and (found.verdict not in _WHOLLY or sum(t.effect.replaces_links for t in fit.terms) > _REPLACED):
         return Diagnosis("refused", robot.joint_names, refusal=doubt, notes=notes)
 
-    published = prepared([without(r, later) for r in judged]) if faults else held.prepared
+    published = prepare(robot, [without(r, later) for r in judged], effects, silent=silent) if faults else held.prepared
     others = [*of_data, *contact_findings(contacts, robot)]
     found = with_faults(found, faults, fault_evidence(robot, fitted, faults), others, train, published, held, fit)
     model = extended_model(robot, known, fit, told.values, train, {r.name: r.start for r in fitted}, provenance or {})
@@ -105,6 +104,40 @@ def diagnose(
     simulation, tracking, why_not = gain_or_why_not(held.prepared, held.predictions(fit), both, told.noise, simulator)
     notes += (*changes, *found.notes, *why_not)
     return replace(found, model=model, urdf_model=urdf_model, simulation=simulation, tracking=tracking, notes=notes)
+
+
+class _Told(NamedTuple):
+    """What is told, the contacts that are left out of what is fitted and of what it is judged on, the faults that were undone and
+    the joints whose efforts hold nothing."""
+
+    judged: Judged
+    found: Diagnosis
+    contacts: list[Contact]
+    later: list[Contact]
+    faults: tuple[Fault, ...]
+    silent: tuple[int, ...]
+
+
+def _told(
+    robot: RobotModel,
+    fitted: Sequence[Recording],
+    judged: Sequence[Recording],
+    faults: tuple[Fault, ...],
+    silent: tuple[int, ...],
+    effects: Sequence[KnownEffect],
+    progress: Progress,
+) -> _Told:
+    """What is told with some faults undone, without those that all that was found refutes."""
+    while True:
+        prepared = partial(prepare, robot, known=effects, silent=silent)
+        train, selection, contacts = _search(robot, [undone(r, faults) for r in fitted], prepared, progress)
+        held, later = _held_out(robot, [undone(r, faults) for r in judged], prepared, train, selection.fit, progress)
+        told = Judged(train, selection, selection.judged_with(held), held)
+        found = report(told)
+        if not (wrong := refuted(faults, found, train, told.fit)):
+            return _Told(told, found, contacts, later, faults, silent)
+        progress("efforts are in N m after all: once more without the factors that were undone")
+        faults, silent = tuple(f for f in faults if f not in wrong), ()
 
 
 def _search(

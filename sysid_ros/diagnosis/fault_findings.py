@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid_ros.diagnosis.channel_faults import Deviation, Fault, deviation_of
+from sysid_ros.diagnosis.channel_faults import Deviation, Fault, deviation_of, in_newton_metres
 from sysid_ros.diagnosis.claims import with_headline
 from sysid_ros.diagnosis.contacts import Contact
 from sysid_ros.diagnosis.evidence import Evidence, count_interval, interval, together
@@ -16,6 +16,8 @@ from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Diagnosis, Finding, TorqueRmse
 from sysid_ros.diagnosis.signal_faults import lattices, velocity_lag
+from sysid_ros.diagnosis.whose.robot_hypotheses import SURE
+from sysid_ros.diagnosis.whose.robot_kernels import GAIN
 from sysid_ros.effects import ChannelEffect, ExternalForce, Parameter, TorqueQuantisation, TorqueUnit, VelocityLag
 from sysid_ros.effects.wording import of_joints, phrase
 from sysid_ros.input_gate.message_faults import FAULTS, MessageFaults
@@ -30,11 +32,15 @@ _FAR, _MOST = 1.15, 0.7
 
 def finding_of(fault: Fault, joints: Sequence[str], evidence: Evidence, deviation: Deviation) -> Finding:
     """A fault of units, signs or order; the spread of a factor is that of the efforts, all that was found adjusted to it."""
-    effect = fault.effect
+    named, found = tuple(joints[j] for j in fault.joints), _parameters(fault, joints, deviation)
+    return replace(_finding(fault.effect, named, len(joints), found, evidence, _UNDONE), probability=fault.probability)
+
+
+def _parameters(fault: Fault, joints: Sequence[str], deviation: Deviation) -> tuple[Parameter, ...]:
     found = []
     for name, joint, value, unit, std in fault.values:
         where = None if joint is None else joints[joint]
-        if isinstance(value, str) or not effect.scales:
+        if isinstance(value, str) or not fault.effect.scales:
             found.append(Parameter(name, where, value, unit))
         elif std is not None:
             found.append(Parameter(name, where, value, unit, std, *interval(value, std)))
@@ -42,8 +48,18 @@ def finding_of(fault: Fault, joints: Sequence[str], evidence: Evidence, deviatio
             found.append(Parameter(name, where, value, unit))
         else:
             found.append(_factor(name, where, value, unit, *measured))
-    named = tuple(joints[j] for j in fault.joints)
-    return replace(_finding(effect, named, len(joints), tuple(found), evidence, _UNDONE), probability=fault.probability)
+    return tuple(found)
+
+
+def refuted(faults: Sequence[Fault], found: Diagnosis, train: Prepared, fit: Fit) -> list[Fault]:
+    """Units of efforts that all that was found says are N m: what else was wrong had looked like one."""
+    known, _ = with_scales(faults, found.findings, found.joints)
+    deviation, out = deviation_of(train, fit), []
+    for fault, now in zip(faults, known, strict=True):
+        told = _parameters(now, found.joints, deviation) if now.effect.absorbs else ()
+        if in_newton_metres([(p.value, p.std) for p in told if isinstance(p.std, float)], GAIN) > SURE:
+            out.append(fault)
+    return out
 
 
 def _own(fault: Fault, joint: int) -> tuple[Sequence[int], Sequence[int]]:

@@ -11,12 +11,15 @@ from scipy import optimize
 
 from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.corrections import correct, lean
+from sysid_ros.diagnosis.covariance import KnobOfTerm, knobs_of
 from sysid_ros.diagnosis.deflections import fit_deflection
 from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import links_changed, torques
+from sysid_ros.diagnosis.swings import slope_of
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import Depends, Knob
+from sysid_ros.estimators.symmetric import inverse_of
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.whittle import Noise
@@ -28,6 +31,10 @@ _NEAR, _APART = 8, 0.015
 """Number and spacing of the times on each side of an event that are tried at last [s]."""
 _ADVANCED = 3
 """Steps to the delay by which measured torques are advanced."""
+_NEWTON, _GAINED, _FARTHEST = 6, 0.5, 0.4
+"""Most steps of all knobs together, log-likelihood that another one must bring, and how far one goes at most (of a logarithm)."""
+_PARTS = (1.0, 0.5, 0.2)
+"""Parts of such a step that are tried."""
 _HEAVIER = 0.01
 """Part of the mass of all links by which they must change before a compliance is looked for again: a search, no evidence."""
 
@@ -168,6 +175,64 @@ def made_anew(
         for term in [t for t in fit.terms if t.effect.corrects]:
             fit = _advanced(problem, library, fit, term)
     return fit
+
+
+def sharpened(problem: Problem, library: Library, fit: Fit, links: Sequence[FloatArray], nominal: Sequence[FloatArray]) -> Fit:
+    """The fit with all knobs, and the delay of the efforts, where the rows are the most likely together: steps of Gauss and
+    Newton. One after the other they follow each other slowly, as friction that builds up late and a delay do.
+
+    Args:
+        links, nominal: as :func:`made_anew` has them.
+    """
+    for _ in range(_NEWTON):
+        better = _all_moved(problem, library, fit)
+        if better is None:
+            break
+        library.update(*torques(library, better, links, nominal))
+        fit, gained = made_anew(problem, library, better, links, nominal, refined=False), better.loglik - fit.loglik
+        if gained < _GAINED:
+            break
+    return fit
+
+
+def _all_moved(problem: Problem, library: Library, fit: Fit) -> Fit | None:
+    """The fit after one step; None where no part of it makes the rows likelier."""
+    knobs = [x for x in knobs_of(library, fit) if x.term.instant is None and not x.term.effect.deflection]
+    delays = {t: slope_of(library, t) for t in fit.terms if t.effect.corrects}
+    if not knobs and not delays:
+        return None
+    count = len(fit.theta)
+    known = [*(t.prior for t in fit.terms), problem.prior if fit.inexact else np.zeros(0)]
+    information = np.diag(np.concatenate([*known, [12.0 / x.reach**2 for x in knobs]]))
+    score = -np.diag(information) * np.concatenate([fit.theta, np.zeros(len(knobs))])
+    for j, (index, X) in fit.blocks.items():
+        columns = np.concatenate([X, *(x.slope[:, j, None] for x in knobs)], axis=1)
+        for term, slope in delays.items():
+            columns[:, np.flatnonzero(index == fit.slices[fit.terms.index(term)].start)] = slope[:, j, None]
+        every = np.concatenate([index, np.arange(count, len(score))])
+        information[np.ix_(every, every)] += columns.T @ (columns / fit.variance[:, j, None])
+        score[every] += columns.T @ (fit.residual[:, j] / fit.variance[:, j])
+    step = inverse_of(information) @ score
+    late = {t: float(step[fit.slices[fit.terms.index(t)].start]) for t in delays}
+    for part in _PARTS:
+        settings: dict[Term, dict[str, float]] = {
+            t: {"around": float(t.effect.settings["around"]) + part * late[t]} for t in late
+        }
+        for x, by in zip(knobs, step[count:], strict=True):
+            settings.setdefault(x.term, {})[x.knob.name] = _stepped(x, part * float(by))
+        made = {t: library.remake(t, **own) for t, own in settings.items()}
+        moved = _with(problem, library, fit, [made.get(t, t) for t in fit.terms])
+        if moved.loglik > fit.loglik:
+            return moved
+    correct(problem, library, fit.terms)
+    return None
+
+
+def _stepped(x: KnobOfTerm, by: float) -> float:
+    """Value of a knob after a step, in the range in which it is searched."""
+    low, high = x.term.effect.search_range(x.knob, x.value, x.term.load)
+    to = x.value * float(np.exp(np.clip(by / x.value, -_FARTHEST, _FARTHEST))) if x.knob.logarithmic else x.value + by
+    return float(np.clip(to, low, high))
 
 
 def _with(problem: Problem, library: Library, fit: Fit, terms: Sequence[Term]) -> Fit:

@@ -11,7 +11,7 @@ from sysid_ros.diagnosis.corrections import correct
 from sysid_ros.diagnosis.covariance import dry_friction
 from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.heldout import HeldOut, no_worse
-from sysid_ros.diagnosis.knobs import made_anew, refine
+from sysid_ros.diagnosis.knobs import made_anew, refine, sharpened
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import before_gains, torques
 from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, event, forms, met, proposal, refined
@@ -28,8 +28,7 @@ Key = tuple[str, tuple[int, ...]]
 
 _TRIED_IN_FULL, _REFINED, _MOST_STEPS = 10, 4, 24
 _SCREENED = 0.5
-"""Part of its price that a term must seem to gain with the noise as it is: what no term explains was taken for slow noise, and a
-term gains more once the noise is found anew."""
+"""Part of its price that a term must seem to gain: it gains more once the slow noise that it was taken for is found anew."""
 _AGAIN = 2
 """How often the knobs of what is usual are searched, each time near the last; and how often what does not stay is proposed."""
 _USUAL = 0.5
@@ -84,7 +83,7 @@ class Selection:
         """The most probable set that is reached from the present one, with events that lay between the rows before."""
         self.refresh()
         self.date()
-        self._again(lambda t: bool(t.effect.knobs) and t.instant is None)
+        self.sharpen()
         events = self.library.whole_options(lambda kind: bool(kind.instant))
         while step := event(self.problem, self.library, self.fit, events, self._allowed, self.price):
             self.fit, self.pool = step.fit, [*self.pool, *step.terms]
@@ -107,7 +106,7 @@ class Selection:
                     continue
             settled.add(self._keys())
             self.date()
-            self._again(lambda t: bool(t.effect.knobs) and t.instant is None)
+            self.sharpen()
             self._add_forms()
             self._add_rivals()
             self.climb()
@@ -157,11 +156,11 @@ class Selection:
     def judged_with(self, held: HeldOut) -> Posterior:
         """The most probable set, and how probable its terms are, by what is predicted of fitted and of held-out recordings."""
         posterior, before = self._judged(held), self.fit.terms
-        if not any(t.effect.of_own_torque for t in before):
-            return posterior
-        self.library.apart = held.library.apart = False
-        self.fit = before_gains(self.fit)
-        self.refresh()
+        self.fit = sharpened(self.problem, self.library, self.fit, self._links, self._nominal)
+        if any(t.effect.of_own_torque for t in before):
+            self.library.apart = held.library.apart = False
+            self.fit = before_gains(self.fit)
+            self.refresh()
         held.update(self.fit)
         return posterior.of(dict(zip(before, self.fit.terms, strict=True)))
 
@@ -218,8 +217,7 @@ class Selection:
         for name in self.library.of_joints:
             for j in self._joints:
                 out |= {best.term.exact_key: best.term for best in self._best_options(scorer, name, j)}
-        # the columns of a deflection are those of one size: no other size of it stands in for it
-        sized = {t.key for t in self.fit.terms if t.effect.deflection}
+        sized = {t.key for t in self.fit.terms if t.effect.deflection}  # has columns of one size: no other stands in for it
         out |= {t.exact_key: t for t in [*(t for t in self.pool if t.key not in sized), *self.fit.terms]}
         asked = [t for t in out.values() if held is None or t.instant is None or t in self.fit.terms]
         if held is not None:
@@ -234,6 +232,11 @@ class Selection:
 
     def _again(self, which: Callable[[Term], bool]) -> None:
         self.fit = refine(self.problem, self.library, self.fit, list(filter(which, self.fit.terms)))
+
+    def sharpen(self) -> None:
+        """Move the knobs to where the rows are the most likely: each by itself, then all together."""
+        self._again(lambda t: bool(t.effect.knobs) and t.instant is None)
+        self.fit = sharpened(self.problem, self.library, self.fit, self._links, self._nominal)
 
     def refresh(self) -> None:
         """Make anew the columns that depend on torques, or what the links weigh, with those of the present fit."""
@@ -252,15 +255,12 @@ class Selection:
         scorer = Scorer(self.problem, self.fit)
         groups: list[tuple[float, list[Term]]] = []
         local: list[tuple[float, Term]] = []
-        for name in self.library.of_joints:
-            if EFFECTS[name] is without or EFFECTS[name].includes:  # the latter are tried in the place of others only
-                continue
+        # what includes others is tried in their place only
+        for name in (x for x in self.library.of_joints if EFFECTS[x] is not without and not EFFECTS[x].includes):
             scores = [s for j in self._joints for s in self._best_options(scorer, name, j) if not self._tried(s.term)]
             gains = [(s.gain - self.price(s.term), s.term) for s in scores]
-            for replaces in (False, True):
-                better = [(gain, term) for gain, term in gains if gain > 0.0 and self._replaces(term) is replaces]
-                if better:
-                    groups.append((sum(gain for gain, _ in better), [term for _, term in better]))
+            better = ([x for x in gains if x[0] > 0.0 and self._replaces(x[1]) is replaces] for replaces in (False, True))
+            groups += [(sum(gain for gain, _ in some), [term for _, term in some]) for some in better if some]
             groups += [(gain, [term]) for gain, term in gains if gain <= 0.0]
             local += gains
         groups += one_on_each(local)
