@@ -10,16 +10,18 @@ from motions import Motion as Path_
 from robots import robot
 from test_diagnosis import ARM, NOISE, RATE
 
+from sysid_ros.diagnosis.corrections import correct
 from sysid_ros.diagnosis.fit import Fit
+from sysid_ros.diagnosis.knobs import sharpened
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.effects import TimeDelay
+from sysid_ros.effects import PreslidingHysteresis, TimeDelay
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.motion import Motion
 from sysid_ros.signals.recording import Recording
 
-LATE = 0.06
+LATE, BUILDS_UP = 0.06, 0.02
 FRICTION = (1.2, 1.5, 0.6, 0.4)
 VISCOUS = (1.0, 1.5, 0.5, 0.3)
 
@@ -105,3 +107,29 @@ def test_without_a_delay_the_rows_are_those_that_were_measured() -> None:
     selection.refresh()
     assert (before, train.problem.corrected) == (True, False)
     np.testing.assert_array_equal(train.problem.y, measured)
+
+
+def test_friction_that_builds_up_and_a_delay_are_found_together() -> None:
+    """Each follows the other slowly: what is late after a reversal may be either."""
+    model, rng = robot(ARM), np.random.default_rng(7)
+    t = np.arange(14000) * 1e-3
+    q, v, a = Path_(model, 7, speed=1.2)(t)
+    bristles = PreslidingHysteresis(model, z_s=BUILDS_UP)
+    exact = Motion(model, t, q, v, a, np.zeros_like(q))
+    drive = exact.rigid_torque + bristles.torque_along(exact, np.array(FRICTION)) + np.array(VISCOUS) * v
+    tau = np.stack([np.interp(t - LATE, t, x) for x in drive.T], axis=1) + NOISE * rng.normal(size=q.shape)
+    train = prepare(model, [Recording("late", t, q, v, tau)], [])
+    library, joints = Library(model, train.band), range(model.n)
+    links = [m.link_torque for m in train.motions]
+    friction = [library.local("presliding_hysteresis", j, z_s=1.4 * BUILDS_UP) for j in joints]
+    terms = [*friction, *(library.local("viscous_friction", j) for j in joints), library.whole("time_delay", around=0.7 * LATE)]
+    correct(train.problem, library, terms)
+    first = train.problem.fit(terms, inexact=True)
+    found = sharpened(train.problem, library, first, links, train.nominal)
+    assert [t.key for t in found.terms] == [t.key for t in first.terms]
+    assert found.loglik > first.loglik + 100.0
+    assert delay_of(found) == pytest.approx(LATE, abs=1e-3)
+    for term in found.terms[: model.n]:
+        assert term.effect.settings["z_s"] == pytest.approx(BUILDS_UP, rel=0.05)
+    again = sharpened(train.problem, library, found, links, train.nominal)
+    assert again.loglik < found.loglik + 1.0

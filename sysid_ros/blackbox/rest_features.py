@@ -113,7 +113,7 @@ def memories(i: RestInputs, s: Spread, j: int) -> Blocks:
     q = i.q[:, j]
     lagged = np.column_stack([i.v[:, j] / s.v[j], i.sign[:, j]])
     return {
-        "bristles": i.below(np.column_stack([bristle(q[:, None], w) for w in _BRISTLES])),
+        "bristles": i.below(np.column_stack([bristle(q[:, None], w, i.period) for w in _BRISTLES])),
         "plays": i.below(np.column_stack([play(q, w) / w for w in _PLAYS])),
         "delays": _lagged(i, lagged, _LAGS),
     }

@@ -184,12 +184,18 @@ def sharpened(problem: Problem, library: Library, fit: Fit, links: Sequence[Floa
     Args:
         links, nominal: as :func:`made_anew` has them.
     """
+
+    def anew(fit: Fit) -> Fit:
+        library.update(*torques(library, fit, links, nominal))
+        return made_anew(problem, library, fit, links, nominal, refined=False)
+
+    fit = anew(fit)
     for _ in range(_NEWTON):
-        better = _all_moved(problem, library, fit)
-        if better is None:
-            break
-        library.update(*torques(library, better, links, nominal))
-        fit, gained = made_anew(problem, library, better, links, nominal, refined=False), better.loglik - fit.loglik
+        moved = _all_moved(problem, library, fit)
+        better = moved and anew(moved)
+        if better is None or better.loglik < fit.loglik:
+            return anew(fit)
+        fit, gained = better, better.loglik - fit.loglik
         if gained < _GAINED:
             break
     return fit
@@ -201,7 +207,9 @@ def _all_moved(problem: Problem, library: Library, fit: Fit) -> Fit | None:
     delays = {t: slope_of(library, t) for t in fit.terms if t.effect.corrects}
     if not knobs and not delays:
         return None
-    count = len(fit.theta)
+    count, residual = len(fit.theta), fit.residual.copy()
+    for term in delays:  # from the delay that the columns are exact at
+        residual += term.rows(fit.theta_of(term) - float(term.effect.settings["around"]))
     known = [*(t.prior for t in fit.terms), problem.prior if fit.inexact else np.zeros(0)]
     information = np.diag(np.concatenate([*known, [12.0 / x.reach**2 for x in knobs]]))
     score = -np.diag(information) * np.concatenate([fit.theta, np.zeros(len(knobs))])
@@ -211,7 +219,7 @@ def _all_moved(problem: Problem, library: Library, fit: Fit) -> Fit | None:
             columns[:, np.flatnonzero(index == fit.slices[fit.terms.index(term)].start)] = slope[:, j, None]
         every = np.concatenate([index, np.arange(count, len(score))])
         information[np.ix_(every, every)] += columns.T @ (columns / fit.variance[:, j, None])
-        score[every] += columns.T @ (fit.residual[:, j] / fit.variance[:, j])
+        score[every] += columns.T @ (residual[:, j] / fit.variance[:, j])
     step = inverse_of(information) @ score
     late = {t: float(step[fit.slices[fit.terms.index(t)].start]) for t in delays}
     for part in _PARTS:

@@ -123,7 +123,7 @@ class LinkInertia(Effect):
         if form == COMPACT:
             basis = _beside(self.nominal)
             theta, std = basis @ theta, np.sqrt(basis**2 @ np.minimum(std, self.prior_std(form)) ** 2)
-        if self.robot.body_names[joint] == self.robot.default_frame and theta[0] > 0.0:
+        if self.robot.body_names[joint] == self.robot.default_frame and theta[0] > 2.0 * std[0]:
             return False
         return within_reach(self.robot, self.robot.pi[10 * joint : 10 * joint + 4] + theta[:4], std)
 

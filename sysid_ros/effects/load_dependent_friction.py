@@ -79,7 +79,7 @@ class LoadDependentFriction(DryFriction, JointCurves):
     def sign(self, state: Sample | Motion) -> FloatArray:
         if not self.z_s:
             return super().sign(state)
-        return bristle(state.q, self.z_s) if isinstance(state, Motion) else smoothed_sign(state.v)
+        return bristle(state.q, self.z_s, state.period) if isinstance(state, Motion) else smoothed_sign(state.v)
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         s = self.sign(state)

@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from sysid_ros.effects.effect import JointCurves, Knob, positive
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign
@@ -43,7 +41,7 @@ class PreslidingHysteresis(JointCurves):
 
     def curves(self, state: Sample | Motion, load: FloatArray) -> FloatArray:
         if isinstance(state, Motion):
-            return np.asarray(bristle(state.q, self.z_s))[None]
+            return bristle(state.q, self.z_s, state.period)[None]
         return smoothed_sign(state.v)[None]
 
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:

@@ -99,7 +99,7 @@ class CoarseRows:
 
 
 def _rows(m: Motion, step: float) -> tuple[FloatArray, ...]:
-    signs = [smoothed_sign(m.v), smoothed_sign(m.v, _SLOW_SIGN), *(bristle(m.q, z_s) for z_s in _BUILDS_UP)]
+    signs = [smoothed_sign(m.v), smoothed_sign(m.v, _SLOW_SIGN), *(bristle(m.q, z_s, m.period) for z_s in _BUILDS_UP)]
     n, every = m.q.shape[1], max(1, round(step / m.period))
     channels = low_passed(np.hstack([m.q, m.v, m.a, m.tau, *signs]), min(_CUTOFF, 0.2 / m.period), m.period)[every // 2 :: every]
     q, v, a, tau, sign, *dry = (channels[:, n * i : n * (i + 1)] for i in range(4 + len(signs)))
