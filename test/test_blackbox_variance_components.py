@@ -114,8 +114,13 @@ def test_left_out_predictions_know_nothing_of_the_fold() -> None:
 
 def test_a_bristle_bends_and_slides() -> None:
     forth, back = np.linspace(0.0, 1.0, 50), np.linspace(1.0, 0.9, 20)
-    z = bristle(np.concatenate([forth, back])[:, None], 0.05)[:, 0]
+    z = bristle(np.concatenate([forth, back])[:, None], 0.05, 0.02)[:, 0]
     assert z[49] == pytest.approx(1.0, abs=1e-6)
     # Dahl: exact after a turn, z = -1 + 2 exp(-way / width)
     assert z[-1] == pytest.approx(-1.0 + 2.0 * np.exp(-0.1 / 0.05), abs=1e-6)
     assert play(forth, 0.1)[-1] == pytest.approx(-0.1)
+    # what moves at the first position has moved 0.3 s before it; what stands there has bent nothing
+    assert z[0] == pytest.approx(1.0 - np.exp(-15.0 * forth[1] / 0.05))
+    stands = np.concatenate([np.zeros(20), forth])[:, None]
+    assert np.all(bristle(stands, 0.05, 0.02)[:20] == 0.0)
+    assert bristle(forth[:3, None], 0.05, 0.02).shape == (3, 1)

@@ -161,7 +161,7 @@ def gears_that_build_up(seed: int) -> Recording:
     t = np.arange(round(20.0 * RATE)) / RATE
     q, v, a = Path_(model, seed, speed=1.0)(t)
     tau = model.rnea_along(q, v, a)
-    rubs = np.array([4.0, 8.0, 4.0, 2.0]) * bristle(q, 0.1)
+    rubs = np.array([4.0, 8.0, 4.0, 2.0]) * bristle(q, 0.1, 1.0 / RATE)
     return Recording("gears", t, q, None, tau + rubs + 0.1 * rng.normal(size=q.shape))
 
 
