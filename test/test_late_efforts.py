@@ -112,7 +112,7 @@ def test_without_a_delay_the_rows_are_those_that_were_measured() -> None:
 def test_friction_that_builds_up_and_a_delay_are_found_together() -> None:
     """Each follows the other slowly: what is late after a reversal may be either."""
     model, rng = robot(ARM), np.random.default_rng(7)
-    t: FloatArray = np.arange(14000) * 1e-3
+    t = np.asarray(np.arange(14000) * 1e-3, dtype=float)
     q, v, a = Path_(model, 7, speed=1.2)(t)
     bristles = PreslidingHysteresis(model, z_s=BUILDS_UP)
     exact = Motion(model, t, q, v, a, np.zeros_like(q))
