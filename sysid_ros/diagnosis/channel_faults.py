@@ -112,8 +112,8 @@ class EffortFactors:
 
     Attributes:
         values: published effort over torque, shape (n,); where none can be told the middle of the others. std: standard
-            deviations. seen: joints whose efforts are likelier with the URDF's bodies in them than without any; of the others no
-            factor can be told.
+            deviations. seen: joints whose efforts are likelier with the URDF's bodies in them than without any, and tell their
+            factor; of the others none can be told.
         log_prior: log-probability of such factors before any data: how narrowly each is told of what it could have been.
     """
 
@@ -151,7 +151,8 @@ def effort_factors(kernels: RobotKernels, tau: FloatArray) -> EffortFactors:
         theta[:n] = 0.0
         without = x.sizes(tau[:, j] / factors[j], x.fixed() - x.prior[1])[1]
         with_bodies = x.sizes(x.residual[:, 0] - x.prior[0] @ theta, x.fixed(), sizes[j])[1]
-        seen[j] = gain[j] > 0.0 and with_bodies + log_prior[j] + np.log(1.0 - _DEAD) > without + np.log(_DEAD)
+        told = gain[j] > 0.0 and part[j] < _APART  # more narrowly than before any data
+        seen[j] = told and with_bodies + log_prior[j] + np.log(1.0 - _DEAD) > without + np.log(_DEAD)
     if seen.any():
         factors = np.where(seen, factors, np.exp(np.median(np.log(factors[seen]))))
     log_prior = np.where(seen, log_prior + np.log(1.0 - _DEAD), np.log(_DEAD))

@@ -88,7 +88,7 @@ class JointTorques:
         """
         loss = self._loss(mean, fixed, step)
         starts = [*([] if start is None else [start]), *([] if near else _STARTS)]
-        starts = sorted(starts, key=loss.value)
+        starts = sorted(starts, key=self._loss(mean, fixed, max(step, 2)).value)
         apart = [x for x in starts if abs(x[1] - starts[0][1]) > _APART]
         bounds, options = list(zip(_LOW, _HIGH, strict=True)), {"maxiter": _STEPS, "ftol": 1e-6}
         each = [
@@ -169,13 +169,13 @@ def _with_likeliest_sizes(joints: Sequence[JointTorques]) -> FloatArray:
     told = [x.information(inverse(x.covariance(s))) for x, s in zip(joints, sizes, strict=True)]
     unit, reached = np.eye(joints[0].prior[0].shape[1]), [-np.inf] * len(joints)
     for sweep in range(1 + _SWEEPS):
-        before, half = sum(reached), sweep == 0  # half of the rows tell which of the optima it is
+        before, half = sum(reached), sweep == 0  # half of the rows tell where the optima are, all of them which of two it is
         for j, x in enumerate(joints):
             X, rest = x.prior[0], [y for i, y in enumerate(told) if i != j]
             others = _factored(unit + sum(H for H, _ in rest))
             theta = linalg.cho_solve(others, sum((h for _, h in rest), np.zeros(len(unit))))
             left = x.residual[:, 0] - X @ theta
-            sizes[j], reached[j] = x.sizes(left, x.fixed() + _spread(X, others), sizes[j], 1 + half, not half)
+            sizes[j], reached[j] = x.sizes(left, x.fixed() + _spread(X, others), sizes[j], 1 + half, sweep > 1)
             told[j] = x.information(inverse(x.covariance(sizes[j])))
         if abs(sum(reached) - before) < _SETTLED:
             break
