@@ -9,6 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from exam.candidate import recording_of
+from exam.real import draw_real
 from motions import Motion as Path_
 from robots import robot, urdf
 from test_diagnosis import ARM, NOISE, RATE, record
@@ -244,3 +246,13 @@ def test_a_weak_and_slow_cause_is_not_taken_for_slow_noise(seed: int) -> None:
     assert [(f.id, f.joints) for f in result.findings] == [("spring", robot(ARM).joint_names[2:3])]
     (k,) = [p for p in result.findings[0].parameters if p.name == "k"]
     assert k.low <= 0.07 <= k.high
+
+
+@pytest.mark.slow
+def test_a_joint_whose_torque_is_mostly_friction_has_no_factor_of_its_own() -> None:
+    """Half of its rows make it noise about a law, all of them a law that no model has: 276 in the log-likelihood."""
+    case = draw_real(99713)
+    found = judge(case.nominal.model(), [recording_of(r) for r in case.train])
+    assert found is not None
+    assert not found.faults
+    assert found.refusal is None
