@@ -416,7 +416,6 @@ UNSEEN = "of the first joint, about a vertical axis, it shows nothing on this mo
 DO_NOT_HOLD = {
     ("asymmetric_coulomb_friction", "evidence"): "it is told as the Coulomb friction and the offset that it equals",
     ("asymmetric_coulomb_friction", "intervals"): "it is told as the Coulomb friction and the offset that it equals",
-    ("stribeck_friction", "intervals"): "4 of 9: the noise is so small that what the filters leave of its bump is above it",
     (
         "payload_change",
         "evidence",
