@@ -91,7 +91,9 @@ def diagnose(
     found = with_ceiling(found, told, progress)
     notes += whose.in_words if whose and silent else ()
     notes += tuple(f"{c.recording}: {c.in_words()}, and is left out of what the models are judged on." for c in later)
-    if doubt and (found.verdict not in _WHOLLY or sum(t.effect.replaces_links for t in fit.terms) > _REPLACED):
+    # what takes measured efforts away explains none of them
+    removed = any(t.effect.from_measured for t in fit.terms)
+    if doubt and (removed or found.verdict not in _WHOLLY or sum(t.effect.replaces_links for t in fit.terms) > _REPLACED):
         return Diagnosis("refused", robot.joint_names, refusal=doubt, notes=notes)
 
     published = prepare(robot, [without(r, later) for r in judged], effects, silent=silent) if faults else held.prepared

@@ -156,7 +156,6 @@ class Selection:
     def judged_with(self, held: HeldOut) -> Posterior:
         """The most probable set, and how probable its terms are, by what is predicted of fitted and of held-out recordings."""
         posterior, before = self._judged(held), self.fit.terms
-        self.fit = sharpened(self.problem, self.library, self.fit, self._links, self._nominal)
         if any(t.effect.of_own_torque for t in before):
             self.library.apart = held.library.apart = False
             self.fit = before_gains(self.fit)
