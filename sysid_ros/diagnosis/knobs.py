@@ -192,8 +192,10 @@ def sharpened(problem: Problem, library: Library, fit: Fit, links: Sequence[Floa
     fit = anew(fit)
     for _ in range(_NEWTON):
         moved = _all_moved(problem, library, fit)
-        better = moved and anew(moved)
-        if better is None or better.loglik < fit.loglik:
+        if moved is None:
+            break
+        better = anew(moved)
+        if better.loglik < fit.loglik:
             return anew(fit)
         fit, gained = better, better.loglik - fit.loglik
         if gained < _GAINED:
