@@ -39,9 +39,11 @@ def changes(*events: tuple[float, float], friction: float = 0.0) -> Change:
 
 
 def found(fitted: Sequence[Recording], judged: Sequence[Recording]) -> tuple[Diagnosis, list[dict[str, object]]]:
-    """The diagnosis, and name and value of each parameter of each event."""
+    """The diagnosis, and name and value of each parameter of each event, with the interval of its time."""
     result = diagnose(robot(ARM), fitted, judged)
     events = [{p.name: p.value for p in f.parameters} for f in result.findings if f.id == "payload_change"]
+    for event, finding in zip(events, (f for f in result.findings if f.id == "payload_change"), strict=True):
+        event["between"] = next((p.low, p.high) for p in finding.parameters if p.name == "t0")
     return result, events
 
 
@@ -98,7 +100,9 @@ def test_each_recording_has_its_own_event(second: float | None) -> None:
     result, events = found(fitted, [record(changes((4.0, 1.5)), 3, 9.0)])
     assert {f.id for f in result.findings} == {"payload_change"}
     expected = {"first": 7.0} | ({"second": second} if second else {})
-    assert {e["recording"]: e["t0"] for e in events} == {k: pytest.approx(t, abs=0.03) for k, t in expected.items()}
+    between = {e["recording"]: e["between"] for e in events}
+    assert all(low <= expected[name] <= high for name, (low, high) in between.items())  # type: ignore[misc]
+    assert all(high - low < 0.3 for low, high in between.values())  # type: ignore[misc]
     assert result.model is not None
     stamps = {b.settings["recording"]: b.settings["t0"] for b in result.model.effects if b.effect == "payload_change"}
     assert stamps == {r.name: pytest.approx(r.t[0] + expected[r.name], abs=0.03) for r in fitted if r.name in expected}

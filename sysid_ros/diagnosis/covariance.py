@@ -17,6 +17,7 @@ from sysid_ros.diagnosis.fit import Fit, Problem
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import SCALES
 from sysid_ros.diagnosis.sets.block_scatter import BlockScatter
+from sysid_ros.diagnosis.sets.instants import instant_of
 from sysid_ros.diagnosis.swings import Swing, follows, slope_of, swinging
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects.traits import Curve, Knob
@@ -113,7 +114,13 @@ def with_knobs(problem: Problem, library: Library, fit: Fit, scales: FloatArray 
         moved, spread = _together(parts, both)
         if how := term.effect.deflection:
             spread[0, 0] += (how.form_error * float(theta[0])) ** 2
-        out[term] = Estimates(np.concatenate([theta, [knobs[i].value for i in own_knobs]]) + moved, spread, scatter, basis)
+        values = np.concatenate([theta, [knobs[i].value for i in own_knobs]]) + moved
+        if term.effect.instant:
+            of_sizes = sum(x.weight * float(np.mean(x.ratios[both[:-1]])) for x in parts)
+            values[-1], std = instant_of(problem, library, fit, term, of_sizes)
+            to = np.append(np.ones(len(values) - 1), std / np.sqrt(spread[-1, -1]))
+            spread = spread * to[:, None] * to
+        out[term] = Estimates(values, spread, scatter, basis)
     links = np.hstack(bases)
     return Uncertainty(out, links @ _together(parts, everything)[1] @ links.T)
 

@@ -28,7 +28,7 @@ _NARROWED_STEPS = 8
 _FIXED_POINTS = 3
 _SCAN = 13
 _NEAR, _APART = 8, 0.015
-"""Number and spacing of the times on each side of an event that are tried at last [s]."""
+"""Number and spacing of the times on each side of an event that are tried at last, and then as many within one spacing [s]."""
 _ADVANCED = 3
 """Steps to the delay by which measured torques are advanced."""
 _NEWTON, _GAINED, _FARTHEST = 6, 0.5, 0.4
@@ -109,8 +109,9 @@ def _whole(problem: Problem, library: Library, fit: Fit, term: Term) -> Term:
     if instant := term.effect.instant:
         even = Noise.even(np.mean(fit.residual**2, axis=0))
         settings = search(term, settings, lambda s: tried(s, even, 0))
-        near = settings[instant] + np.arange(-_NEAR, _NEAR + 1) * _APART
-        settings = min(({**settings, instant: float(t0)} for t0 in near), key=cost)
+        for apart in (_APART, _APART / _NEAR):
+            near = settings[instant] + np.arange(-_NEAR, _NEAR + 1) * apart
+            settings = min(({**settings, instant: float(t0)} for t0 in near), key=cost)
         if cost(settings) > cost(dict(term.effect.settings)):
             settings = dict(term.effect.settings)
     else:

@@ -25,7 +25,7 @@ class Cogging(JointCurves):
     setting_names = ("harmonic",)
     symbols = ("s", "c")
     symbol_units = ("N m", "N m")
-    knobs = (Knob("harmonic", 3.0, 120.0, "1/rev", False, reach=0.6, bumpy=True),)
+    knobs = (Knob("harmonic", 3.0, 330.0, "1/rev", False, reach=0.6, bumpy=True),)
     share = 0.1
     signature = "a line at the joint's speed times the harmonic: visible over the position, not over time"
     look_alikes = ("spring",)
@@ -40,7 +40,13 @@ class Cogging(JointCurves):
 
     @classmethod
     def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
-        return [Candidate({"harmonic": float(h)}) for h in range(3, 61)]
+        """One a turn, and closer where a joint goes over several turns: a line is as narrow as those are many. The teeth of a
+        strain wave gear of ratio 160 mesh 320 times a turn."""
+        (knob,) = cls.knobs
+        spans = [0.0, *(float(np.ptp(m.q[:, joint])) for m in motions)]
+        closer = max(1, round(max(spans) / (2.0 * np.pi)))
+        number = closer * round(knob.high - knob.low) + 1
+        return [Candidate({knob.name: float(h)}) for h in np.linspace(knob.low, knob.high, number)]
 
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         (joint,) = self.joint_names
