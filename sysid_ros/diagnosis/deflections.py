@@ -82,7 +82,8 @@ class _Deflection:
         """Nelder's and Mead's simplex on the logarithms, for what one setting after the other can't reach; :meth:`attempt` keeps
         the best. A link that flies free lands elsewhere with any change, so that there are no slopes to follow."""
         knobs = {k.name: (np.log(k.low), np.log(k.high)) for k in self._old.effect.knobs}
-        bounds, start = [knobs.get(name, (-np.inf, np.inf)) for name in names], np.log([self.settings[name] for name in names])
+        bounds, at = [knobs.get(name, (-np.inf, np.inf)) for name in names], [self.settings[name] for name in names]
+        start = np.clip(np.log(at), *np.transpose(bounds))
         simplex = np.vstack([start, start + np.diag([_SPREAD[name in knobs] for name in names])])
         optimize.minimize(
             lambda x: self.attempt(**{name: float(np.exp(y)) for name, y in zip(names, x, strict=True)}),

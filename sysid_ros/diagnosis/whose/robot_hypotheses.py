@@ -158,13 +158,14 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
         if share[0] < 1.0 - _DOUBTFUL:
             share = _weighed_again(weighed, share)
         best = int(np.argmax(share))
-        if best == 0 or share[best] < sure:
-            doubtful = bool(best > 0 and share[best] >= _LIKELY)
+        alike = _of_one_kind(weighed[best][1].fault, [t.fault for _, t in weighed[1:]], share[1:])
+        if best == 0 or alike < sure:
+            doubtful = bool(best > 0 and alike >= _LIKELY)
             break
         before.append(trial)
         urdf, trial = weighed[best]
         assert trial.fault is not None
-        faults.append(replace(trial.fault, probability=float(share[best])))
+        faults.append(replace(trial.fault, probability=alike))
     elsewhere = [trial, *before, *_of_another_size(published, trial)]
     robots, none = _other_robots(elsewhere), np.concatenate([x.of_no_robot() for x in elsewhere])
     first = Judgement(robot, tuple(faults), urdf, robots, none, trial.factors, doubtful)
@@ -177,6 +178,12 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
     parts = np.log(list(_CARRIED.values())) / len(rows.t)
     urdf, robots = (np.concatenate([x + part for x, part in zip(xs, parts, strict=True)]) for xs in zip(*of_each, strict=True))
     return replace(first, urdf=urdf, other_robots=robots)
+
+
+def _of_one_kind(fault: Fault | None, faults: Sequence[Fault | None], share: FloatArray) -> float:
+    """Probability of a kind of fault: efforts are in another unit, whether it is one for all joints or one on each."""
+    same = [bool(fault and x and type(x.effect) is type(fault.effect) and x.joints == fault.joints) for x in faults]
+    return float(share[same].sum())
 
 
 def _weighed_again(weighed: Sequence[tuple[FloatArray, Trial]], share: FloatArray) -> FloatArray:
