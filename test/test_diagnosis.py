@@ -32,12 +32,30 @@ NOISE = 0.05
 Cause = Callable[[RobotModel, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], FloatArray]
 
 
-def record(cause: Cause | None, seed: int, seconds: float = 16.0, colour: float = 0.0, start: float = 50.0) -> Recording:
-    """A recording of a motion with a cause added to the torque; ``colour`` is the correlation time of the noise [s]."""
+def record(
+    cause: Cause | None,
+    seed: int,
+    seconds: float = 16.0,
+    colour: float = 0.0,
+    start: float = 50.0,
+    speed: float = 1.2,
+    rests: tuple[float, float] | None = None,
+) -> Recording:
+    """A recording of a motion with a cause added to the torque.
+
+    Args:
+        colour: correlation time of the noise [s]. rests: from when till when it stands, with a second to stop and to start [s].
+    """
     model = robot(ARM)
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds * RATE)) / RATE
-    q, v, a = Path_(model, seed, speed=1.2)(t)
+    along, pace, change = t, np.ones_like(t), np.zeros_like(t)
+    if rests:
+        stop, go = (np.clip(t - x, 0.0, 1.0) for x in (rests[0] - 1.0, rests[1]))
+        pace = np.where(t < rests[1], 0.5 + 0.5 * np.cos(np.pi * stop), 0.5 - 0.5 * np.cos(np.pi * go))
+        change, along = np.gradient(pace, t), np.cumsum(pace) / RATE
+    q, dq, ddq = Path_(model, seed, speed)(along)
+    v, a = dq * pace[:, None], ddq * pace[:, None] ** 2 + dq * change[:, None]
     tau = model.rnea_along(q, v, a)
     if cause is not None:
         tau = cause(model, t, q, v, a, tau)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,10 +39,10 @@ def changes(*events: tuple[float, float], friction: float = 0.0) -> Change:
     return torque
 
 
-def found(fitted: Sequence[Recording], judged: Sequence[Recording]) -> tuple[Diagnosis, list[dict[str, object]]]:
+def found(fitted: Sequence[Recording], judged: Sequence[Recording]) -> tuple[Diagnosis, list[dict[str, Any]]]:
     """The diagnosis, and name and value of each parameter of each event, with the interval of its time."""
     result = diagnose(robot(ARM), fitted, judged)
-    events = [{p.name: p.value for p in f.parameters} for f in result.findings if f.id == "payload_change"]
+    events: list[dict[str, Any]] = [{p.name: p.value for p in f.parameters} for f in result.findings if f.id == "payload_change"]
     for event, finding in zip(events, (f for f in result.findings if f.id == "payload_change"), strict=True):
         event["between"] = next((p.low, p.high) for p in finding.parameters if p.name == "t0")
     return result, events
@@ -57,7 +58,7 @@ def test_pick_and_place_are_two_events_dated_in_the_fitted_recording_alone() -> 
     judged = record(changes((3.0, 1.5), (6.5, -1.5), friction=0.8), 2, 10.0)
     result, events = found([fitted], [judged])
     assert {f.id for f in result.findings} == {"payload_change", "coulomb_friction"}
-    (picked, placed) = sorted(events, key=lambda e: float(e["t0"]))  # type: ignore[arg-type]
+    (picked, placed) = sorted(events, key=lambda e: float(e["t0"]))
     assert picked["mass"] == pytest.approx(1.5, rel=0.03)
     assert placed["mass"] == pytest.approx(-1.5, rel=0.03)
     assert (picked["t0"], placed["t0"]) == (pytest.approx(6.0, abs=0.03), pytest.approx(13.0, abs=0.03))
@@ -101,13 +102,23 @@ def test_each_recording_has_its_own_event(second: float | None) -> None:
     assert {f.id for f in result.findings} == {"payload_change"}
     expected = {"first": 7.0} | ({"second": second} if second else {})
     between = {e["recording"]: e["between"] for e in events}
-    assert all(low <= expected[name] <= high for name, (low, high) in between.items())  # type: ignore[misc]
-    assert all(high - low < 0.3 for low, high in between.values())  # type: ignore[misc]
+    assert set(between) == set(expected)
+    assert all(low <= expected[name] <= high for name, (low, high) in between.items())
+    assert all(high - low < 0.3 for low, high in between.values())
     assert result.model is not None
     stamps = {b.settings["recording"]: b.settings["t0"] for b in result.model.effects if b.effect == "payload_change"}
     assert stamps == {r.name: pytest.approx(r.t[0] + expected[r.name], abs=0.03) for r in fitted if r.name in expected}
     for event in events:
         assert event["mass"] == pytest.approx(1.5, rel=0.03)
+
+
+@pytest.mark.slow
+def test_an_event_in_a_rest_was_at_any_time_of_it() -> None:
+    fitted = record(changes((9.0, 1.5)), 1, 18.0, rests=(8.0, 9.6))
+    _, (event,) = found([fitted], [record(changes((4.0, 1.5)), 3, 9.0)])
+    low, high = event["between"]
+    assert 7.5 < low < 9.0 < high < 10.1
+    assert high - low > 0.8
 
 
 WHEN = {"before it": (-1.0, "before it begins"), "within it": (4.0, "at 4.0"), "after it": (99.0, "never")}

@@ -256,3 +256,17 @@ def test_a_joint_whose_torque_is_mostly_friction_has_no_factor_of_its_own() -> N
     assert found is not None
     assert not found.faults
     assert found.refusal is None
+
+
+@pytest.mark.slow
+def test_a_unit_is_sure_where_only_its_factors_are_in_doubt() -> None:
+    """One factor of 1000 has .81, one on each joint of some 890 the rest: no other unit, and 1e5 was taken for N m."""
+    case = draw_real(99722)
+    found = judge(case.nominal.model(), [recording_of(r) for r in case.train])
+    assert found is not None
+    (fault,) = found.faults
+    assert fault.effect.id == "torque_unit"
+    assert fault.probability is not None
+    assert fault.probability > 0.95
+    assert fault.values[0][:3] == ("factor", None, 1000.0)
+    assert found.refusal is None
