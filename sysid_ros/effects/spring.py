@@ -45,6 +45,10 @@ class Spring(JointCurves):
             return np.stack([state.q, np.ones_like(state.q)])
         return np.stack([np.sin(state.q), np.cos(state.q)])
 
+    def prior_std(self, form: str = "") -> FloatArray:
+        """A spring that the motor could not hold, a radian from where it rests, would move the joint."""
+        return np.repeat(self.robot.effort_limit[self.joints], len(self.symbols))
+
     @property
     def form(self) -> str:
         return self.shape

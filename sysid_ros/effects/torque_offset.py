@@ -10,6 +10,9 @@ from sysid_ros.signals.motion import Motion
 _ON_LEGS = 0.01
 """What a motor whose current is measured shows without a torque, over what a leg's joint holds while the robot stands; supposed,
 not measured on robots."""
+_OF_LIMIT = 0.1
+"""Standard deviation of the offset, over the joint's effort limit, before any data: none that only a spring undoes
+where the joint hardly moves."""
 
 
 class TorqueOffset(JointEffect):
@@ -31,6 +34,9 @@ class TorqueOffset(JointEffect):
 
     def usual_on_legs(self, torque: float) -> float:
         return _ON_LEGS * torque
+
+    def prior_std(self, form: str = "") -> FloatArray:
+        return _OF_LIMIT * self.robot.effort_limit[self.joints]
 
     def curve(self, sample: Sample | Motion) -> FloatArray:
         return np.ones(sample.q.shape)
