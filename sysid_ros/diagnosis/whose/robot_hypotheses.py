@@ -181,9 +181,17 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
 
 
 def _of_one_kind(fault: Fault | None, faults: Sequence[Fault | None], share: FloatArray) -> float:
-    """Probability of a kind of fault: efforts are in another unit, whether it is one for all joints or one on each."""
-    same = [bool(fault and x and type(x.effect) is type(fault.effect) and x.joints == fault.joints) for x in faults]
-    return float(share[same].sum())
+    """Probability of a kind of fault: efforts are in another unit, whether it is one for all joints or one on each.
+
+    Of one joint no factor is told from a body: there two of them are no surer than one.
+    """
+
+    def alike(x: Fault | None) -> bool:
+        if fault is None or x is None or x is fault:
+            return x is fault
+        return len(x.joints) > 1 and type(x.effect) is type(fault.effect) and x.joints == fault.joints
+
+    return float(share[[alike(x) for x in faults]].sum())
 
 
 def _weighed_again(weighed: Sequence[tuple[FloatArray, Trial]], share: FloatArray) -> FloatArray:
