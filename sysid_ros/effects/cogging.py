@@ -40,8 +40,8 @@ class Cogging(JointCurves):
 
     @classmethod
     def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
-        """One a turn, and closer where a joint goes over several turns: a line is as narrow as those are many. The teeth of a
-        strain wave gear of ratio 160 mesh 320 times a turn."""
+        """Every whole number of periods a turn, up to that of a strain wave gear of ratio 160, whose teeth mesh 320 times; closer
+        where the joint goes over several turns, which tell one number from the next that much better."""
         (knob,) = cls.knobs
         spans = [0.0, *(float(np.ptp(m.q[:, joint])) for m in motions)]
         closer = max(1, round(max(spans) / (2.0 * np.pi)))

@@ -11,8 +11,8 @@ _ON_LEGS = 0.01
 """What a motor whose current is measured shows without a torque, over what a leg's joint holds while the robot stands; supposed,
 not measured on robots."""
 _OF_LIMIT = 0.1
-"""Standard deviation of the offset, over the joint's effort limit, before any data: none that only a spring undoes
-where the joint hardly moves."""
+"""Standard deviation of an offset before any data, over the joint's effort limit. It decides only where the motion does not: a
+joint that hardly moves can't tell a large offset from a spring that undoes it."""
 
 
 class TorqueOffset(JointEffect):

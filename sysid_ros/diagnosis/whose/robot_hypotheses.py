@@ -158,14 +158,14 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
         if share[0] < 1.0 - _DOUBTFUL:
             share = _weighed_again(weighed, share)
         best = int(np.argmax(share))
-        alike = _of_one_kind(weighed[best][1].fault, [t.fault for _, t in weighed[1:]], share[1:])
-        if best == 0 or alike < sure:
-            doubtful = bool(best > 0 and alike >= _LIKELY)
+        of_kind = _of_one_kind(best, [t.fault for _, t in weighed], share) if best > 0 else 0.0
+        if of_kind < sure:
+            doubtful = of_kind >= _LIKELY
             break
         before.append(trial)
         urdf, trial = weighed[best]
         assert trial.fault is not None
-        faults.append(replace(trial.fault, probability=alike))
+        faults.append(replace(trial.fault, probability=of_kind))
     elsewhere = [trial, *before, *_of_another_size(published, trial)]
     robots, none = _other_robots(elsewhere), np.concatenate([x.of_no_robot() for x in elsewhere])
     first = Judgement(robot, tuple(faults), urdf, robots, none, trial.factors, doubtful)
@@ -180,18 +180,21 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
     return replace(first, urdf=urdf, other_robots=robots)
 
 
-def _of_one_kind(fault: Fault | None, faults: Sequence[Fault | None], share: FloatArray) -> float:
-    """Probability of a kind of fault: efforts are in another unit, whether it is one for all joints or one on each.
+def _of_one_kind(best: int, faults: Sequence[Fault | None], share: FloatArray) -> float:
+    """Probability of a fault with the others of its kind: that efforts are in another unit is as sure as one factor on all joints
+    and a factor on each are together. Of one joint no factor is told from a body: there two of them are no surer than one.
 
-    Of one joint no factor is told from a body: there two of them are no surer than one.
+    Args:
+        best: which it is. faults: none first, shape (k,). share: probability of each, shape (k,).
     """
 
-    def alike(x: Fault | None) -> bool:
-        if fault is None or x is None or x is fault:
-            return x is fault
-        return len(x.joints) > 1 and type(x.effect) is type(fault.effect) and x.joints == fault.joints
+    def of_kind(x: Fault) -> bool:
+        return x.effect.scales and len(x.joints) > 1
 
-    return float(share[[alike(x) for x in faults]].sum())
+    found = faults[best]
+    assert found is not None
+    same = [i == best or (x and of_kind(x) and of_kind(found) and x.joints == found.joints) for i, x in enumerate(faults) if i]
+    return float(share[1:][np.array(same, dtype=bool)].sum())
 
 
 def _weighed_again(weighed: Sequence[tuple[FloatArray, Trial]], share: FloatArray) -> FloatArray:
