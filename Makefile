@@ -1,6 +1,7 @@
 # make demo        a simulated arm and the node as two ROS 2 processes, estimate against truth
 # make test        the tests
 # make test-slow   the tests that take long, which make test leaves out
+# make test-long   more of the same kinds, for a release (half an hour)
 # make lint        ruff and mypy
 # make bench       the benchmarks
 # make docs        the documentation site, in site/
@@ -27,10 +28,10 @@ unexport PYTHONDONTWRITEBYTECODE
 unexport AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH RMW_IMPLEMENTATION VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test test-slow lint docs bench exam calibration clean
+.PHONY: help venv demo test test-slow test-long lint docs bench exam calibration clean
 
 help:
-	@sed -n '1,9s/^# //p' Makefile
+	@sed -n '1,10s/^# //p' Makefile
 
 venv: $(READY)
 
@@ -46,7 +47,10 @@ test: $(READY)
 
 # pytest's exit code 5 says that no test carries the mark.
 test-slow: $(READY)
-	@$(BIN)/python -m pytest -m slow -n $(JOBS) --dist loadfile || [ $$? -eq 5 ]
+	@$(BIN)/python -m pytest -m "slow and not long" -n $(JOBS) --dist loadfile || [ $$? -eq 5 ]
+
+test-long: $(READY)
+	@$(BIN)/python -m pytest -m "slow and long" -n $(JOBS) --dist worksteal
 
 lint: $(READY)
 	@failed=0; for tool in "ruff check ." "ruff format --check ." mypy; do echo "-- $$tool"; $(BIN)/$$tool || failed=1; done; exit $$failed

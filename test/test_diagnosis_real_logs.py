@@ -126,7 +126,7 @@ def read(name: str) -> tuple[RobotModel, Recording]:
     return model, read_messages(name, source, model, OnlineSettings(), lambda count: None)[0]
 
 
-@pytest.mark.parametrize("draw", range(20))
+@pytest.mark.parametrize("draw", [pytest.param(i, marks=pytest.mark.long if i >= 5 else ()) for i in range(20)])
 def test_currents_with_dead_channels_are_named_or_refused_with_that_reason(draw: int) -> None:
     """Made-up torque constants, different on each joint, and three joints whose efforts are in the encoder's noise."""
     model, recording = read(("fourier14_noload", "fourier14_load", "fast20_noload", "fast20_load")[draw % 4])

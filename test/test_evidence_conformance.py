@@ -430,12 +430,17 @@ DO_NOT_HOLD = {
 """What does not hold of a cause that is hidden here, with the reason."""
 
 
+EACH = 3
+"""One of so many causes is tried in every run, all of them with `make test-long`."""
+
+
 def each_cause() -> list[Any]:
-    return [
-        pytest.param(id_, what, marks=[pytest.mark.xfail(reason=DO_NOT_HOLD[id_, what])] if (id_, what) in DO_NOT_HOLD else [])
-        for id_, what in product(INSIDE, ("evidence", "intervals"))
-        if what == "evidence" or id_ not in WITHOUT_SIZE
-    ]
+    out = []
+    for (i, id_), what in product(enumerate(INSIDE), ("evidence", "intervals")):
+        marks = [pytest.mark.xfail(reason=DO_NOT_HOLD[id_, what])] if (id_, what) in DO_NOT_HOLD else []
+        if what == "evidence" or id_ not in WITHOUT_SIZE:
+            out.append(pytest.param(id_, what, marks=[*marks, *([pytest.mark.long] if i % EACH else [])]))
+    return out
 
 
 @pytest.mark.slow

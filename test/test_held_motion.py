@@ -161,7 +161,15 @@ def test_healthy_robots_show_what_their_noise_makes() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("hidden", ["", "payload", "coulomb_friction", "viscous_friction", "torque_scale", "time_delay"])
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        "",
+        "payload",
+        "time_delay",
+        *(pytest.param(x, marks=pytest.mark.long) for x in ("coulomb_friction", "viscous_friction", "torque_scale")),
+    ],
+)
 def test_a_simulated_arm_ends_at_its_noise(hidden: str, tmp_path: Path) -> None:
     pytest.importorskip("pybullet", reason="the simulation needs PyBullet: pip install 'sysid_ros[sim]'")
     bags = [str(tmp_path / name) for name in ("one", "other")]

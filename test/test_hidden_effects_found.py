@@ -1,4 +1,4 @@
-"""What a simulated robot hides is found: a dozen of the exam (``make exam`` has the rest), two of them in every run."""
+"""What a simulated robot hides is found: a dozen of the exam (``make exam`` has the rest)."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from exam.arms import all_there
 
 pytestmark = [
     pytest.mark.slow,
+    pytest.mark.long,
     pytest.mark.skipif(not all_there(), reason="the arms of the exam need: pip install example-robot-data"),
 ]
 

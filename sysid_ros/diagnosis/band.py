@@ -68,7 +68,7 @@ class Band:
         moving: a motion, shape (N, n) each, bool.
         moves: part of the time that each joint moves, shape (n,). counted: part of its rows that are independent, shape (n,).
         active: joints that move enough to be judged, shape (n,).
-        seconds: time that the rows cover [s].
+        seconds: time that the rows cover [s]. silent: as above.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Band:
         mixed: Sequence[FloatArray] | None = None,
         silent: Sequence[int] = (),
     ) -> None:
-        self.motions, self._noise, self._mixed = tuple(motions), noise, mixed
+        self.motions, self._noise, self._mixed, self.silent = tuple(motions), noise, mixed, tuple(silent)
         robot = self.motions[0].robot
         self.n = robot.n
         stands = np.where(robot.is_prismatic, _STANDS_SLIDE, _STANDS)

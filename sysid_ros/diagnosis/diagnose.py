@@ -16,6 +16,7 @@ from sysid_ros.diagnosis.fault_findings import contact_findings, message_finding
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.gain import gain_or_why_not
 from sysid_ros.diagnosis.heldout import HeldOut, split
+from sysid_ros.diagnosis.other_loads import OtherLoad, other_loads, without_loads
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.reporting import report, with_ceiling
 from sysid_ros.diagnosis.result import Diagnosis
@@ -133,10 +134,13 @@ def _told(
     while True:
         prepared = partial(prepare, robot, known=effects, silent=silent)
         train, selection, contacts = _search(robot, [undone(r, faults) for r in fitted], prepared, progress)
-        held, later = _held_out(robot, [undone(r, faults) for r in judged], prepared, train, selection.fit, progress)
+        corrected = [undone(r, faults) for r in judged]
+        carried = None if faults else partial(other_loads, robot, train, selection)
+        held, later, loads = _held_out(robot, corrected, partial(prepared, turns=train.turns), carried, selection.fit, progress)
         told = Judged(train, selection, selection.judged_with(held), held)
         found = report(told)
         if not (wrong := refuted(faults, found, train, told.fit)):
+            found = replace(found, notes=(*(x.in_words() for x in loads), *found.notes))
             return _Told(told, found, contacts, later, faults, silent)
         progress("efforts are in N m after all: once more without the factors that were undone")
         faults, silent = tuple(f for f in faults if f not in wrong), ()
@@ -166,18 +170,19 @@ def _search(
 def _held_out(
     robot: RobotModel,
     judged: Sequence[Recording],
-    prepared: Callable[..., Prepared],
-    train: Prepared,
+    prepared: Callable[[Sequence[Recording]], Prepared],
+    carried: Callable[[Prepared], list[OtherLoad]] | None,
     fit: Fit,
     progress: Progress,
-) -> tuple[HeldOut, list[Contact]]:
-    """What is judged on, and the contacts that were left out of it."""
+) -> tuple[HeldOut, list[Contact], list[OtherLoad]]:
+    """What is judged on, the contacts that were left out of it, and what its recordings carry beside what the fitted ones do."""
     progress("judging on held-out data")
-    held = HeldOut.of(robot, prepared(judged, turns=train.turns), fit)
+    rows = prepared(judged)
+    loads = carried(rows) if carried else []
+    held = HeldOut.of(robot, without_loads(rows, loads), fit)
     if later := contacts_held_out(robot, held, fit):
-        judged = [without(r, later) for r in judged]
-        held = HeldOut.of(robot, prepared(judged, turns=train.turns), fit)
-    return held, later
+        held = HeldOut.of(robot, without_loads(prepared([without(r, later) for r in judged]), loads), fit)
+    return held, later, loads
 
 
 def _in_order(

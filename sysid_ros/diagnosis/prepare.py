@@ -60,6 +60,12 @@ class Prepared:
     names: tuple[str, ...] = ()
     turns: FloatArray | None = None
 
+    def less(self, torques: Sequence[FloatArray]) -> Prepared:
+        """The same with so much less of the measured torque, shape (N, n) a motion."""
+        found = [m.less(x) for m, x in zip(self.motions, torques, strict=True)]
+        made = assemble(found[0].robot, found, self.nominal, self.band.silent)
+        return replace(made, names=self.names, turns=self.turns)
+
 
 def prepare(
     robot: RobotModel,

@@ -22,6 +22,7 @@ from sysid_ros.effects.joint_order import JointOrder
 from sysid_ros.effects.joint_sign import JointSign
 from sysid_ros.effects.link_inertia import LinkInertia
 from sysid_ros.effects.load_dependent_friction import LoadDependentFriction
+from sysid_ros.effects.other_payload import OtherPayload
 from sysid_ros.effects.parameter import Parameter
 from sysid_ros.effects.payload import Payload
 from sysid_ros.effects.payload_change import PayloadChange
@@ -49,6 +50,7 @@ _CLASSES: tuple[type[Effect], ...] = (
     LinkInertia,
     Payload,
     PayloadChange,
+    OtherPayload,
     ViscousFriction,
     CoulombFriction,
     QuadraticFriction,
@@ -144,6 +146,7 @@ __all__ = [
     "LinkInertia",
     "LoadDependentFriction",
     "Motion",
+    "OtherPayload",
     "Parameter",
     "Payload",
     "PayloadChange",

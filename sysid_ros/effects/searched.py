@@ -35,6 +35,7 @@ class Searched(ABC):
         alone: the channels of its own joint are all that its curves need.
         instant: the knob that is the time of an event, empty for what is there all the time. changes: id of the effect whose
             parameters change then. times: settings counted from the first stamp of a recording.
+        of_recording: it is there in one of several recordings, all the time, and not in the others.
         partial: it shows in a part of a recording only, and no other part predicts it.
         of_own_torque: its column is the torque that its joint is driven with.
         inertial: its torque is that of moving bodies, linear in the acceleration and of second order in the velocities.
@@ -63,6 +64,7 @@ class Searched(ABC):
     instant: ClassVar[str] = ""
     changes: ClassVar[str] = ""
     times: ClassVar[tuple[str, ...]] = ()
+    of_recording: ClassVar[bool] = False
     partial: ClassVar[bool] = False
     of_own_torque: ClassVar[bool] = False
     inertial: ClassVar[bool] = False

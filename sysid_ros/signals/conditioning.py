@@ -45,7 +45,7 @@ def motions(robot: RobotModel, recording: Recording) -> list[Motion]:
     for part in recording.stretches(gap):
         if part.stop - part.start > _FEWEST and t[part][-1] - t[part][0] >= SHORTEST:
             out.append(_smooth(robot, t[part], recording.q[part], recording.tau[part]))
-            out[-1].recording = recording.name
+            out[-1].recording = recording.whole
             if recording.temperature is not None:
                 out[-1].temperature = _along(out[-1].t, t[part], recording.temperature[part])
     return out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -157,6 +158,12 @@ class Motion:
         other._payload, other.clear, other.recording = self._payload, self.clear, self.recording
         other._carrying, other._own_sensitivity = self._carrying, self._own_sensitivity
         other.by_radius = self.by_radius
+        return other
+
+    def less(self, torque: FloatArray) -> Motion:
+        """The same motion with so much less of the measured torque, shape (N, n) [N m]."""
+        other = copy(self)
+        other.tau, other._joints, other._carrying = self.tau - torque, {}, {}
         return other
 
     def carrying(self, arm: RobotModel) -> Motion:

@@ -28,6 +28,7 @@ class Recording:
         temperature: of the joints, shape (N, n) [degrees Celsius], NaN where it is not known; None where none is.
         first: stamp that times count from, of a part of a recording [s]; None for the first one here.
         trunk: what IMU and feet tell at the same stamps, of a robot on legs; else None.
+        part_of: name of the recording that it is a part of; empty where it is a whole one.
 
     Raises:
         DataError: the shapes do not fit one another.
@@ -41,6 +42,7 @@ class Recording:
     temperature: FloatArray | None = None
     first: float | None = None
     trunk: TrunkChannels | None = None
+    part_of: str = ""
 
     def __post_init__(self) -> None:
         shapes = [np.shape(x) for x in (self.q, self.tau, self.v, self.temperature) if x is not None]
@@ -84,10 +86,16 @@ class Recording:
         return cls(name, t, q, np.concatenate(velocities) if velocities else None, tau, trunk=trunk)
 
     def at(self, rows: slice | NDArray[np.bool_] | NDArray[np.intp], name: str = "") -> Recording:
-        """The messages of some rows, in their order; ``name`` is a new one."""
+        """The messages of some rows, in their order; ``name`` is a new one, of a part."""
         v, warm = (None if x is None else x[rows] for x in (self.v, self.temperature))
         trunk = None if self.trunk is None else self.trunk.at(rows)
-        return Recording(name or self.name, self.t[rows], self.q[rows], v, self.tau[rows], warm, self.start, trunk)
+        whole, name = (self.whole, name) if name else (self.part_of, self.name)
+        return Recording(name, self.t[rows], self.q[rows], v, self.tau[rows], warm, self.start, trunk, whole)
+
+    @property
+    def whole(self) -> str:
+        """Name of the recording that it is, or is a part of."""
+        return self.part_of or self.name
 
     @property
     def start(self) -> float:

@@ -34,7 +34,7 @@ _TURNS = 0.03
 def searched(robot: RobotModel, train: Prepared, progress: Callable[[str], None]) -> Selection:
     """The most probable set of causes; the library and the rows of the selection are those of all recordings."""
     library = Library(robot, train.band)
-    if train.band.seconds < _WORTH_IT * _SEARCHED:
+    if not too_long(train):
         return most_probable(train, library, progress)
     part = thinned(robot, train)
     progress(f"searching {part.band.seconds:.0f} s of {train.band.seconds:.0f} s")
@@ -43,6 +43,11 @@ def searched(robot: RobotModel, train: Prepared, progress: Callable[[str], None]
     selection = first.on(train.problem, library, train.nominal)
     selection.settle()
     return selection
+
+
+def too_long(train: Prepared) -> bool:
+    """Whether a part of the recordings is searched first."""
+    return train.band.seconds >= _WORTH_IT * _SEARCHED
 
 
 def thinned(robot: RobotModel, train: Prepared) -> Prepared:
