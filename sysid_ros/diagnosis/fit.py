@@ -127,7 +127,7 @@ class Problem:
         links: FloatArray | None = None,
     ) -> None:
         self.band, self.y, self.measured = band, y, y
-        self._scaled_by, self.considered = scaled_by, int(np.sum(scaled_by == 0))
+        self.scaled_by, self.considered = scaled_by, int(np.sum(scaled_by == 0))
         self.active = np.flatnonzero(band.active)
         self.links = np.zeros((10 * y.shape[1], 0)) if links is None else links
         self.nuisance, self.usual_prior, self.scale = nuisance, 1.0 / nuisance_std**2, (1.0, 1.0)
@@ -154,7 +154,7 @@ class Problem:
     def prior_of(self, scale: tuple[float, float]) -> FloatArray:
         """The same with masses and places that are so inexact."""
         sizes = np.maximum([1.0, *scale], _EXACT)
-        return np.asarray(self.usual_prior / sizes[self._scaled_by] ** 2)
+        return np.asarray(self.usual_prior / sizes[self.scaled_by] ** 2)
 
     def blocks(self, terms: Sequence[Term], inexact: bool) -> tuple[dict[int, Block], int]:
         """Columns of each active joint, and the number of parameters."""

@@ -3,18 +3,21 @@
 Tools are changed between recordings. A model that is judged on one with another tool is wrong there by what that weighs, and
 every cause is misjudged. That one recording has another payload is a cause like any other: it is weighed beside them on all
 recordings together, and its torque alone is taken from what was measured, as if the recording carried what the others do.
+
+A constant says nothing of what is carried: where a recording hardly moves, whatever is wrong with a model in that posture is one,
+and the stretches of that recording all tell the same. Each joint has one of its own in each recording, as large as its torque.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from sysid_ros.diagnosis.covariance import with_knobs
-from sysid_ros.diagnosis.fit import allowed
+from sysid_ros.diagnosis.fit import Problem, allowed
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared, assemble
 from sysid_ros.diagnosis.scoring import event
@@ -56,7 +59,7 @@ def other_loads(robot: RobotModel, train: Prepared, selection: Selection, held: 
     if not new or any(t.instant is not None for t in selection.fit.terms):
         return []
     both = assemble(robot, [*train.motions, *held.motions], [*train.nominal, *held.nominal], train.band.silent)
-    both = thinned(robot, both) if too_long(both) else both
+    both = _with_constants(thinned(robot, both) if too_long(both) else both, sorted(new))
     library = Library(robot, both.band)
     options = [t for t in library.whole_options(lambda kind: kind.of_recording) if t.recording in new]
     found = selection.on(both.problem, library, both.nominal)
@@ -74,6 +77,22 @@ def other_loads(robot: RobotModel, train: Prepared, selection: Selection, held: 
         parameters = term.effect.as_parameters(known.values, known.covariance, known.basis)
         out.append(OtherLoad(term, term.theta_of_effect(known.values), term.effect.in_words(parameters, "")))
     return out
+
+
+def _with_constants(both: Prepared, recordings: Sequence[str]) -> Prepared:
+    """The same with a constant of each joint in each of some recordings, of unknown size, beside the inexact links."""
+    n, rows, links = both.band.n, [], both.problem
+    for name in recordings:
+        for j in range(n):
+            one = np.zeros(n)
+            one[j] = 1.0
+            rows.append(both.band.rows([np.tile(one * (m.recording == name), (len(m.t), 1)) for m in both.motions]))
+    size = np.sqrt(np.mean(np.concatenate([m.tau for m in both.motions]) ** 2, axis=0))
+    own = np.tile(np.maximum(size, np.finfo(float).eps), len(recordings))
+    columns = np.concatenate([np.stack(rows, axis=2), links.nuisance], axis=2)
+    std = np.concatenate([own, 1.0 / np.sqrt(links.usual_prior)])
+    scaled_by = np.concatenate([np.zeros(len(own), dtype=np.intp), links.scaled_by])
+    return replace(both, problem=Problem(both.band, links.y, columns, std, scaled_by, links.links))
 
 
 def without_loads(held: Prepared, loads: Sequence[OtherLoad]) -> Prepared:
