@@ -26,7 +26,7 @@ from sysid_ros.effects.wording import of_joints
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 
-_LIKELIER = 0.5
+LIKELIER = 0.5
 """Probability from which a cause is likelier than not."""
 
 
@@ -129,7 +129,7 @@ def claims(judged: Judged) -> list[Finding]:
             continue  # in the model, but no fault
         if not any(visible(judged.train.problem, fit, t) for t in terms):
             continue  # in the model, but too small to tell
-        told = [t for t in terms if judged.probability[t] > _LIKELIER]
+        told = [t for t in terms if judged.probability[t] > LIKELIER]
         if not told:
             continue  # in the model as in the plainest one, but not told
         others = [p.term for p in parts if i not in p.of and (p.unless is None or p.unless == i)]

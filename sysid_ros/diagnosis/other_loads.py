@@ -16,6 +16,7 @@ from functools import partial
 
 import numpy as np
 
+from sysid_ros.diagnosis.claims import LIKELIER
 from sysid_ros.diagnosis.covariance import with_knobs
 from sysid_ros.diagnosis.fit import Problem, allowed
 from sysid_ros.diagnosis.library import Library
@@ -73,7 +74,9 @@ def other_loads(robot: RobotModel, train: Prepared, selection: Selection, held: 
         return []
     values, out = with_knobs(both.problem, library, found.fit), []
     for term in loads:
-        known = values.of[term]
+        known, own, others = values.of[term], slice(0, term.p), [t for t in found.fit.terms if t is not term]
+        if found.prior.surely(term, others, known.values[own], known.covariance[own, own]) < LIKELIER:
+            continue
         parameters = term.effect.as_parameters(known.values, known.covariance, known.basis)
         out.append(OtherLoad(term, term.theta_of_effect(known.values), term.effect.in_words(parameters, "")))
     return out
