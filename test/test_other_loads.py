@@ -12,9 +12,9 @@ from unsimulated import unsimulated as unsimulated
 from sysid_ros.diagnosis import diagnose
 from sysid_ros.diagnosis.heldout import split
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.other_loads import other_loads, without_loads
 from sysid_ros.diagnosis.prepare import prepare
 from sysid_ros.diagnosis.selection import Selection
+from sysid_ros.diagnosis.sets.other_loads import other_loads, without_loads
 from sysid_ros.effects import OtherPayload
 from sysid_ros.signals.recording import Recording
 

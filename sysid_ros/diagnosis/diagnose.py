@@ -16,12 +16,12 @@ from sysid_ros.diagnosis.fault_findings import contact_findings, message_finding
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.gain import gain_or_why_not
 from sysid_ros.diagnosis.heldout import HeldOut, split
-from sysid_ros.diagnosis.other_loads import OtherLoad, other_loads, without_loads
 from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.reporting import report, with_ceiling
 from sysid_ros.diagnosis.result import Diagnosis
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.sets.long_recordings import searched
+from sysid_ros.diagnosis.sets.other_loads import OtherLoad, other_loads, without_loads
 from sysid_ros.diagnosis.strong_contacts import strong_contacts
 from sysid_ros.diagnosis.whose.robot_hypotheses import judge
 from sysid_ros.estimators.one_thread import on_one_thread

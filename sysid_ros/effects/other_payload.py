@@ -18,8 +18,8 @@ from sysid_ros.signals.motion import Motion
 
 
 class OtherPayload(Payload):
-    """``tau = J_frame' Y_body theta`` in one recording, ten parameters about the frame's origin: by how much what is carried
-    there differs from what is carried in the other ones.
+    """``tau = J_frame' Y_body theta`` in one recording, ten parameters about the frame's origin [kg, kg m, kg m^2]: by how
+    much what is carried there differs from what is carried in the other ones.
 
     Args:
         robot: the model. joints: unused. frame: name of the frame; empty for the robot's default.
