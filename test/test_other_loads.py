@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from robots import robot
@@ -91,3 +93,16 @@ def test_the_parts_of_a_recording_are_of_that_recording() -> None:
     assert last.at(slice(0, 10)).whole == "run"
     motions = prepare(robot(ARM), [first, last], []).motions
     assert {m.recording for m in motions} == {"run"}
+
+
+@pytest.mark.slow
+def test_a_body_that_is_picked_up_in_one_of_two_recordings_has_the_stamps_of_that_one() -> None:
+    """Both are split: what happens in a part is told of the recording, and counted from its first stamp."""
+    still, picks = carrying("still", 0.0, 1, 20.0), named("picks", record(changes((6.0, 1.2), friction=0.8), 2, 20.0, colour=0.3))
+    picks = replace(picks, t=picks.t + 500.0)
+    result = diagnose(robot(ARM), [still, picks])
+    assert {f.id for f in result.findings} == {"coulomb_friction", "payload_change"}
+    assert result.model is not None
+    (block,) = [b for b in result.model.effects if b.effect == "payload_change"]
+    assert block.settings["recording"] == "picks"
+    assert block.settings["t0"] == pytest.approx(picks.t[0] + 6.0, abs=0.1)

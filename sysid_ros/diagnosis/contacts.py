@@ -260,7 +260,9 @@ def contacts_held_out(robot: RobotModel, held: HeldOut, fit: Fit) -> list[Contac
     residuals = [m.tau - x for m, x in zip(prepared.motions, held.predictions(fit), strict=True)]
     found = find_contacts(robot, prepared.names, prepared.motions, residuals, prepared.nominal, prepared.band.moving)
     dated = [held.terms[t].effect.settings for t in fit.terms if "t0" in t.effect.settings]
-    return [c for c in found if not any(s.get("recording", "") in ("", c.recording) and is_change(c, s["t0"]) for s in dated)]
+    whole = dict(zip(prepared.names, (m.recording for m in prepared.motions), strict=True))
+    there = [(c, ("", whole[c.recording])) for c in found]
+    return [c for c, names in there if not any(s.get("recording", "") in names and is_change(c, s["t0"]) for s in dated)]
 
 
 def is_change(contact: Contact, t0: float) -> bool:

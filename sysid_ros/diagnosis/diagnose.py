@@ -100,7 +100,7 @@ def diagnose(
     published = prepare(robot, [without(r, later) for r in judged], effects, silent=silent) if faults else held.prepared
     others = [*of_data, *contact_findings(contacts, robot)]
     found = with_faults(found, faults, fault_evidence(robot, fitted, faults), others, train, published, held, fit)
-    model = extended_model(robot, known, fit, told.values, train, {r.name: r.start for r in fitted}, provenance or {})
+    model = extended_model(robot, known, fit, told.values, train, {r.whole: r.start for r in fitted}, provenance or {})
     urdf_model, changes = urdf_part(robot, model, train)
     progress("simulating")
     both = effects, urdf_model.known_effects(robot)
