@@ -288,3 +288,17 @@ def test_what_a_joint_gives_way_by_is_found_with_its_motor(kind: str, name: str,
     (motor,) = effects[EFFECTS[kind].companion]["parameters"]
     assert motor["value"] == pytest.approx(0.2, rel=0.15)
     assert motor["joint"] == robot(ARM).joint_names[HIDDEN_IN[kind]]
+
+
+@pytest.mark.parametrize("exact", [True, False])
+@pytest.mark.parametrize("ratio", [0.1, 1.0])
+def test_a_link_without_inertia_follows_its_load_at_once(ratio: float, exact: bool) -> None:
+    """Links that are found on one motion may be none on another: no step resolves how fast such a one swings."""
+    motion, stiffness = moved(), 2000.0
+    by_q, by_v, inertia = motion.own_sensitivity(JOINT)
+    none = np.where(motion.t < 3.0, inertia, -inertia)
+    motion._own_sensitivity[JOINT] = 0.0 * by_q, 0.0 * by_v, none
+    lag = deflection(motion, JOINT, stiffness, ratio, exact=exact)
+    assert np.isfinite(lag).all()
+    load, later = motion.link_torque[:, JOINT], slice(700, -10)
+    np.testing.assert_allclose(stiffness * lag[later, 0], load[later], atol=0.1 * float(np.ptp(load)))

@@ -85,6 +85,7 @@ def deflection(
     steps = _steps(stiffness, least, motion.period, exact and gap == 0.0)
     start, speed = start / stiffness + 0.5 * gap * (side or np.sign(start)), speed / stiffness
     damping = 2.0 * ratio * np.sqrt(stiffness * usual)
+    inertia = np.maximum(inertia, _lightest(stiffness, damping, motion.period / steps))
     return np.asarray(
         _follow(load, by_q, by_v, inertia, motion.period, steps, stiffness, damping, gap, float(start), float(speed))
     )
@@ -110,6 +111,12 @@ def _steps(stiffness: float, least: float, period: float, fine: bool) -> int:
     """Of the integration between two samples. Args: least: the joint's least inertia."""
     own = np.sqrt(stiffness / least)
     return int(np.clip(np.ceil(own * period / (_STEP if fine else _COARSE)), 1, _MOST_STEPS))
+
+
+def _lightest(stiffness: float, damping: float, step: float) -> float:
+    """Inertia of a link that swings or comes to rest within about a step [s] of the integration. A lighter one, as links have
+    that no body can be, follows at once, too, and would run away from it."""
+    return max(stiffness * step**2, damping * step)
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
