@@ -107,6 +107,24 @@ def test_a_model_that_predicts_worse_gives_way_to_the_plain_baseline() -> None:
     assert no_worse(train.problem, library, right, held) is right
 
 
+def test_one_joint_that_is_predicted_worse_takes_no_cause_from_the_others() -> None:
+    model = robot(ARM)
+    train, library = rows()
+    judged = prepare(model, [record(coulomb, 2, 8.0)], [])
+    cause, drift = library.local("coulomb_friction", 1), library.local("torque_offset_drift", 0)
+    wrong = train.problem.fit([cause, drift])
+    theta = wrong.theta.copy()
+    theta[wrong.slices[wrong.terms.index(drift)]] = 50.0
+    wrong = replace(wrong, theta=theta)
+    held = HeldOut.of(model, judged, wrong)
+    nothing = np.linalg.norm(held.rms(held.residual(train.problem.fit([]))))
+    assert np.linalg.norm(held.rms(held.residual(wrong))) > 2.0 * nothing
+    fit = no_worse(train.problem, library, wrong, held)
+    assert cause in fit.terms
+    assert drift not in fit.terms
+    assert np.linalg.norm(held.rms(held.residual(fit))) < 0.5 * nothing
+
+
 def pushing(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
     """Friction of the wrong sign."""
     return 2.0 * tau - coulomb(model, t, q, v, a, tau)
