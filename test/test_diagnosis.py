@@ -196,6 +196,27 @@ def test_without_other_recordings_the_last_part_is_held_out() -> None:
     assert 0.65 * recording.seconds < result.predictions.t[0] < result.predictions.t[-1] < recording.seconds
 
 
+def test_joints_that_never_moved_in_what_was_fitted_are_not_called_explained() -> None:
+    model, rng, dry = robot(ARM), np.random.default_rng(4), np.full(robot(ARM).n, 1.5)
+    t = np.arange(round(16.0 * RATE)) / RATE
+    q, v, a = (np.zeros((len(t), model.n)) for _ in range(3))
+    q[:, 1], v[:, 1], a[:, 1] = np.sin(2.0 * t), 2.0 * np.cos(2.0 * t), -4.0 * np.sin(2.0 * t)
+    tau = model.rnea_along(q, v, a) + dry * np.sign(v) + NOISE * rng.normal(size=q.shape)
+    one = Recording("one joint", t, q + 2e-5 * rng.normal(size=q.shape), v + 1e-3 * rng.normal(size=q.shape), tau)
+
+    def everywhere(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
+        return tau + dry * np.sign(v)
+
+    result = diagnose(model, [one], [record(everywhere, 5, 12.0)])
+    assert [(f.id, f.joints) for f in result.findings if f.id == "coulomb_friction"] == [
+        ("coulomb_friction", (model.joint_names[1],))
+    ]
+    assert result.verdict == "partly_explained"
+    assert "never moved: nothing can be told of them" in result.unexplained
+    others = [name for name in model.joint_names if name != model.joint_names[1]]
+    assert any(all(name in sentence for name in others) for sentence in result.record_next)
+
+
 def test_bad_recordings_are_refused_with_the_cure() -> None:
     good = record(None, 3)
     still = replace(good, q=np.full_like(good.q, 0.2))

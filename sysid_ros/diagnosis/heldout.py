@@ -203,10 +203,10 @@ def plain_terms(library: Library, joint: int) -> list[Term]:
 def no_worse(problem: Problem, library: Library, fit: Fit, held: HeldOut) -> Fit:
     """The fit where it predicts no joint of the held-out recordings worse than the baseline does, else one that does not.
 
-    A joint that is worse gets the baseline's terms in place of its own, or none, or the links are more or less inexact, or exact: of
-    those with which it is no worse what leaves the least of all joints, else what leaves the least of it. None makes another joint
-    worse than the baseline, and nothing that physics forbids takes a place, if it predicts ever so well. All of it gives way where
-    it predicts worse in all even then. The problem's scale becomes the fit's.
+    A joint that is worse gets the baseline's terms in place of its own, or none, or the links are more or less inexact, or exact:
+    of those with which it is no worse what leaves the least of all joints, else what leaves the least of it. None makes another
+    joint worse than the baseline, and nothing that physics forbids takes a place, if it predicts ever so well. All of it gives
+    way where it predicts worse in all even then. The problem's scale becomes the fit's.
     """
     plain = {int(j): plain_terms(library, int(j)) for j in problem.active}
     held.add([t for terms in plain.values() for t in terms])

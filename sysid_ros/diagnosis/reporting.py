@@ -49,13 +49,14 @@ def report(judged: Judged) -> Diagnosis:
     judged_joints = np.isin(np.arange(robot.n), judged.train.problem.active)
     worse = _worse(robot, np.where(judged_joints, before, np.inf), after, floor)
     beyond = _beyond(held, judged.after, judged.noise)
+    stood = [j for j in beyond if not judged_joints[j]]
     verdict = (
         "nothing_wrong"
         if not findings and not follows and not beyond
         else "unexplained"
         if not findings
         else "explained"
-        if unexplained <= (_LEFT_SEEN if follows else _LEFT) and not worse
+        if unexplained <= (_LEFT_SEEN if follows else _LEFT) and not worse and not stood
         else "partly_explained"
     )
     torque = held.rms(held.prepared.band.rows([m.tau for m in held.prepared.motions]))
@@ -71,9 +72,10 @@ def report(judged: Judged) -> Diagnosis:
         rest=Rest(1.0 - power_after - shared, power_after - left, left),
         torque=TorqueRmse(robot.joint_names, before, after, floor, torque),
         unexplained_fraction=unexplained,
-        unexplained=nothing or _in_words(robot, follows) or _beyond_in_words(robot, beyond, after, floor),
+        unexplained=nothing or _in_words(robot, follows) or _beyond_in_words(robot, beyond, stood, after, floor),
         record_next=(
             *_record_next(findings),
+            *_of_standing(robot, stood),
             *([RECORD_NEXT] if any(f.drift and not f.drift["decided"] for f in findings) else []),
         ),
         predictions=predictions,
@@ -122,11 +124,25 @@ def _beyond(held: HeldOut, after: FloatArray, noise: FloatArray) -> list[int]:
     return [int(j) for j in held.prepared.problem.active if in_all[j] and in_each[j]]
 
 
-def _beyond_in_words(robot: RobotModel, beyond: Sequence[int], after: FloatArray, floor: FloatArray) -> str:
+def _beyond_in_words(robot: RobotModel, beyond: Sequence[int], stood: Sequence[int], after: FloatArray, floor: FloatArray) -> str:
+    """Joints with more than noise, of which some stood in what was fitted; rms, shape (n,) each."""
     if not beyond:
         return ""
     parts = [f"{after[j]:.3g} N m on {robot.joint_names[j]} (noise floor {floor[j]:.3g} N m)" for j in beyond[:3]]
-    return f"On held-out data more is left than noise: {', '.join(parts)}. No effect that is known here describes it."
+    sentences = [f"On held-out data more is left than noise: {', '.join(parts)}."]
+    if stood:
+        names = listed([robot.joint_names[j] for j in stood])
+        sentences.append(f"In what was fitted {names} never moved: nothing can be told of them.")
+    if len(stood) < len(beyond):
+        sentences.append(f"{'Elsewhere no' if stood else 'No'} effect that is known here describes it.")
+    return " ".join(sentences)
+
+
+def _of_standing(robot: RobotModel, stood: Sequence[int]) -> tuple[str, ...]:
+    """What to record of joints that stood in what was fitted."""
+    if not stood:
+        return ()
+    return (f"To tell what is wrong on {listed([robot.joint_names[j] for j in stood])}: a recording to fit in which they move.",)
 
 
 def _record_next(findings: Sequence[Finding]) -> tuple[str, ...]:
