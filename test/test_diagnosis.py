@@ -205,7 +205,7 @@ def test_joints_that_never_moved_in_what_was_fitted_are_not_called_explained() -
     one = Recording("one joint", t, q + 2e-5 * rng.normal(size=q.shape), v + 1e-3 * rng.normal(size=q.shape), tau)
 
     def everywhere(model: RobotModel, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> FloatArray:
-        return tau + dry * np.sign(v)
+        return np.asarray(tau + dry * np.sign(v))
 
     result = diagnose(model, [one], [record(everywhere, 5, 12.0)])
     assert [(f.id, f.joints) for f in result.findings if f.id == "coulomb_friction"] == [

@@ -13,8 +13,9 @@ from robots import robot
 from sysid_ros.identification.expected_error import ExpectedError
 from sysid_ros.identification.free_effects import free_model
 from sysid_ros.identification.held_out import Prior, Solvers
-from sysid_ros.identification.least_squares import Fit, fit
+from sysid_ros.identification.least_squares import Fit
 from sysid_ros.identification.link_posterior import LinkPosterior, link_posterior
+from sysid_ros.identification.prior_weight import choose_weights, fitted
 from sysid_ros.identification.rows import BagRows, collect_rows
 from sysid_ros.sample import FloatArray
 
@@ -27,7 +28,7 @@ def told_by(theta: FloatArray, seed: int, seconds: float = 12.0) -> tuple[list[B
     recording = recorded(ARM, theta, seed, seconds=seconds, torque_noise=0.1, colour=0.98)
     bags = [collect_rows(model, recording, recording.name, 8.0)]
     prior = Prior.of(model)
-    found = fit(bags, prior.mean, prior.std)
+    prior, found = fitted(model, bags, prior, "irls")
     solvers = Solvers.of(model, prior, found, False)
     return bags, found, solvers, link_posterior(bags, found, solvers)
 
@@ -38,6 +39,21 @@ def test_links_far_from_the_urdf_lower_the_weight(seed: int) -> None:
     far = told_by(hidden_parameters(ARM, seed, 0.4), seed)[3]
     assert far.weight < 0.1 * exact.weight
     assert exact.weight > 100.0
+
+
+def test_links_that_only_hold_a_place_in_the_urdf_are_given_up() -> None:
+    """A robot whose links weigh fifty times what its URDF says, as one whose load or whose links nobody entered."""
+    theta = hidden_parameters(ARM, 3, 0.0)
+    theta[: 10 * ARM.n] *= 50.0
+    bags, found, solvers, posterior = told_by(theta, 3)
+    assert posterior.weight < 0.1
+    expected = ExpectedError(bags, found, solvers, posterior)
+    weights = choose_weights(expected.compare, ARM.n)
+    assert weights.min() < 0.1
+    q, v, a = Motion(ARM, 77, speed=0.8)(np.arange(2000) / 100.0)
+    truth = exact_torque(ARM, theta, q, v, a)
+    error = exact_torque(ARM, solvers.approximate(found.information, found.score, weights), q, v, a) - truth
+    assert np.linalg.norm(error) < 0.01 * np.linalg.norm(truth)
 
 
 def test_the_posterior_is_a_covariance_and_no_wider_than_the_prior() -> None:

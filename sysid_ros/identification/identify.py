@@ -21,7 +21,6 @@ from sysid_ros.identification.base_groups import (
     per_bag,
     repeatability,
     spread,
-    widened,
 )
 from sysid_ros.identification.contradictions import check_contradictions
 from sysid_ros.identification.expected_error import error_directions
@@ -29,7 +28,7 @@ from sysid_ros.identification.held_out import Folds, Prior, Solvers
 from sysid_ros.identification.least_squares import Fit, fit, noise_density
 from sysid_ros.identification.payload_difference import payload_difference
 from sysid_ros.identification.physical_consistency import PhysicalFit
-from sysid_ros.identification.prior_weight import choose_prior, prior_on_legs
+from sysid_ros.identification.prior_weight import choose_prior, fitted, prior_on_legs
 from sysid_ros.identification.result import CutOff, Identification, Knob, PriorChoice, Problem, ResidualSeries, TorqueError
 from sysid_ros.identification.rows import BagRows
 from sysid_ros.identification.tolerances import TOL
@@ -114,8 +113,7 @@ def identify(
     choices = choices or Choices()
     require_motion(model.robot, bags)
     prior = Prior.of(model, base)
-    found = fit(bags, prior.mean, prior.std, choices.method)
-    found = widened(found, prior) if base else found
+    prior, found = fitted(model, bags, prior, choices.method, base)
     # a gait repeats itself, so that a model of its own follows even what impacts do: there the weight is compared
     doubts = [] if base else check_contradictions(bags, found, prior, model.robot.joint_names, choices.accept_doubts)
     solution = _solve(model, bags, prior, found, choices, base)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from sysid_ros.exceptions import DataError
 from sysid_ros.floating.floating_base import FloatingBase
+from sysid_ros.identification.base_groups import widened
 from sysid_ros.identification.expected_error import ExpectedError
 from sysid_ros.identification.held_out import Folds, Prior, Solvers
-from sysid_ros.identification.least_squares import Fit
+from sysid_ros.identification.least_squares import Fit, fit
 from sysid_ros.identification.link_posterior import link_posterior
 from sysid_ros.identification.physical_consistency import PhysicalProblem
 from sysid_ros.identification.result import PriorChoice
@@ -20,8 +22,11 @@ from sysid_ros.identification.tolerances import TOL
 from sysid_ros.sample import FREE, FloatArray
 from sysid_ros.torque.torque_model import TorqueModel
 
-WEIGHTS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 1e5, math.inf)
-"""Weights of the prior that are tried; at ``inf`` a link is the URDF's."""
+WEIGHTS = (1e-6, 1e-4, 1e-2, 0.1, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 1e5, math.inf)
+"""Weights of the prior that are tried; at ``inf`` a link is the URDF's, below 1 its mass only holds a place."""
+
+_LOOSENED = 4
+"""Most times that the prior of the links is loosened for the fit that the noise is learned from."""
 
 
 def choose_weights(compare: Callable[[FloatArray], tuple[FloatArray, FloatArray]], links: int) -> FloatArray:
@@ -75,6 +80,27 @@ def choose_weights(compare: Callable[[FloatArray], tuple[FloatArray, FloatArray]
             break
         best = following
     return best
+
+
+def fitted(
+    model: TorqueModel, bags: Sequence[BagRows], prior: Prior, method: str, base: FloatingBase | None = None
+) -> tuple[Prior, Fit]:
+    """The unconstrained fit, and the prior that it goes by: of links that may be as far off as the data are likeliest with.
+
+    A link that only holds a place in the URDF is off by many times its mass. A prior that knows of none such leaves its torque
+    in the residuals, where it is taken for noise, beside which the data weigh too little to move the prior. On legs, ``base``,
+    the URDF's links stand, and bags that differ widen the covariance.
+    """
+    found, least = fit(bags, prior.mean, prior.std, method), 1.0
+    if base:
+        return prior, widened(found, prior)
+    for _ in range(_LOOSENED):
+        weight = link_posterior(bags, found, Solvers.of(model, prior, found, False)).weight
+        if weight >= least:
+            break
+        prior = replace(prior, std=np.where(prior.is_link, np.sqrt(least / weight), 1.0) * prior.std)
+        found, least = fit(bags, prior.mean, prior.std, method), weight
+    return prior, found
 
 
 def choose_prior(bags: Sequence[BagRows], folds: Folds, solvers: Solvers, found: Fit, given: float | None) -> PriorChoice:
