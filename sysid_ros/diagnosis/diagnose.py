@@ -23,6 +23,7 @@ from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.sets.long_recordings import searched
 from sysid_ros.diagnosis.sets.other_loads import OtherLoad, other_loads, without_loads
 from sysid_ros.diagnosis.strong_contacts import strong_contacts
+from sysid_ros.diagnosis.whose.left_out_channels import refuted_elsewhere
 from sysid_ros.diagnosis.whose.robot_hypotheses import judge
 from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError
@@ -139,11 +140,15 @@ def _told(
         held, later, loads = _held_out(robot, corrected, partial(prepared, turns=train.turns), carried, selection.fit, progress)
         told = Judged(train, selection, selection.judged_with(held), held)
         found = report(told)
-        if not (wrong := refuted(faults, found, train, told.fit)):
+        published = [without(r, contacts) for r in fitted], [without(r, later) for r in judged]
+        wrong = refuted(faults, found, train, told.fit)
+        wrong += refuted_elsewhere(robot, faults, told.fit, held, partial(prepare, robot, known=effects), published)
+        if not wrong:
             found = replace(found, notes=(*(x.in_words() for x in loads), *found.notes))
             return _Told(told, found, contacts, later, faults, silent)
-        progress("efforts are in N m after all: once more without the factors that were undone")
-        faults, silent = tuple(f for f in faults if f not in wrong), ()
+        progress("the channels are as they should be after all: once more without what was undone")
+        faults = tuple(f for f in faults if f not in wrong)
+        silent = () if any(f.effect.absorbs for f in wrong) else silent
 
 
 def _search(
