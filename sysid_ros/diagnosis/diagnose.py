@@ -140,9 +140,10 @@ def _told(
         held, later, loads = _held_out(robot, corrected, partial(prepared, turns=train.turns), carried, selection.fit, progress)
         told = Judged(train, selection, selection.judged_with(held), held)
         found = report(told)
-        published = [without(r, contacts) for r in fitted], [without(r, later) for r in judged]
-        wrong = refuted(faults, found, train, told.fit)
-        wrong += refuted_elsewhere(robot, faults, told.fit, held, partial(prepare, robot, known=effects), published)
+        wrong = refuted(faults, found, train, told.fit) if faults else []
+        if faults:
+            published = [without(r, contacts) for r in fitted], [without(r, later) for r in judged]
+            wrong += refuted_elsewhere(robot, faults, told.fit, held, partial(prepare, robot, known=effects), published)
         if not wrong:
             found = replace(found, notes=(*(x.in_words() for x in loads), *found.notes))
             return _Told(told, found, contacts, later, faults, silent)
