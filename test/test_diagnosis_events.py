@@ -162,3 +162,19 @@ def test_a_contact_is_what_each_joint_shows_of_the_force_that_the_others_tell() 
     assert contact.start < 6.0 < contact.end
     np.testing.assert_allclose(contact.force, np.array([20.0, -10.0, 15.0]) * 0.9, rtol=0.15)  # its mean above half of its peak
     assert found[1] == []
+
+
+def test_a_push_is_no_elastic_joint_however_much_of_it_one_joint_takes() -> None:
+    """Nearly all of the energy may be on one joint, by the push or by how well its torque is known: the others tell."""
+    model, rng = robot(ARM), np.random.default_rng(0)
+    (motion,) = prepare(model, [record(changes(), 1, 12.0)], []).problem.band.motions
+    at = np.exp(-(((motion.t - 6.0) / 0.3) ** 2))
+    jacobian = model.frame_jacobian_along(motion.q, model.frame_id(model.default_frame))[:, :3]
+    pushed = -np.einsum("kxj,x->kj", jacobian, [12.0, 5.0, -20.0]) * at[:, None]
+    moves, found = np.ones(motion.q.shape, dtype=np.bool_), []
+    noise = np.array([0.015, 0.003, 0.015, 0.08]) * rng.normal(size=motion.q.shape)
+    for wrong in (pushed, *(motion.sensitivity[2][:, :, m] * 20.0 * at[:, None] for m in range(4))):
+        found.append(find_contacts(model, ["one"], [motion], [noise + wrong], [motion.tau - wrong], [moves]))
+    (contact,) = found[0]
+    np.testing.assert_allclose(contact.force, np.array([12.0, 5.0, -20.0]) * 0.9, rtol=0.15)
+    assert found[1:] == [[], [], [], []]

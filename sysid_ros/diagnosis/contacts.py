@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
+from scipy import linalg, ndimage
 
 from sysid_ros.diagnosis.band import CUTOFF
 from sysid_ros.diagnosis.evidence import Evidence
@@ -38,13 +38,9 @@ _EXPLAINED = 0.8
 """Part of a window's energy that must be predicted: that of each joint, by the force that the others tell."""
 _JOINTS = 4
 """A force on a link below fewer joints can look like anything."""
-_SHARE = 0.05
-"""Part of a window's energy from which a joint takes part; at least two must."""
 _BETTER = 1e-3
 _TURNS = 0.1
 """Time before and after a joint stands in which it is not looked at [s]."""
-_AS_WELL = 0.1
-"""A force must explain a window by so much better than one joint that gives way."""
 SMEARED = 0.15
 """Time over which the filters spread a step [s]."""
 _INDEPENDENT = 2.0 * CUTOFF
@@ -62,7 +58,7 @@ class Contact:
     Attributes:
         recording: its name. start, end: since the first stamp [s]. frame: link that is pushed.
         force: its mean on the robot, in the world, over the time in which it has more than half of its peak, shape (3,) [N].
-        std: of it, shape (3,). peak: of its size [N].
+        std: of it, shape (3,): of its direction, and of its size how much that varies over this time. peak: of its size [N].
         evidence: its gain is the part of the nominal residual's power that is predicted on each joint from all others.
     """
 
@@ -161,8 +157,6 @@ def _explain(robot: RobotModel, name: str, motion: Motion, z: FloatArray, scale:
     """The force that explains a window, on the link where it does so best; None where no force does."""
     residual = z[window]
     power = np.sum(residual**2, axis=0)
-    if np.sum(power > _SHARE * power.sum()) < 2:
-        return None
     explained, best = -np.inf, ""
     for frame in robot.body_names[_JOINTS - 1 : robot.n]:
         columns = _of_force(robot, frame, motion.q[window], scale, residual)
@@ -173,20 +167,20 @@ def _explain(robot: RobotModel, name: str, motion: Motion, z: FloatArray, scale:
         if part > explained + _BETTER:
             explained, best = part, frame
     columns = _of_force(robot, best, motion.q[window], scale, residual)
-    removed = _predicted(columns, residual)
+    left = _left_by_force(columns, residual)
+    removed = float(np.sum(power - left))
     if removed < _EXPLAINED * power.sum():
         return None
-    if _one_joint(motion.sensitivity[2][window] / scale[:, None], residual) > explained - _AS_WELL:
+    one_joint = _left_by_one_joint(motion.sensitivity[2][window] / scale[:, None], residual)
+    if _likelihood(left, residual) < max(_likelihood(x, residual) for x in one_joint):
         return None
-    size = _one_direction(columns, residual)[1]
-    size = size if size.sum() >= 0.0 else -size
-    strong = size > 0.5 * size.max()
-    X, y = columns[strong].reshape(-1, 3), residual[strong].ravel()
-    information = X.T @ X + np.eye(3) / _STRONG**2
-    force = np.linalg.solve(information, X.T @ y)
-    independent = max(3.0, _INDEPENDENT * strong.sum() * motion.period * np.count_nonzero(np.any(columns[strong], axis=(0, 2))))
-    variance = float(np.mean((y - X @ force) ** 2)) * len(y) / independent
-    std = np.sqrt(np.diag(np.linalg.inv(information)) * max(variance, len(y) / independent))
+    direction, size = _one_direction(columns, residual)
+    direction, size = (direction, size) if size.sum() >= 0.0 else (-direction, -size)
+    strong = size[size > 0.5 * size.max()]
+    force = direction * float(np.mean(strong))
+    std = np.sqrt(
+        np.diag(_spread(columns, residual, direction, size, motion.period)) * np.mean(strong) ** 2 + direction**2 * np.var(strong)
+    )
     start, end = float(motion.t[window.start]), float(motion.t[window.stop - 1])
     # a direction and its amplitudes, against nothing
     amplitudes = _INDEPENDENT * len(residual) * motion.period
@@ -202,29 +196,39 @@ def _of_force(robot: RobotModel, frame: str, q: FloatArray, scale: FloatArray, r
     return np.where((residual == 0.0)[:, :, None], 0.0, -jacobian.swapaxes(1, 2) / scale[:, None])
 
 
-def _predicted(columns: FloatArray, residual: FloatArray) -> float:
-    """By how much the squared residual falls where the force that the other joints tell predicts each joint.
+def _left_by_force(columns: FloatArray, residual: FloatArray) -> FloatArray:
+    """Squared residual of each joint that the force leaves which all other joints tell, shape (n,).
 
     Args:
         columns: A, shape (k, n, 3). residual: shape (k, n), zero where not judged.
     """
-    out = 0.0
+    out = np.sum(residual**2, axis=0)
     for j in np.flatnonzero(np.any(columns, axis=(0, 2))):
         others = np.delete(np.arange(columns.shape[1]), j)
         direction, size = _one_direction(columns[:, others], residual[:, others])
-        out += float(np.sum(residual[:, j] ** 2 - (residual[:, j] - columns[:, j] @ direction * size) ** 2))
-    return out
+        out[j] = np.sum((residual[:, j] - columns[:, j] @ direction * size) ** 2)
+    return np.asarray(out)
 
 
-def _one_joint(columns: FloatArray, residual: FloatArray) -> float:
-    """Part of a residual that the acceleration of one link against its motor explains: an elastic joint, or one with play.
+def _left_by_one_joint(columns: FloatArray, residual: FloatArray) -> FloatArray:
+    """Squared residual of each joint where the acceleration of one link against its motor (an elastic joint, or one with play) is
+    what all other joints tell, shape (n, n): of each elastic joint a row.
 
     Args:
         columns: mass matrix with its rows over the scales, shape (k, n, n). residual: shape (k, n), zero where not judged.
     """
     columns = np.where((residual == 0.0)[:, :, None], 0.0, columns)
-    along = np.einsum("kij,ki->kj", columns, residual) ** 2 / np.maximum(np.sum(columns**2, axis=1), 1e-12)
-    return float(np.max(along.sum(axis=0)) / np.sum(residual**2))
+    along, power = columns * residual[:, :, None], columns**2
+    # what all joints tell, without what the one that is predicted tells itself
+    amplitude = (along.sum(axis=1, keepdims=True) - along) / np.maximum(power.sum(axis=1, keepdims=True) - power, 1e-12)
+    return np.asarray(np.sum((residual[:, :, None] - columns * amplitude) ** 2, axis=0).T)
+
+
+def _likelihood(left: FloatArray, residual: FloatArray) -> float:
+    """Logarithm, an instant, of the likelihood of joints that are predicted from all others with what is left of each, shape
+    (n,), in units of their usual residual, over that of no prediction."""
+    usual = float(len(residual))
+    return -0.5 * float(np.sum(np.log((left + usual) / (np.sum(residual**2, axis=0) + usual))))
 
 
 def _one_direction(columns: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -246,6 +250,25 @@ def _one_direction(columns: FloatArray, residual: FloatArray) -> tuple[FloatArra
         normal = np.einsum("kjx,kjy->xy", weighted, weighted) + max(float(np.sum(size**2)), 1e-12) * least * np.eye(3)
         direction = np.linalg.solve(normal, np.einsum("kjx,kj->x", weighted, residual))
     return direction / max(float(np.linalg.norm(direction)), 1e-12), size
+
+
+def _spread(columns: FloatArray, residual: FloatArray, direction: FloatArray, size: FloatArray, period: float) -> FloatArray:
+    """Covariance of the direction, shape (3, 3), with any amplitude at each instant.
+
+    Args:
+        columns, residual: as for :func:`_one_direction`. direction, size: what it returns. period: of the instants [s].
+    """
+    along, least = columns @ direction, 1.0 / _STRONG**2
+    # what the amplitude of an instant takes up tells nothing of the direction
+    known = np.einsum("kjx,kj->kx", columns, along) / np.sqrt(np.sum(along**2, axis=1, keepdims=True) + least)
+    of_instants = np.einsum("kjx,kjy->kxy", columns, columns) - known[:, :, None] * known[:, None, :]
+    information = np.einsum("k,kxy->xy", size**2, of_instants) + np.sum(size**2) * least * np.eye(3)
+    across = linalg.null_space(direction[None])
+    rows = np.count_nonzero(residual)
+    independent = max(3.0, _INDEPENDENT * rows * period)
+    variance = float(np.sum((residual - along * size[:, None]) ** 2)) / independent
+    inside = np.linalg.inv(across.T @ information @ across)
+    return np.asarray(across @ inside @ across.T * max(variance, rows / independent))
 
 
 def contacts_in(robot: RobotModel, train: Prepared, selection: Selection) -> list[Contact]:

@@ -15,6 +15,7 @@ from sysid_ros.sample import FloatArray
 from sysid_ros.signals.motion import Motion
 from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.seen_motion import clear_band, seen_band, what_is_seen
+from sysid_ros.signals.velocity_channel import continued
 from sysid_ros.signals.zero_phase import low_passed, on_even_grid
 
 SMOOTHING = 20.0
@@ -44,7 +45,8 @@ def motions(robot: RobotModel, recording: Recording) -> list[Motion]:
     t, out = recording.t - recording.start, []
     for part in recording.stretches(gap):
         if part.stop - part.start > _FEWEST and t[part][-1] - t[part][0] >= SHORTEST:
-            out.append(_smooth(robot, t[part], recording.q[part], recording.tau[part]))
+            v = None if recording.v is None else recording.v[part]
+            out.append(_smooth(robot, t[part], recording.q[part], recording.tau[part], v))
             out[-1].recording = recording.whole
             if recording.temperature is not None:
                 out[-1].temperature = _along(out[-1].t, t[part], recording.temperature[part])
@@ -63,19 +65,22 @@ def _gap(recording: Recording) -> float:
     return max(MAX_GAP, 3.0 * recording.period)
 
 
-def _smooth(robot: RobotModel, t: FloatArray, q: FloatArray, tau: FloatArray) -> Motion:
+def _smooth(robot: RobotModel, t: FloatArray, q: FloatArray, tau: FloatArray, v: FloatArray | None) -> Motion:
     period, n = float(np.median(np.diff(t))), q.shape[1]
     rate = 1.0 / period
     grid, even = on_even_grid(t, np.hstack([q, tau]), period)
-    clear = clear_band(even[:, :n], rate)
+    raw, by_velocity = even[:, :n].copy(), np.full(n, np.nan)
+    if v is not None:
+        even[:, :n], by_velocity = continued(raw, on_even_grid(t, v, period)[1], rate)
+    clear = np.where(np.isnan(by_velocity), clear_band(raw, rate), by_velocity)
     smooth_q, smooth_tau = np.split(as_measured(even, period), [n], axis=1)
     every = max(1, int(rate / FINEST))
     grid, smooth_q, smooth_tau = grid[::every], smooth_q[::every], smooth_tau[::every]
-    smooth_q = what_is_seen(smooth_q, rate / every, seen_band(even[:, :n], rate))
+    smooth_q = what_is_seen(smooth_q, rate / every, np.where(np.isnan(by_velocity), seen_band(raw, rate), np.inf))
     spline = interpolate.make_interp_spline(grid, smooth_q, k=5)
     inside = slice(*np.searchsorted(grid, [grid[0] + _EDGE, grid[-1] - _EDGE]))
-    v, a = (spline(grid, nu=order)[inside] for order in (1, 2))
-    motion = Motion(robot, grid[inside], smooth_q[inside], v, a, smooth_tau[inside])
+    speed, a = (spline(grid, nu=order)[inside] for order in (1, 2))
+    motion = Motion(robot, grid[inside], smooth_q[inside], speed, a, smooth_tau[inside])
     motion.clear = clear
     return motion
 

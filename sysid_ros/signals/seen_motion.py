@@ -35,11 +35,11 @@ def what_is_seen(q: FloatArray, rate: float, seen: FloatArray) -> FloatArray:
     """
     out = q.copy()
     for j in np.flatnonzero(np.isfinite(seen)):
-        out[:, j] = _smoothest(q[:, j], rate, seen[j])
+        out[:, j] = smoothest(q[:, j], rate, seen[j])
     return out
 
 
-def _smoothest(x: FloatArray, rate: float, cutoff_hz: float) -> FloatArray:
+def smoothest(x: FloatArray, rate: float, cutoff_hz: float) -> FloatArray:
     """The smoothest channel near x, shape (N,), as a spline with several knots a period of the cut-off.
 
     With a knot at each sample its equations would lose all digits where the cut-off is a thousandth of the rate.
