@@ -231,3 +231,11 @@ def test_a_time_that_no_row_shows_is_somewhere_in_the_recording() -> None:
     found = with_knobs(train.problem, library, fit).of[event]
     start, end = library.times()
     assert np.sqrt(found.covariance[-1, -1]) == pytest.approx((end - start) / np.sqrt(12.0), rel=1e-3)
+
+
+def test_what_friction_seems_to_take_lets_a_motor_give_no_more(band: Band) -> None:
+    """A fit that has no limit blames friction for what the motor was asked for beyond it."""
+    asked = [m.with_torques(m.link_torque, 3.0 * m.tau) for m in band.motions]
+    motor = TorqueSaturation(robot(ARM), ["lift"], limit=10.0, kind="motor")
+    assert motor.reference_torque(asked) == pytest.approx(motor.reference_torque(band.motions))
+    assert motor.reference_torque([m.with_torques(3.0 * m.tau, m.tau) for m in band.motions]) > motor.reference_torque(asked)

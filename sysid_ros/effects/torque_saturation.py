@@ -23,9 +23,12 @@ _OFTEN, _AT_MOST = 0.85, 0.99
 
 
 def _given(motions: Sequence[Motion], joint: int) -> float:
-    """Torque that a joint's motor has been seen to give: its limit is not below [N m]."""
+    """Torque that a joint's motor has been seen to give, that of the links: its limit is not below [N m].
+
+    What friction and rotors seem to take does not count: fitted without the limit, they take what the motor was asked for.
+    """
     asked = np.concatenate([np.abs(m.tau[:, joint]) for m in motions])
-    given = np.concatenate([np.abs(m.drive_torque[:, joint]) for m in motions])
+    given = np.concatenate([np.abs(m.link_torque[:, joint]) for m in motions])
     return max(float(np.quantile(asked, _OFTEN)), float(np.quantile(given, _AT_MOST)))
 
 
