@@ -71,6 +71,10 @@ class Contact:
     peak: float
     evidence: Evidence
 
+    def overlaps(self, other: Contact) -> bool:
+        """True where both acted at the same time."""
+        return self.recording == other.recording and self.start <= other.end and other.start <= self.end
+
     def in_words(self) -> str:
         """In half a sentence."""
         size = float(np.linalg.norm(self.force))

@@ -159,18 +159,27 @@ def _search(
     progress("filtering")
     train = prepared(fitted)
     progress("looking for contacts")
-    contacts = more = strong_contacts(robot, train)
+    contacts = strong = strong_contacts(robot, train)
     while True:
-        if more:
-            fitted = [without(r, more) for r in fitted]
-            train = prepared(fitted)
+        if contacts:
+            train = prepared([without(r, contacts) for r in fitted])
         progress("computing what each effect would do")
         selection = searched(robot, train, progress)
         # a strong contact hides a weaker one
         more = contacts_in(robot, train, selection) if len(contacts) < _MOST_CONTACTS else []
-        if not more:
+        if more:
+            contacts = [*contacts, *more]
+        elif not (gone := _explained_now(robot, prepared(fitted, turns=train.turns), selection, strong) if strong else []):
             return train, selection, contacts
-        contacts = [*contacts, *more]
+        else:
+            contacts, strong = [c for c in contacts if c not in gone], []
+            train = prepared(fitted)
+
+
+def _explained_now(robot: RobotModel, whole: Prepared, selection: Selection, strong: Sequence[Contact]) -> list[Contact]:
+    """Contacts that stand out no longer in the whole recordings: they were a cause that was not known yet."""
+    seen = contacts_held_out(robot, HeldOut.of(robot, whole, selection.fit), selection.fit)
+    return [c for c in strong if not any(c.overlaps(x) for x in seen)]
 
 
 def _held_out(

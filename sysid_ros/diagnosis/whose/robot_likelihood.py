@@ -88,7 +88,7 @@ class JointTorques:
         """
         loss = self._loss(mean, fixed, step)
         starts = [*([] if start is None else [start]), *([] if near else _STARTS)]
-        starts = sorted(starts, key=self._loss(mean, fixed, max(step, 2)).value)
+        starts = sorted(starts, key=loss.value)
         apart = [x for x in starts if abs(x[1] - starts[0][1]) > _APART]
         bounds, options = list(zip(_LOW, _HIGH, strict=True)), {"maxiter": _STEPS, "ftol": 1e-6}
         each = [
