@@ -65,3 +65,13 @@ def test_no_velocity_and_short_recordings_leave_the_position() -> None:
         out, clear = continued(position[:, None], velocity[:, None], RATE)
         np.testing.assert_array_equal(out[:, 0], position)
         assert np.isnan(clear[0])
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("still", ["q", "v", "q and v"])
+def test_a_joint_that_stands_without_noise_is_left_as_it_is(still: str) -> None:
+    q, v = channels("measured by itself")
+    q, v = (np.full_like(x, 0.3 * (name == "q")) if name in still else x for name, x in (("q", q), ("v", v)))
+    out, clear = continued(q[:, None], v[:, None], RATE)
+    np.testing.assert_array_equal(out[:, 0], q)
+    assert np.isnan(clear[0])

@@ -45,7 +45,8 @@ def continued(q: FloatArray, v: FloatArray, rate: float) -> tuple[FloatArray, Fl
     size = round(_SEGMENT * rate)
     if len(q) < _STRETCHES * size or not np.isfinite(v).all():
         return out, clear
-    for j in range(q.shape[1]):
+    # what never changes has no spectrum to compare
+    for j in np.flatnonzero(np.ptp(q, axis=0) * np.ptp(v, axis=0)):
         spectra = Spectra.of(q[:, j], v[:, j], rate, size)
         if spectra.cutoff < 0.5 * _BAND and spectra.independent and spectra.off < _OFF:
             u = integrate.cumulative_trapezoid(v[:, j], dx=1.0 / rate, initial=0.0)
