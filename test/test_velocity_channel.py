@@ -7,6 +7,7 @@ import pytest
 from scipy import signal
 
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.seen_motion import clear_band
 from sysid_ros.signals.velocity_channel import continued
 
 RATE = 250.0
@@ -45,26 +46,27 @@ def acceleration_error(q: FloatArray) -> float:
 
 def test_what_a_coarse_encoder_does_not_see_is_taken_from_the_velocity() -> None:
     q, v = channels("measured by itself")
-    out, clear = continued(q[:, None], v[:, None], RATE)
+    out, used = continued(q[:, None], v[:, None], RATE)
     assert acceleration_error(out[:, 0]) < 0.1 * acceleration_error(q)
     assert abs(float(np.mean(out[:, 0] - motion()[0]))) < 0.1 * STEP
-    assert clear[0] > 5.9
+    assert used[0]
+    assert clear_band(v[:, None], RATE)[0] > 5.9
 
 
 @pytest.mark.parametrize("kind", ["fine encoder", "computed from the position", "late", "another gain"])
 def test_a_velocity_that_sees_no_more_is_not_used(kind: str) -> None:
     q, v = channels(kind)
-    out, clear = continued(q[:, None], v[:, None], RATE)
+    out, used = continued(q[:, None], v[:, None], RATE)
     np.testing.assert_array_equal(out[:, 0], q)
-    assert np.isnan(clear[0])
+    assert not used[0]
 
 
 def test_no_velocity_and_short_recordings_leave_the_position() -> None:
     q, v = channels("measured by itself")
     for position, velocity in ((q, np.full_like(v, np.nan)), (q[:500], v[:500])):
-        out, clear = continued(position[:, None], velocity[:, None], RATE)
+        out, used = continued(position[:, None], velocity[:, None], RATE)
         np.testing.assert_array_equal(out[:, 0], position)
-        assert np.isnan(clear[0])
+        assert not used[0]
 
 
 @pytest.mark.filterwarnings("error")
@@ -72,6 +74,6 @@ def test_no_velocity_and_short_recordings_leave_the_position() -> None:
 def test_a_joint_that_stands_without_noise_is_left_as_it_is(still: str) -> None:
     q, v = channels("measured by itself")
     q, v = (np.full_like(x, 0.3 * (name == "q")) if name in still else x for name, x in (("q", q), ("v", v)))
-    out, clear = continued(q[:, None], v[:, None], RATE)
+    out, used = continued(q[:, None], v[:, None], RATE)
     np.testing.assert_array_equal(out[:, 0], q)
-    assert np.isnan(clear[0])
+    assert not used[0]

@@ -51,7 +51,7 @@ _STRONG = 1000.0
 """Size of a force before any data [N]: more breaks the arm. Where a posture shows nothing of a direction there is none in it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Contact:
     """A force that acted for a while.
 
@@ -163,14 +163,12 @@ def _explain(robot: RobotModel, name: str, motion: Motion, z: FloatArray, scale:
     power = np.sum(residual**2, axis=0)
     explained, best = -np.inf, ""
     for frame in robot.body_names[_JOINTS - 1 : robot.n]:
-        columns = _of_force(robot, frame, motion.q[window], scale, residual)
-        direction, size = _one_direction(columns, residual)
-        left = residual - np.einsum("kjx,x->kj", columns, direction) * size[:, None]
-        part = 1.0 - float(np.sum(left**2) / np.sum(residual**2))
+        each = _of_force(robot, frame, motion.q[window], scale, residual)
+        along = _one_direction(each, residual)
+        part = 1.0 - float(np.sum((residual - each @ along[0] * along[1][:, None]) ** 2) / np.sum(power))
         # where two links share an origin the nearer one is named
         if part > explained + _BETTER:
-            explained, best = part, frame
-    columns = _of_force(robot, best, motion.q[window], scale, residual)
+            explained, best, columns, (direction, size) = part, frame, each, along
     left = _left_by_force(columns, residual)
     removed = float(np.sum(power - left))
     if removed < _EXPLAINED * power.sum():
@@ -178,7 +176,6 @@ def _explain(robot: RobotModel, name: str, motion: Motion, z: FloatArray, scale:
     one_joint = _left_by_one_joint(motion.sensitivity[2][window] / scale[:, None], residual)
     if _likelihood(left, residual) < max(_likelihood(x, residual) for x in one_joint):
         return None
-    direction, size = _one_direction(columns, residual)
     direction, size = (direction, size) if size.sum() >= 0.0 else (-direction, -size)
     strong = size[size > 0.5 * size.max()]
     force = direction * float(np.mean(strong))

@@ -157,29 +157,27 @@ def _search(
 ) -> tuple[Prepared, Selection, list[Contact]]:
     """The rows to fit, the causes that were found in them, and the contacts that were left out of them."""
     progress("filtering")
-    train = prepared(fitted)
+    whole = prepared(fitted)
     progress("looking for contacts")
-    contacts = strong = strong_contacts(robot, train)
+    contacts = unproven = strong_contacts(robot, whole)
     while True:
-        if contacts:
-            train = prepared([without(r, contacts) for r in fitted])
+        train = prepared([without(r, contacts) for r in fitted]) if contacts else whole
         progress("computing what each effect would do")
         selection = searched(robot, train, progress)
         # a strong contact hides a weaker one
-        more = contacts_in(robot, train, selection) if len(contacts) < _MOST_CONTACTS else []
-        if more:
+        if more := contacts_in(robot, train, selection) if len(contacts) < _MOST_CONTACTS else []:
             contacts = [*contacts, *more]
-        elif not (gone := _explained_now(robot, prepared(fitted, turns=train.turns), selection, strong) if strong else []):
+            continue
+        explained = _explained(unproven, robot, prepared(fitted, turns=train.turns), selection) if unproven else []
+        if not explained:
             return train, selection, contacts
-        else:
-            contacts, strong = [c for c in contacts if c not in gone], []
-            train = prepared(fitted)
+        contacts, unproven = [c for c in contacts if c not in explained], []
 
 
-def _explained_now(robot: RobotModel, whole: Prepared, selection: Selection, strong: Sequence[Contact]) -> list[Contact]:
-    """Contacts that stand out no longer in the whole recordings: they were a cause that was not known yet."""
-    seen = contacts_held_out(robot, HeldOut.of(robot, whole, selection.fit), selection.fit)
-    return [c for c in strong if not any(c.overlaps(x) for x in seen)]
+def _explained(contacts: Sequence[Contact], robot: RobotModel, whole: Prepared, selection: Selection) -> list[Contact]:
+    """Those that stand out of the whole recordings no longer: they were a cause that was not known when they were found."""
+    still = contacts_held_out(robot, HeldOut.of(robot, whole, selection.fit), selection.fit)
+    return [c for c in contacts if not any(c.overlaps(x) for x in still)]
 
 
 def _held_out(

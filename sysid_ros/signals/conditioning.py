@@ -69,14 +69,16 @@ def _smooth(robot: RobotModel, t: FloatArray, q: FloatArray, tau: FloatArray, v:
     period, n = float(np.median(np.diff(t))), q.shape[1]
     rate = 1.0 / period
     grid, even = on_even_grid(t, np.hstack([q, tau]), period)
-    raw, by_velocity = even[:, :n].copy(), np.full(n, np.nan)
+    seen, clear = seen_band(even[:, :n], rate), clear_band(even[:, :n], rate)
     if v is not None:
-        even[:, :n], by_velocity = continued(raw, on_even_grid(t, v, period)[1], rate)
-    clear = np.where(np.isnan(by_velocity), clear_band(raw, rate), by_velocity)
+        velocity = on_even_grid(t, v, period)[1]
+        even[:, :n], used = continued(even[:, :n], velocity, rate)
+        if used.any():
+            seen[used], clear[used] = np.inf, clear_band(velocity[:, used], rate)
     smooth_q, smooth_tau = np.split(as_measured(even, period), [n], axis=1)
     every = max(1, int(rate / FINEST))
     grid, smooth_q, smooth_tau = grid[::every], smooth_q[::every], smooth_tau[::every]
-    smooth_q = what_is_seen(smooth_q, rate / every, np.where(np.isnan(by_velocity), seen_band(raw, rate), np.inf))
+    smooth_q = what_is_seen(smooth_q, rate / every, seen)
     spline = interpolate.make_interp_spline(grid, smooth_q, k=5)
     inside = slice(*np.searchsorted(grid, [grid[0] + _EDGE, grid[-1] - _EDGE]))
     speed, a = (spline(grid, nu=order)[inside] for order in (1, 2))

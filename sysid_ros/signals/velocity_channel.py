@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import integrate, signal
 
 from sysid_ros.sample import FloatArray
@@ -17,16 +18,14 @@ _SEGMENT = 2.0
 """Length of the stretches whose spectra are averaged, half of each in the next one as well [s]."""
 _NOISE_ONLY = 0.4, 0.48
 """Parts of the rate between which channels have nothing but noise: above the motion, below what stamps and grid take away."""
-_CLEARLY = 10.0
-"""Power over that of the noise at which a motion is seen well."""
 _STRETCHES, _OVERLAP = 3, 1.1
 """Fewest stretches without overlap; part by which those that overlap are fewer than they seem."""
 _OFF = 0.25
 """Part of the difference of both that may be in proportion to a velocity or its derivative."""
 
 
-def continued(q: FloatArray, v: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
-    """Positions whose noise is that of the velocity above a frequency f_c from which on that has less, and their clear bands.
+def continued(q: FloatArray, v: FloatArray, rate: float) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Positions whose noise is that of the velocity above a frequency f_c from which on that has less, and which these are.
 
     A coarse encoder does not see a vibration whose velocity is measured well by itself (on the motor, by a tachometer, by an
     observer): ``s = u + W (q - u)``, u the integral of v, W the smoother of :func:`.smoothest` that passes what is below f_c.
@@ -38,21 +37,20 @@ def continued(q: FloatArray, v: FloatArray, rate: float) -> tuple[FloatArray, Fl
         q, v: on an even grid, shape (N, n). rate: of the grid [Hz].
 
     Returns:
-        positions, shape (N, n), and the frequency up to which each velocity that is in one stands clearly above its noise, shape
-        (n,) [Hz]; NaN where none is.
+        positions, shape (N, n), and whether the velocity is in them, shape (n,).
     """
-    out, clear = q.copy(), np.full(q.shape[1], np.nan)
+    out, used = q.copy(), np.zeros(q.shape[1], dtype=np.bool_)
     size = round(_SEGMENT * rate)
     if len(q) < _STRETCHES * size or not np.isfinite(v).all():
-        return out, clear
+        return out, used
     # what never changes has no spectrum to compare
     for j in np.flatnonzero(np.ptp(q, axis=0) * np.ptp(v, axis=0)):
         spectra = Spectra.of(q[:, j], v[:, j], rate, size)
         if spectra.cutoff < 0.5 * _BAND and spectra.independent and spectra.off < _OFF:
             u = integrate.cumulative_trapezoid(v[:, j], dx=1.0 / rate, initial=0.0)
             out[:, j] = u + smoothest(q[:, j] - u, rate, spectra.cutoff)
-            clear[j] = spectra.clear
-    return out, clear
+            used[j] = True
+    return out, used
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,14 +59,12 @@ class Spectra:
 
     Attributes:
         cutoff: from which on the velocity has less noise [Hz]. independent: whether their noise is. off: part of the power of
-            their difference that is in proportion to the velocity or its derivative. clear: frequency up to which the velocity
-            stands clearly above its noise [Hz].
+            their difference that is in proportion to the velocity or its derivative.
     """
 
     cutoff: float
     independent: bool
     off: float
-    clear: float
 
     @classmethod
     def of(cls, q: FloatArray, v: FloatArray, rate: float, size: int) -> Spectra:
@@ -87,10 +83,5 @@ class Spectra:
         gain = np.sum(both.real) / np.sum(size_v)
         lag = np.sum(w[band] * both.imag) / np.sum(w[band] ** 2 * size_v)
         off = np.sum((gain**2 + (lag * w[band]) ** 2) * of_v[band]) / np.sum(of_both[band])
-        seen = np.flatnonzero(of_v > _CLEARLY * noise_v)
-        return cls(
-            max(float(np.sqrt(noise_v / noise_q)) / (2.0 * np.pi), float(f[1])),
-            bool(np.mean(shared) < limit),
-            float(off),
-            float(f[seen[-1]]) if seen.size else 0.0,
-        )
+        cutoff = max(float(np.sqrt(noise_v / noise_q)) / (2.0 * np.pi), float(f[1]))
+        return cls(cutoff, bool(np.mean(shared) < limit), float(off))
