@@ -12,11 +12,12 @@ from robots import robot
 from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import Diagnosis, diagnose
-from sysid_ros.diagnosis.covariance import _equations, dry_friction, unknown_columns
+from sysid_ros.diagnosis.covariance import _equations
 from sysid_ros.diagnosis.deflections import fit_deflection
 from sysid_ros.diagnosis.knobs import made_anew
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import inexact_links, prepare
+from sysid_ros.diagnosis.sets.never_known import dry_friction, unknown_columns
 from sysid_ros.diagnosis.swings import by_links, follows, swinging
 from sysid_ros.effects import EFFECTS, Backlash, JointElasticity, Motion
 from sysid_ros.effects.compliance import deflection, torque_of

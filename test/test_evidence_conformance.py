@@ -20,11 +20,13 @@ from scipy import stats
 from unsimulated import unsimulated as unsimulated
 
 from sysid_ros.diagnosis import Finding, diagnose, fault_findings
-from sysid_ros.diagnosis.channel_faults import deviation_of, fault_evidence
+from sysid_ros.diagnosis.channel_faults import fault_evidence
 from sysid_ros.diagnosis.contacts import find_contacts
+from sysid_ros.diagnosis.covariance import Gains, with_knobs
 from sysid_ros.diagnosis.evidence import Evidence, bic_difference, count_interval, interval, log_p_value
 from sysid_ros.diagnosis.fault_findings import message_finding, signal_findings
-from sysid_ros.diagnosis.prepare import prepare
+from sysid_ros.diagnosis.library import Library
+from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.signal_faults import lattice_of, lattices, velocity_lag
 from sysid_ros.diagnosis.whose.robot_hypotheses import judge
 from sysid_ros.effects import CHANNEL_EFFECTS, EFFECTS, Parameter
@@ -311,27 +313,30 @@ def lag_inside(seed: int) -> bool:
     return bool(low <= effect.vector("cutoff")[0] <= high)
 
 
+def gains_of(seed: int, inexact: bool) -> tuple[Prepared, Gains]:
+    """Of efforts with which nothing is wrong, as if they could be in any unit."""
+    model = robot(ARM)
+    train = prepare(model, [run_again("velocity_lag", seed)[1]], [], gains=range(model.n))
+    return train, with_knobs(train.problem, Library(model, train.band), train.problem.fit([], inexact=inexact)).gains
+
+
 def factor_inside(seed: int) -> bool:
     """Is a factor of 1 on all efforts inside its interval, where nothing is wrong with them."""
-    train = prepare(robot(ARM), [run_again("velocity_lag", seed)[1]], [])
-    measured = deviation_of(train, train.problem.fit([]))(range(robot(ARM).n), ())
+    measured = gains_of(seed, inexact=False)[1].common()
     assert measured is not None
     low, high = interval(*measured)
-    return low <= 0.0 <= high
+    return low <= 1.0 <= high
 
 
 def test_what_factors_have_in_common_is_as_uncertain_as_the_links() -> None:
     """With a factor of its own on each joint none says for another how much torque the links make."""
-    model = robot(ARM)
-    train = prepare(model, [run_again("velocity_lag", 0)[1]], [])
-    fit = train.problem.fit([], inexact=True)
-    deviation, first = deviation_of(train, fit), int(train.problem.active[1])
-    alone, each = deviation((first,), ()), deviation((first,), [j for j in range(model.n) if j != first])
-    assert alone is not None
-    assert each is not None
+    train, gains = gains_of(0, inexact=True)
+    assert gains.joints == tuple(int(j) for j in train.problem.active)
+    each = np.sqrt(np.diag(gains.covariance))
+    alone = 1.0 / np.sqrt(np.diag(np.linalg.inv(gains.covariance)))  # with the others known
     assert each[1] > 1.5 * alone[1]
     # what is left is the prior of the links: masses that are all off by one part
-    assert each[1] < 3.0 / np.sqrt(np.min(train.problem.prior[: model.n]))
+    assert each[1] < 3.0 / np.sqrt(np.min(train.problem.prior[: train.motions[0].robot.n]))
 
 
 @pytest.mark.slow

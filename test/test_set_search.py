@@ -12,7 +12,6 @@ from robots import robot
 from scipy import stats
 from test_diagnosis import ARM, coulomb, record
 
-from sysid_ros.diagnosis.covariance import unknown_columns, unknown_prior
 from sysid_ros.diagnosis.fit import Estimated, allowed, visible
 from sysid_ros.diagnosis.heldout import HeldOut, no_worse, plain_terms
 from sysid_ros.diagnosis.left_out import LeftOut
@@ -20,6 +19,7 @@ from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import SCALES, Prepared, before_gains, prepare, scales_beside
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.set_search import SetSearch
+from sysid_ros.diagnosis.sets.never_known import unknown_columns, unknown_prior
 from sysid_ros.diagnosis.sets.posterior import _Rival, _shares, posterior_of
 from sysid_ros.diagnosis.sets.set_prior import _WORLDS, SetPrior
 from sysid_ros.diagnosis.term import Term, conflict

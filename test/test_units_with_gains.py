@@ -2,39 +2,79 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from sysid_ros.diagnosis.channel_faults import faults_of_units, in_newton_metres
-from sysid_ros.diagnosis.evidence import interval
-from sysid_ros.diagnosis.fault_findings import with_scales
+from sysid_ros.diagnosis.covariance import Gains
+from sysid_ros.diagnosis.evidence import Evidence
+from sysid_ros.diagnosis.fault_findings import finding_of, without_gains
 from sysid_ros.diagnosis.result import Finding
-from sysid_ros.effects import Parameter
+from sysid_ros.diagnosis.whose.own_factors import odds_of, with_own_factors
 
 JOINTS = ("base", "shoulder", "elbow", "wrist")
-UNIT = next(fault for _, fault in faults_of_units(len(JOINTS)) if fault.values[0][2] == 0.101972)
+FACTOR = 0.101972
+UNIT = next(fault for _, fault in faults_of_units(len(JOINTS)) if fault.values[0][2] == FACTOR)
+NO_EVIDENCE = Evidence(1.0, 1, 100, 1)
 
 
-def gains(**of: float) -> Finding:
-    values = tuple(Parameter("gain", joint, x, "", 0.01, *interval(x, 0.01)) for joint, x in of.items())
-    return Finding("torque_scale", "wrong gain", tuple(of), values, 0.1, None, None, (), "")
+class Found:
+    """What a diagnosis says of the gains."""
+
+    def __init__(self, values: list[float], std: float = 0.02, causes: tuple[int, ...] = ()) -> None:
+        n = len(values)
+        self.found = Gains(tuple(range(n)), np.array(values), std**2 * np.eye(n), frozenset(causes))
+
+    def gains(self, joints: tuple[int, ...], /) -> Gains:
+        return self.found
 
 
-OTHER = Finding("payload", "payload", JOINTS, (), 0.5, None, None, (), "")
-
-
-def test_gains_of_most_joints_are_factors_of_the_unit() -> None:
-    (fault,), rest = with_scales([UNIT], [OTHER, gains(base=0.9, shoulder=1.2, wrist=1.05)], JOINTS)
-    assert [f.id for f in rest] == ["payload"]
-    assert [v[1] for v in fault.values] == [0, 1, 2, 3]
-    assert [v[2] for v in fault.values] == pytest.approx([0.101972 * x for x in (0.9, 1.2, 1.0, 1.05)])
-    assert fault.values[0][4] == pytest.approx(0.101972 * 0.01)
-    assert fault.values[2][4] is None
+def test_gains_of_most_joints_are_factors_of_their_own() -> None:
+    values = [0.9, 1.2, 1.4, 0.7]
+    (fault,) = with_own_factors((UNIT,), Found(values, causes=(0, 1, 2, 3)))
+    assert fault.own_factors == (0, 1, 2, 3)
+    assert [v[2] for v in fault.values] == pytest.approx([FACTOR * x for x in values])
+    assert fault.effect.publish(np.ones((1, 4)))[0] == pytest.approx([FACTOR * x for x in values])
 
 
 def test_one_wrong_gain_beside_another_unit_is_a_cause_of_its_own() -> None:
-    findings = [OTHER, gains(elbow=1.4)]
-    assert with_scales([UNIT], findings, JOINTS) == ([UNIT], findings)
-    assert with_scales([], findings, JOINTS) == ([], findings)
+    assert with_own_factors((UNIT,), Found([1.01, 1.0, 1.4, 0.98], causes=(2,))) == (UNIT,)
+    assert with_own_factors((), Found([1.0])) == ()
+
+
+def test_gains_of_another_sign_are_no_factors_of_units() -> None:
+    assert odds_of(FACTOR, Found([1.0, -1.0]).found) is None
+    assert odds_of(FACTOR, Gains((), np.zeros(0), np.zeros((0, 0)), frozenset())) is None
+
+
+def test_the_more_surely_gains_are_one_the_likelier_is_one_unit() -> None:
+    near, rough = (odds_of(FACTOR, Found([1.0, 1.01, 0.99, 1.0], std).found) for std in (0.01, 0.3))
+    assert near is not None
+    assert rough is not None
+    assert near.one - near.each > rough.one - rough.each > 0.0
+
+
+def test_of_a_channel_that_tells_no_factor_none_is_told() -> None:
+    (fault,) = with_own_factors((UNIT,), Found([0.9, 1.2, 1.4, 0.7], causes=(0, 1, 2, 3)))
+    known = Gains((0, 1, 2), np.array([1.1, 0.95, 0.3]), np.diag([0.02, 0.03, 0.4]) ** 2, frozenset())
+    told = finding_of(fault, JOINTS, NO_EVIDENCE, known).parameters
+    # the wrist did not move, the elbow may hold nothing
+    assert [p.joint for p in told] == ["base", "shoulder", "wrist"]
+    assert [p.value for p in told] == pytest.approx([FACTOR * 0.9 * 1.1, FACTOR * 1.2 * 0.95, FACTOR * 0.7])
+    assert [p.std for p in told] == [pytest.approx(FACTOR * 0.9 * 0.02), pytest.approx(FACTOR * 1.2 * 0.03), None]
+
+
+@pytest.mark.parametrize(("gain", "told"), [(1.03, FACTOR), (1.2, 1.2 * FACTOR)])
+def test_a_factor_is_that_of_a_known_unit_where_the_efforts_do_not_refute_it(gain: float, told: float) -> None:
+    (value,) = finding_of(UNIT, JOINTS, NO_EVIDENCE, Found([gain] * 4, 0.04).found).parameters
+    assert (value.value, value.std) == pytest.approx((told, FACTOR * 0.02))  # of four joints
+
+
+def test_wrong_gains_are_in_the_factors_where_each_joint_has_its_own() -> None:
+    (fault,) = with_own_factors((UNIT,), Found([0.9, 1.2, 1.4, 0.7], causes=(0, 1, 2, 3)))
+    scale, payload = (Finding(id_, id_, JOINTS, (), 0.1, None, None, (), "") for id_ in ("torque_scale", "payload"))
+    assert without_gains((fault,), [scale, payload]) == [payload]
+    assert without_gains((UNIT,), [scale, payload]) == [scale, payload]
 
 
 @pytest.mark.parametrize(

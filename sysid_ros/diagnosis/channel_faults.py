@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -12,13 +12,9 @@ from scipy import special
 
 from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.evidence import Evidence
-from sysid_ros.diagnosis.fit import Fit
-from sysid_ros.diagnosis.prepare import Prepared
-from sysid_ros.diagnosis.sets.block_scatter import BlockScatter
 from sysid_ros.diagnosis.whose.robot_kernels import RobotKernels
 from sysid_ros.diagnosis.whose.robot_likelihood import USUAL, JointTorques, inverse
 from sysid_ros.effects import ChannelEffect, Channels, JointOrder, JointSign, TorqueSign, TorqueUnit
-from sysid_ros.estimators.symmetric import inverse_of
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
@@ -36,20 +32,18 @@ UNITS = {
     0.101972: "kgf m",
 }
 """Factors of units that efforts are published in by mistake."""
-_TURNS = 4
-_BROAD = 10.0
-"""Standard deviation of a factor over its last value: it is the data that tell it."""
+_TURNS, _STEPS, _FURTHEST, _SETTLED = 3, 8, 1.0, 0.02
+"""Rounds over the factors and the sizes of noise and discrepancy, most steps of the former in one, the longest, and one after
+which they are settled."""
 _SPREAD, _APART = np.log(10.0), np.log(3.0)
 """Standard deviations of the logarithm of all factors together (per cent, amperes, counts), and of one joint's against them,
 before any data."""
+FAULT, OWN_FACTORS = 0.003, 0.02
+"""Probability of each kind of fault of the channels, before any data, and that efforts have a factor of their own on each joint:
+currents, per cent and counts are what many drivers publish."""
 _DEAD = 0.1
 """Probability that an effort in such a unit holds nothing of its joint's torque, before any data."""
 _ROUNDS = 3
-_SEEN = 1e-6
-"""Part of a column that all others leave of it, from which its parameter is determined."""
-Deviation = Callable[[Sequence[int], Sequence[int]], tuple[float, float] | None]
-"""Of some joints, and others that have a factor of their own: by what part the efforts of the first are larger than the model's,
-with its standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -58,17 +52,24 @@ class Fault:
 
     Attributes:
         effect: how it is undone. joints: indices.
-        values: (name, joint or None, value, unit, std) of each parameter; std is None where none was measured.
+        values: (name, joint or None, value, unit) of each parameter.
         parameters: free numbers among them. candidates: other faults that were tried, and itself.
         probability: that the channels have it, rather than another fault or none; None before it was weighed.
+        refined: whether its factors are those that all that was found left.
     """
 
     effect: ChannelEffect
     joints: tuple[int, ...]
-    values: tuple[tuple[str, int | None, float | str, str, float | None], ...]
+    values: tuple[tuple[str, int | None, float | str, str], ...]
     parameters: int = 0
     candidates: int = 1
     probability: float | None = None
+    refined: bool = False
+
+    @property
+    def own_factors(self) -> tuple[int, ...]:
+        """Joints with a factor of their own, which the efforts told."""
+        return self.joints if self.effect.absorbs and all(v[1] is not None for v in self.values) else ()
 
 
 def undone(recording: Recording, faults: Sequence[Fault]) -> Recording:
@@ -83,12 +84,12 @@ def faults_to_try(names: Sequence[str]) -> Iterator[tuple[str, Fault]]:
     """With the kind of each: one effort, or joint, with the wrong sign; efforts, or all channels, of two swapped; one unit."""
     n = len(names)
     for j in range(n):
-        yield "effort", Fault(TorqueSign([j]), (j,), (("gain", j, -1.0, "1", None),))
-        yield "joint", Fault(JointSign([j]), (j,), (("sign", j, -1.0, "1", None),))
+        yield "effort", Fault(TorqueSign([j]), (j,), (("gain", j, -1.0, "1"),))
+        yield "joint", Fault(JointSign([j]), (j,), (("sign", j, -1.0, "1"),))
     for i, j in combinations(range(n), 2):
         source = np.arange(n)
         source[[i, j]] = j, i
-        values = (("takes_from", i, names[j], "", None), ("takes_from", j, names[i], "", None))
+        values = (("takes_from", i, names[j], ""), ("takes_from", j, names[i], ""))
         yield "efforts' order", Fault(JointOrder(source.tolist(), True), (i, j), values)
         yield "order", Fault(JointOrder(source.tolist(), False), (i, j), values)
     yield from faults_of_units(n)
@@ -97,12 +98,12 @@ def faults_to_try(names: Sequence[str]) -> Iterator[tuple[str, Fault]]:
 def faults_of_units(n: int) -> Iterator[tuple[str, Fault]]:
     """One unit for all efforts."""
     for factor in UNITS:
-        yield "unit", Fault(TorqueUnit([factor] * n), tuple(range(n)), (("factor", None, factor, "1", None),), 1)
+        yield "unit", Fault(TorqueUnit([factor] * n), tuple(range(n)), (("factor", None, factor, "1"),), 1)
 
 
 def fault_of_factors(found: EffortFactors, candidates: int) -> Fault:
     """A factor of its own on each effort; those of efforts without a signal are not told."""
-    values = tuple(("factor", int(j), float(found.values[j]), "1", None) for j in np.flatnonzero(found.seen))
+    values = tuple(("factor", int(j), float(found.values[j]), "1") for j in np.flatnonzero(found.seen))
     return Fault(TorqueUnit(found.values.tolist()), tuple(range(len(found.values))), values, len(values), candidates)
 
 
@@ -125,38 +126,64 @@ class EffortFactors:
 
 def one_factor(found: EffortFactors) -> tuple[Fault, float]:
     """What factors have in common as one factor on all efforts, and its log-probability before any data."""
-    n, logs = len(found.values), np.log(found.values[found.seen])
-    factor = float(np.exp(np.mean(logs)))
-    return Fault(TorqueUnit([factor] * n), tuple(range(n)), (("factor", None, factor, "1", None),), 1), _together(logs)
+    n, seen = len(found.values), found.seen
+    logs = np.log(found.values[seen])
+    width, mean = _weighted(logs, (found.std / found.values)[seen])
+    factor = float(np.exp(mean))
+    log_prior = -0.5 * (mean / _SPREAD) ** 2 + np.log(width / _SPREAD) + _of_dead(seen)
+    return Fault(TorqueUnit([factor] * n), tuple(range(n)), (("factor", None, factor, "1"),), 1), float(log_prior)
+
+
+def _weighted(values: FloatArray, std: FloatArray) -> tuple[float, float]:
+    """Standard deviation of the mean of values with those, and that mean."""
+    information = float(np.sum(std**-2.0))
+    return information**-0.5, float(np.sum(values / std**2)) / information
+
+
+def _of_dead(seen: NDArray[np.bool_]) -> float:
+    """Log-probability that these efforts hold something of their joints' torque, and the others nothing, before any data."""
+    return float(np.sum(np.where(seen, np.log(1.0 - _DEAD), np.log(_DEAD))))
+
+
+def usual_factors(n: int) -> FloatArray:
+    """Covariance of the logarithms of n factors before any data, shape (n, n); their mean is 0."""
+    return np.asarray(_SPREAD**2 * np.ones((n, n)) + _APART**2 * np.eye(n))
 
 
 def effort_factors(kernels: RobotKernels, tau: FloatArray) -> EffortFactors:
-    """The factors with which the URDF's links, anything that the whole arm carries and what each joint has of its own make
-    published efforts likeliest, shape (N, n)."""
+    """The factors with which the URDF's inexact links, anything that the arm carries and what each joint has of its own make
+    published efforts likeliest, shape (N, n), given what factors usually are (Gauss-Newton on their logarithms; what they cost is
+    the integral about the likeliest, Laplace's method)."""
     n, m = kernels.robot.n, kernels.mean
     size = np.maximum(np.sqrt(np.mean(tau**2, axis=0)), 1e-12)
-    factors = size / np.maximum(np.sqrt(np.mean(m**2, axis=0)), 1e-12)
-    sizes = [USUAL] * n
+    over = size / np.maximum(np.sqrt(np.mean(m**2, axis=0)), 1e-12)
+    logs, sizes = np.full(n, np.log(np.median(over))), [USUAL] * n
+    before = usual_factors(n)
+    known = inverse(before)
     for _ in range(_TURNS):
-        joints = _joints(kernels, tau, factors, size / factors)
-        covariance, theta = _posterior(joints, sizes)
-        for j, x in enumerate(joints):
-            sizes[j] = x.sizes(x.residual[:, 0] - x.prior[0] @ theta, x.fixed(), sizes[j])[0]
-        gain = 1.0 + _BROAD * theta[:n]
-        factors = factors * np.where(gain > 0.0, gain, 1.0)
-    part = _BROAD * np.sqrt(np.diag(covariance)[:n]) / np.abs(gain)
-    log_prior = _narrowly(np.log(factors), part)
+        for _ in range(_STEPS):
+            joints = _joints(kernels, tau, np.exp(logs), size / np.exp(logs))
+            covariance, theta = _posterior(joints, sizes, known, logs)
+            moved = np.clip(theta[:n], -_FURTHEST, _FURTHEST)
+            logs = logs + moved
+            if np.all(np.abs(moved) < _SETTLED):
+                break
+        sizes = [x.sizes(x.residual[:, 0] - x.prior[0] @ theta, x.fixed(), s)[0] for x, s in zip(joints, sizes, strict=True)]
+    factors, of_each = np.exp(logs), covariance[:n, :n]
+    part, unusual = np.sqrt(np.diag(of_each)), known @ logs
+    narrow = 0.5 * np.log(np.diag(of_each) * np.diag(known)) - 0.5 * unusual**2 / np.diag(known)
     seen = np.zeros(n, dtype=bool)
     for j, x in enumerate(_joints(kernels, tau, factors, size / factors)):
         theta[:n] = 0.0
         without = x.sizes(tau[:, j] / factors[j], x.fixed() - x.prior[1])[1]
         with_bodies = x.sizes(x.residual[:, 0] - x.prior[0] @ theta, x.fixed(), sizes[j])[1]
-        told = gain[j] > 0.0 and part[j] < _APART  # more narrowly than before any data
-        seen[j] = told and with_bodies + log_prior[j] + np.log(1.0 - _DEAD) > without + np.log(_DEAD)
+        seen[j] = with_bodies + narrow[j] + np.log(1.0 - _DEAD) > without + np.log(_DEAD)
     if seen.any():
-        factors = np.where(seen, factors, np.exp(np.median(np.log(factors[seen]))))
-    log_prior = np.where(seen, log_prior + np.log(1.0 - _DEAD), np.log(_DEAD))
-    return EffortFactors(factors, factors * part, seen, float(log_prior.sum() + _together(np.log(factors[seen]))))
+        factors = np.where(seen, factors, np.exp(np.median(logs[seen])))
+    at, told = np.ix_(seen, seen), logs[seen]
+    width = 0.5 * float(np.linalg.slogdet(of_each[at])[1] - np.linalg.slogdet(before[at])[1])
+    log_prior = width - 0.5 * float(told @ np.linalg.solve(before[at], told)) + _of_dead(seen)
+    return EffortFactors(factors, factors * part, seen, log_prior)
 
 
 def in_newton_metres(found: Sequence[tuple[float, float]], gain: float) -> float:
@@ -173,37 +200,28 @@ def in_newton_metres(found: Sequence[tuple[float, float]], gain: float) -> float
     return float(special.expit(np.sum(other - own)))
 
 
-def _narrowly(logs: FloatArray, part: FloatArray) -> FloatArray:
-    """Log-prior of each factor in the width to which it is told, shape (n,), against the middle of all."""
-    z = (logs - np.median(logs)) / _APART
-    return np.asarray(-0.5 * z**2 + np.minimum(np.log(part / _APART), 0.0))
-
-
-def _together(logs: FloatArray) -> float:
-    """Log-prior of what the factors that are told have in common, in the width to which it is."""
-    if not logs.size:
-        return 0.0
-    return float(-0.5 * (np.mean(logs) / _SPREAD) ** 2 + np.log(_APART / np.sqrt(logs.size) / _SPREAD))
-
-
 def _joints(kernels: RobotKernels, tau: FloatArray, factors: FloatArray, usual: FloatArray) -> list[JointTorques]:
     """Each joint's rows with a gain of its own among the parameters that all share."""
     out = []
     for j in range(kernels.robot.n):
         gains = np.zeros_like(tau)
-        gains[:, j] = _BROAD * kernels.mean[:, j]
-        whole, by_load = kernels.whole_arm(j, 0.0), kernels.by_load(j, 0.0)
+        gains[:, j] = kernels.mean[:, j]
+        bodies, by_load = kernels.urdf(j, 0.0)
         residual = tau[:, [j]] / factors[j] - kernels.mean[:, [j]]
-        prior = np.concatenate([gains, whole], axis=1), by_load
+        prior = np.concatenate([gains, bodies], axis=1), by_load
         takes = kernels.dissipated(j, float(usual[j]), by_load=True)
         out.append(JointTorques(residual, prior, kernels.own(j), kernels.pattern, float(usual[j]), takes))
     return out
 
 
-def _posterior(joints: Sequence[JointTorques], sizes: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Covariance and mean of the parameters that all joints share, shapes (p, p) and (p,)."""
-    p = joints[0].prior[0].shape[1]
+def _posterior(
+    joints: Sequence[JointTorques], sizes: Sequence[FloatArray], known: FloatArray, logs: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Covariance and mean of the parameters that all joints share, shapes (p, p) and (p,); the first are by how much the logs of
+    the factors are more than ``logs``, whose information before any data is ``known`` about 0."""
+    p, n = joints[0].prior[0].shape[1], len(logs)
     H, h = np.eye(p), np.zeros(p)
+    H[:n, :n], h[:n] = known, -known @ logs
     for x, s in zip(joints, sizes, strict=True):
         own, side = x.information(inverse(x.covariance(s)))
         H, h = H + own, h + side
@@ -245,38 +263,3 @@ def _likelihood(robot: RobotModel, published: Sequence[Recording], faults: Seque
         out += counted * Noise.of(band.f, alike**2).loglik(band.f, alike)
         out -= len(y) * counted * float(np.log(np.abs(factor[0, j])))
     return out, len(y) * float(np.sum(band.counted[band.active]))
-
-
-def deviation_of(train: Prepared, fit: Fit) -> Deviation:
-    """How far one factor on the efforts of some joints is from 1, all parameters of a fit and a factor of its own on each of some
-    other joints adjusted to it: one step of Newton's.
-
-    The standard deviation holds the scatter from one stretch of time to the next. None where the fit has that factor already."""
-    root = 1.0 / np.sqrt(fit.variance)
-    modelled = (train.band.rows([m.tau for m in train.motions]) - fit.residual) * root
-    residual = fit.residual * root
-
-    def deviation(joints: Sequence[int], beside: Sequence[int]) -> tuple[float, float] | None:
-        of_each = np.zeros((1 + len(beside), fit.residual.shape[1]))  # which factor a joint has
-        of_each[0, list(joints)] = 1.0
-        of_each[range(1, len(of_each)), list(beside)] = 1.0
-        of_each = of_each[:, list(fit.blocks)]
-        of_each = of_each[[0, *np.flatnonzero(of_each[1:].any(axis=1)) + 1]]
-        shared, own = np.zeros((len(fit.theta), len(of_each))), np.zeros(len(of_each))
-        for (j, (index, X)), which in zip(fit.blocks.items(), of_each.T, strict=True):
-            shared[index] += np.outer((X * root[:, j, None]).T @ modelled[:, j], which)
-            own += which * float(np.sum(modelled[:, j] ** 2))
-        adjusted = fit.inverse @ shared
-        information = np.diag(own) - shared.T @ adjusted
-        if not own[0] or information[0, 0] <= _SEEN * own[0]:
-            return None
-        variance = inverse_of(information)
-        scatter, score = BlockScatter(train.band, len(own)), np.zeros(len(own))
-        for (j, (index, X)), which in zip(fit.blocks.items(), of_each.T, strict=True):
-            columns = modelled[:, j, None] * which - (X * root[:, j, None]) @ adjusted[index]
-            score += columns.T @ residual[:, j]
-            scatter.add(columns, residual[:, j], np.arange(len(own)))
-        scattered = scatter.ratios(information)[0] * variance[0, 0]
-        return float(variance[0] @ score), float(np.sqrt(scattered))
-
-    return deviation

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
-from sysid_ros.diagnosis.covariance import Estimates, Uncertainty, with_knobs
+from sysid_ros.diagnosis.covariance import Estimates, Gains, Uncertainty, with_knobs
 from sysid_ros.diagnosis.drift_cause import SIGNATURE, drift_cause
 from sysid_ros.diagnosis.evidence import Evidence, Part, fewest, removed_power, shapley
-from sysid_ros.diagnosis.fit import Fit, visible
+from sysid_ros.diagnosis.fit import Fit, Problem, visible
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared
@@ -58,7 +59,18 @@ class Judged:
     @cached_property
     def values(self) -> Uncertainty:
         """Of each term, with their covariance: that beside links as inexact as they may be, even if exact ones predict better."""
-        problem, fit, scales = self.train.problem, self.fit, self.posterior.scales
+        return self._uncertain(self.train.problem)
+
+    def gains(self, joints: Collection[int]) -> Gains:
+        """Of joints whose efforts may be in a unit of their own."""
+        if set(joints) <= set(self.train.problem.gains):
+            return self.values.gains
+        asked = copy(self.train.problem)
+        asked.gains = tuple(joints)
+        return self._uncertain(asked).gains
+
+    def _uncertain(self, problem: Problem) -> Uncertainty:
+        fit, scales = self.fit, self.posterior.scales
         if not fit.inexact and scales.size and scales[0] < 0.5:
             fit = problem.fit(fit.terms, fit.noise, 0, inexact=True)
         return with_knobs(problem, self.selection.library, fit, scales)

@@ -18,30 +18,17 @@ from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import SCALES
 from sysid_ros.diagnosis.sets.block_scatter import BlockScatter
 from sysid_ros.diagnosis.sets.instants import instant_of
+from sysid_ros.diagnosis.sets.never_known import GAIN_AT, dry_friction, unknown_columns, unknown_prior
 from sysid_ros.diagnosis.swings import Swing, follows, slope_of, swinging
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects.traits import Curve, Knob
 from sysid_ros.estimators.symmetric import inverse_of, scaled_to_one
-from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.robot.smoothed_sign import SLIDE, smoothed_sign, smoothed_sign_slope
 from sysid_ros.sample import FloatArray
 
-_BUMPS = {0.015: 0.5, 0.05: 0.05}
-"""Part by which dry friction may be more or less below a speed [rad/s], whatever its form."""
-_EARLY = 0.002
-"""Time by which the sign of a measured velocity turns early or late, and a drive is slower or quicker than others [s]."""
-_WIDTHS = (0.005, 0.05)
-"""Speeds at which that sign has turned [rad/s], of a hard and of a soft one."""
-_ONE_WAY = 0.02
-"""Part by which dry friction differs from one direction to the other."""
 _LIKELY = 0.01
 """Of the most probable inexactness of the links: what is less probable by that is not looked at."""
 _OWN = np.zeros(0)
 """No probabilities of scales: that of the fit alone."""
-_OFFSET = 0.01
-"""Part of its effort limit by which a joint's sensor is off where no offset was found: a spring that rests elsewhere is alike."""
-_GAIN = 0.02
-"""Part by which the torque constant of a joint is off, where the links are not exact either."""
 
 
 class Estimates(NamedTuple):
@@ -60,12 +47,43 @@ class Estimates(NamedTuple):
     basis: FloatArray | None
 
 
+class Gains(NamedTuple):
+    """What a fit says of the gains of joints whose efforts may be in a unit of their own.
+
+    Attributes:
+        joints: indices, of those that moved, shape (g,). values: what the efforts are of the model's, shape (g,). covariance: of
+            them, with all that what else is not exactly known has taken of them, shape (g, g). causes: those of which a wrong
+            gain was found as a cause of its own.
+    """
+
+    joints: tuple[int, ...]
+    values: FloatArray
+    covariance: FloatArray
+    causes: frozenset[int]
+
+    def common(self) -> tuple[float, float] | None:
+        """What all have but those of which a wrong gain was found, and its standard deviation; None where there are none."""
+        own = [i for i, j in enumerate(self.joints) if j not in self.causes]
+        if not own:
+            return None
+        told = inverse_of(self.covariance[np.ix_(own, own)])
+        return float(told.sum(axis=0) @ self.values[own] / told.sum()), float(told.sum() ** -0.5)
+
+    def of(self, joint: int) -> tuple[float, float] | None:
+        """Value and standard deviation of one; None where it did not move."""
+        if joint not in self.joints:
+            return None
+        i = self.joints.index(joint)
+        return float(self.values[i]), float(np.sqrt(self.covariance[i, i]))
+
+
 class Uncertainty(NamedTuple):
-    """What a fit says of all of its terms, and the covariance of the links' inertials with everything that is in it, shape
-    (10 n, 10 n)."""
+    """What a fit says of all of its terms, the covariance of the links' inertials with everything that is in it, shape
+    (10 n, 10 n), and the gains of :attr:`.Problem.gains`."""
 
     of: dict[Term, Estimates]
     links: FloatArray
+    gains: Gains
 
 
 class KnobOfTerm(NamedTuple):
@@ -122,7 +140,18 @@ def with_knobs(problem: Problem, library: Library, fit: Fit, scales: FloatArray 
             spread = spread * to[:, None] * to
         out[term] = Estimates(values, spread, scatter, basis)
     links = np.hstack(bases)
-    return Uncertainty(out, links @ _together(parts, everything)[1] @ links.T)
+    return Uncertainty(out, links @ _together(parts, everything)[1] @ links.T, _gains(problem, fit, parts, count + len(knobs)))
+
+
+def _gains(problem: Problem, fit: Fit, parts: Sequence[_Part], first: int) -> Gains:
+    """Those that are causes of their own, and those among what is never known, which begins at ``first``."""
+    each = (len(parts[0].moved) - first) // max(len(fit.blocks), 1)
+    causes = {t.row: where.start for t, where in zip(fit.terms, fit.slices, strict=True) if t.effect.of_own_torque}
+    never = {j: first + each * i + GAIN_AT for i, j in enumerate(fit.blocks) if j in problem.gains}
+    at = [causes.get(j, i) for j, i in never.items()]
+    moved, covariance = _together(parts, at)
+    found = np.array([fit.theta[i] if i < len(fit.theta) else 0.0 for i in at])
+    return Gains(tuple(never), 1.0 + found + moved, covariance, frozenset(j for j in never if j in causes))
 
 
 class _Part(NamedTuple):
@@ -211,6 +240,9 @@ def _equations(
     swung = sum((x.by_links for x in swings), np.zeros_like(problem.nuisance))
     moved = sum((t.rows(fit.theta_of(t) - _theta(fit, t)) for t in swung_on), np.zeros_like(fit.residual))
     never = unknown_columns(problem, dry_friction(library.robot, fit), whole=True)
+    if problem.gains:
+        modelled = problem.band.rows([m.tau for m in problem.band.motions]) - fit.residual
+        never[GAIN_AT][:, list(problem.gains)] = modelled[:, list(problem.gains)]
     scaled_joints = {t.row for t in fit.terms if t.effect.of_own_torque}  # whose gain is a cause of its own
     off = {t.row for t in fit.terms if _is_constant(t)}  # whose offset is a cause of its own
     first, each = count + len(knobs), len(never)
@@ -230,7 +262,8 @@ def _equations(
             score[index] += X.T @ (moved[:, j] / fit.variance[:, j])
         unknown = first + each * i + np.arange(each)
         links_off = max(problem.scale) if fit.inexact and j not in scaled_joints else 0.0
-        information[unknown, unknown] += unknown_prior(links_off, whole=True, level=j in off)[:each]
+        free = j in problem.gains and j not in scaled_joints
+        information[unknown, unknown] += unknown_prior(links_off, whole=True, level=j in off, free=free)[:each]
         every = np.concatenate([index, np.arange(count, first), unknown])
         root = np.sqrt(fit.variance[:, j, None])
         columns = np.concatenate([X, *(knob.slope[:, j, None] for knob in knobs), never[:, :, j].T], axis=1) / root
@@ -248,50 +281,3 @@ def _equations(
 def _is_constant(term: Term) -> bool:
     curves = term.effect.simple_curves()
     return curves is not None and bool(np.all(curves[:, 0] == Curve.ONE))
-
-
-def dry_friction(robot: RobotModel, fit: Fit) -> FloatArray:
-    """Its level on each joint, the nominal model's and what a fit adds, shape (n,) [N m]."""
-    level = robot.friction.copy()
-    for term in fit.terms:
-        level += term.effect.as_dry_friction(term.theta_of_effect(fit.theta_of(term)))
-    return np.maximum(level, 0.0)
-
-
-def unknown_columns(problem: Problem, dry: FloatArray, whole: bool = False) -> FloatArray:
-    """Of each joint, shape (c, K, n); none where the problem considers what is never known itself.
-
-    Args:
-        dry: level of the dry friction on each joint, shape (n,) [N m].
-        whole: all of them. While sets are compared the torque constant is one of what the links need, for what rubs may leave a
-            set, and all drives are as quick.
-    """
-    if problem.considered:
-        return np.zeros((0, *problem.y.shape))
-    curves = []
-    given = np.max([np.abs(m.drive_torque).max(axis=0) for m in problem.band.motions], axis=0)
-    limit = problem.band.motions[0].robot.effort_limit
-    largest = np.where(np.isfinite(limit) & (limit > 0.0), limit, given)
-    for motion in problem.band.motions:
-        unit = np.where(motion.robot.is_prismatic, SLIDE, 1.0)
-        v, a = motion.v / unit, motion.a / unit
-        bumps = [smoothed_sign(v, _WIDTHS[0]) * np.exp(-((v / speed) ** 2)) for speed in _BUMPS]
-        turning = [smoothed_sign_slope(v, width) * a for width in _WIDTHS]
-        rubs = [x * dry for x in (*bumps, *turning, np.ones_like(v))]
-        of_drive = (motion.drive_torque, motion.rate_of(motion.drive_torque)) if whole else (motion.link_torque,)
-        of_sensor = (np.broadcast_to(largest, v.shape),) if whole else ()
-        curves.append(np.stack([*rubs, *of_drive, *of_sensor]))
-    rows: FloatArray = problem.band.curves(curves)
-    return rows
-
-
-def unknown_prior(scale: float, whole: bool = False, level: bool = False) -> FloatArray:
-    """Inverse variances of their parameters before any data, shape (c,).
-
-    Args:
-        scale: how inexact the links are, in units of the usual inexactness; 0 for a simulation, in which all is exact. whole: as
-            :func:`unknown_columns` has it. level: the joint's offset is known.
-    """
-    gain, lag, offset = (_GAIN, _EARLY, 1e-6 if level else _OFFSET) if scale > 0.0 else (1e-6, 1e-6, 1e-6)
-    rubs = [*_BUMPS.values(), *(_EARLY for _ in _WIDTHS), _ONE_WAY]
-    return np.array([*rubs, gain, *([lag, offset] if whole else [])]) ** -2.0

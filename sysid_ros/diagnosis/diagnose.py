@@ -24,6 +24,7 @@ from sysid_ros.diagnosis.sets.long_recordings import searched
 from sysid_ros.diagnosis.sets.other_loads import OtherLoad, other_loads, without_loads
 from sysid_ros.diagnosis.strong_contacts import strong_contacts
 from sysid_ros.diagnosis.whose.left_out_channels import refuted_elsewhere
+from sysid_ros.diagnosis.whose.own_factors import with_own_factors
 from sysid_ros.diagnosis.whose.robot_hypotheses import judge
 from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError
@@ -100,7 +101,7 @@ def diagnose(
 
     published = prepare(robot, [without(r, later) for r in judged], effects, silent=silent) if faults else held.prepared
     others = [*of_data, *contact_findings(contacts, robot)]
-    found = with_faults(found, faults, fault_evidence(robot, fitted, faults), others, train, published, held, fit)
+    found = with_faults(found, faults, fault_evidence(robot, fitted, faults), others, published, told)
     model = extended_model(robot, known, fit, told.values, train, {r.whole: r.start for r in fitted}, provenance or {})
     urdf_model, changes = urdf_part(robot, model, train)
     progress("simulating")
@@ -133,22 +134,27 @@ def _told(
 ) -> _Told:
     """What is told with some faults undone, without those that all that was found refutes."""
     while True:
-        prepared = partial(prepare, robot, known=effects, silent=silent)
+        own = [j for f in faults for j in f.own_factors]
+        prepared = partial(prepare, robot, known=effects, silent=silent, gains=own)
         train, selection, contacts = _search(robot, [undone(r, faults) for r in fitted], prepared, progress)
         corrected = [undone(r, faults) for r in judged]
         carried = None if faults else partial(other_loads, robot, train, selection)
         held, later, loads = _held_out(robot, corrected, partial(prepared, turns=train.turns), carried, selection.fit, progress)
         told = Judged(train, selection, selection.judged_with(held), held)
         found = report(told)
-        wrong = refuted(faults, found, train, told.fit) if faults else []
+        wrong = refuted(faults, told)
         if faults:
             published = [without(r, contacts) for r in fitted], [without(r, later) for r in judged]
             wrong += refuted_elsewhere(robot, faults, told.fit, held, partial(prepare, robot, known=effects), published)
-        if not wrong:
+        better = faults if wrong else with_own_factors(faults, told)
+        if not wrong and better == faults:
             found = replace(found, notes=(*(x.in_words() for x in loads), *found.notes))
             return _Told(told, found, contacts, later, faults, silent)
-        progress("the channels are as they should be after all: once more without what was undone")
-        faults = tuple(f for f in faults if f not in wrong)
+        if wrong:
+            progress("the channels are as they should be after all: once more without what was undone")
+        else:
+            progress("each joint's efforts are in a unit of its own: once more with that undone")
+        faults = tuple(f for f in better if f not in wrong)
         silent = () if any(f.effect.absorbs for f in wrong) else silent
 
 

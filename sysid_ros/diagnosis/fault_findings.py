@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid_ros.diagnosis.channel_faults import Deviation, Fault, deviation_of, in_newton_metres
-from sysid_ros.diagnosis.claims import with_headline
+from sysid_ros.diagnosis.channel_faults import FAULT, OWN_FACTORS, Fault, in_newton_metres
+from sysid_ros.diagnosis.claims import Judged, with_headline
 from sysid_ros.diagnosis.contacts import Contact
+from sysid_ros.diagnosis.covariance import Gains
 from sysid_ros.diagnosis.evidence import Evidence, count_interval, interval, together
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.heldout import HeldOut
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Diagnosis, Finding, TorqueRmse
 from sysid_ros.diagnosis.signal_faults import lattices, velocity_lag
-from sysid_ros.diagnosis.whose.robot_hypotheses import SURE
 from sysid_ros.diagnosis.whose.robot_kernels import GAIN
 from sysid_ros.effects import ChannelEffect, ExternalForce, Parameter, TorqueQuantisation, TorqueUnit, VelocityLag
 from sysid_ros.effects.wording import of_joints, phrase
@@ -30,48 +30,44 @@ _FAR, _MOST = 1.15, 0.7
 """Gains further from 1 than by this factor on this part of the joints are another unit."""
 
 
-def finding_of(fault: Fault, joints: Sequence[str], evidence: Evidence, deviation: Deviation) -> Finding:
+def finding_of(fault: Fault, joints: Sequence[str], evidence: Evidence, gains: Gains) -> Finding:
     """A fault of units, signs or order; the spread of a factor is that of the efforts, all that was found adjusted to it."""
-    named, found = tuple(joints[j] for j in fault.joints), _parameters(fault, joints, deviation)
+    named, found = tuple(joints[j] for j in fault.joints), _parameters(fault, joints, gains)
     return replace(_finding(fault.effect, named, len(joints), found, evidence, _UNDONE), probability=fault.probability)
 
 
-def _parameters(fault: Fault, joints: Sequence[str], deviation: Deviation) -> tuple[Parameter, ...]:
+def _parameters(fault: Fault, joints: Sequence[str], gains: Gains) -> tuple[Parameter, ...]:
     found = []
-    for name, joint, value, unit, std in fault.values:
+    for name, joint, value, unit in fault.values:
         where = None if joint is None else joints[joint]
-        if isinstance(value, str) or not fault.effect.scales:
+        measured = gains.common() if joint is None else gains.of(joint)
+        if isinstance(value, str) or not fault.effect.scales or measured is None:
             found.append(Parameter(name, where, value, unit))
-        elif std is not None:
-            found.append(Parameter(name, where, value, unit, std, *interval(value, std)))
-        elif (measured := deviation(*(_own(fault, joint) if joint is not None else (fault.joints, ())))) is None:
-            found.append(Parameter(name, where, value, unit))
-        else:
-            found.append(_factor(name, where, value, unit, *measured))
+            continue
+        told, std = value * measured[0], abs(value) * measured[1]
+        low, high = interval(told, std)
+        if fault.own_factors and low <= 0.0:
+            continue  # as a channel that holds nothing has it: none can be told
+        known = not fault.own_factors and low <= value <= high  # of a known unit, or a sign: the efforts do not refute it
+        found.append(Parameter(name, where, value if known else told, unit, std, low, high))
     return tuple(found)
 
 
-def refuted(faults: Sequence[Fault], found: Diagnosis, train: Prepared, fit: Fit) -> list[Fault]:
+def _scaled(faults: Sequence[Fault]) -> tuple[int, ...]:
+    """Joints with faults that the gains of their efforts tell."""
+    return tuple(sorted({j for f in faults if f.effect.scales for j in f.joints}))
+
+
+def refuted(faults: Sequence[Fault], judged: Judged) -> list[Fault]:
     """Units of efforts that all that was found says are N m: what else was wrong had looked like one."""
-    known, _ = with_scales(faults, found.findings, found.joints)
-    deviation, out = deviation_of(train, fit), []
-    for fault, now in zip(faults, known, strict=True):
-        told = _parameters(now, found.joints, deviation) if now.effect.absorbs else ()
-        if in_newton_metres([(p.value, p.std) for p in told if isinstance(p.std, float)], GAIN) > SURE:
+    out, names = [], judged.robot.joint_names
+    for fault in (f for f in faults if f.effect.absorbs):
+        told = _parameters(fault, names, judged.gains(_scaled(faults)))
+        alike = in_newton_metres([(p.value, p.std) for p in told if isinstance(p.std, float)], GAIN)
+        usual = OWN_FACTORS if fault.own_factors else FAULT
+        if alike * (1.0 - usual) > (1.0 - alike) * usual:
             out.append(fault)
     return out
-
-
-def _own(fault: Fault, joint: int) -> tuple[Sequence[int], Sequence[int]]:
-    """A joint with a factor of its own, and the others that have one: what all have in common is as uncertain as the links."""
-    return (joint,), [j for _, j, value, _, _ in fault.values if j not in (None, joint) and not isinstance(value, str)]
-
-
-def _factor(name: str, joint: str | None, value: float, unit: str, part: float, part_std: float) -> Parameter:
-    """A factor with what the efforts say of it; it is the one of a known unit where they do not refute that."""
-    measured, std = value * (1.0 + part), abs(value) * part_std
-    low, high = interval(measured, std)
-    return Parameter(name, joint, value if low <= value <= high else measured, unit, std, low, high)
 
 
 def as_unit(findings: Sequence[Finding], joints: Sequence[str]) -> list[Finding]:
@@ -101,26 +97,10 @@ def as_unit(findings: Sequence[Finding], joints: Sequence[str]) -> list[Finding]
     return sorted(out, key=lambda f: f.of_data)
 
 
-def with_scales(faults: Sequence[Fault], findings: Sequence[Finding], joints: Sequence[str]) -> tuple[list[Fault], list[Finding]]:
-    """Wrong gains that are left after efforts were turned into torques belong to the factors of the unit, if each joint has its
-    own; gains of most joints say that each has."""
-    unit = next((f for f in faults if f.effect.absorbs), None)
-    if unit is None:
-        return list(faults), list(findings)
-    gains = {p.joint: p for f in findings if unit.effect.takes(f.id) for p in f.parameters}
-    each = unit.values
-    if all(v[1] is None for v in each):
-        if 2 * len(gains) <= len(joints):
-            return list(faults), list(findings)
-        each = tuple((name, j, factor, what, std) for name, _, factor, what, std in each for j in range(len(joints)))
-    values = []
-    for name, j, factor, what, std in each:
-        assert j is not None
-        if (p := gains.get(joints[j])) is not None and not isinstance(factor, str):
-            factor, std = factor * p.value, factor * p.std
-        values.append((name, j, factor, what, std))
-    better = replace(unit, values=tuple(values))
-    return [better if f is unit else f for f in faults], [f for f in findings if not unit.effect.takes(f.id)]
+def without_gains(faults: Sequence[Fault], findings: Sequence[Finding]) -> list[Finding]:
+    """Findings without wrong gains of efforts with a factor of their own on each joint, which hold them."""
+    own = [f.effect for f in faults if f.own_factors]
+    return [f for f in findings if not any(effect.takes(f.id) for effect in own)]
 
 
 def signal_findings(fitted: Sequence[Recording], joints: Sequence[str]) -> list[Finding]:
@@ -147,29 +127,26 @@ def with_faults(
     faults: Sequence[Fault],
     evidence: Sequence[Evidence],
     others: Sequence[Finding],
-    train: Prepared,
     published: Prepared,
-    held: HeldOut,
-    fit: Fit,
+    judged: Judged,
 ) -> Diagnosis:
     """The diagnosis with contacts among its causes, by gain, faults of the data after them, and torques as they are published.
 
     Args:
         faults: of units, signs and order. evidence: for each. others: contacts and faults of the data, which are added.
-        train: what was fitted. published: what the model is judged on, as it was published.
+        published: what the model is judged on, as it was published. judged: with the faults undone.
     """
     joints = found.joints
     if not any(f.effect.absorbs for f in faults):
         found = with_findings(found, as_unit(found.findings, joints))
     if not faults and not others:
         return found
-    known, rest = with_scales(faults, found.findings, joints)
-    deviation = deviation_of(train, fit)
-    own = [finding_of(f, joints, e, deviation) for f, e in zip(known, evidence, strict=True)]
-    found = _with_contacts(with_findings(found, rest), [f for f in others if not f.of_data])
+    gains = judged.gains(_scaled(faults))
+    own = [finding_of(f, joints, e, gains) for f, e in zip(faults, evidence, strict=True)]
+    found = _with_contacts(with_findings(found, without_gains(faults, found.findings)), [f for f in others if not f.of_data])
     every = (*found.causes, *found.data_faults, *own, *(f for f in others if f.of_data))
     verdict = "explained" if found.verdict == "nothing_wrong" else found.verdict
-    return _as_published(replace(found, verdict=verdict, findings=every), faults, published, held, fit)
+    return _as_published(replace(found, verdict=verdict, findings=every), faults, published, judged.held, judged.fit)
 
 
 def _as_published(found: Diagnosis, faults: Sequence[Fault], published: Prepared, held: HeldOut, fit: Fit) -> Diagnosis:

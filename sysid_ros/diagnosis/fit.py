@@ -111,6 +111,7 @@ class Problem:
         scaled_by: which of the two scales the size of each follows, 1 or 2; 0 of what is no link's and always has its usual
             size, the first ones, shape (c,).
         links: change of the links' inertials by each of the others, the last ones, shape (10 n, l); None: there are none.
+        gains: joints whose efforts may be in a unit of their own, whatever was undone.
 
     Attributes:
         y: rows, corrected for what some causes change of the measured torque. measured: without that.
@@ -125,10 +126,11 @@ class Problem:
         nuisance_std: FloatArray,
         scaled_by: NDArray[np.intp],
         links: FloatArray | None = None,
+        gains: Sequence[int] = (),
     ) -> None:
         self.band, self.y, self.measured = band, y, y
         self.scaled_by, self.considered = scaled_by, int(np.sum(scaled_by == 0))
-        self.active = np.flatnonzero(band.active)
+        self.active, self.gains = np.flatnonzero(band.active), tuple(gains)
         self.links = np.zeros((10 * y.shape[1], 0)) if links is None else links
         self.nuisance, self.usual_prior, self.scale = nuisance, 1.0 / nuisance_std**2, (1.0, 1.0)
         self._unchanged = nuisance

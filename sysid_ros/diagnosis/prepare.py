@@ -63,7 +63,7 @@ class Prepared:
     def less(self, torques: Sequence[FloatArray]) -> Prepared:
         """The same with so much less of the measured torque, shape (N, n) a motion."""
         found = [m.less(x) for m, x in zip(self.motions, torques, strict=True)]
-        made = assemble(found[0].robot, found, self.nominal, self.band.silent)
+        made = assemble(found[0].robot, found, self.nominal, self.band.silent, self.problem.gains)
         return replace(made, names=self.names, turns=self.turns)
 
 
@@ -73,28 +73,37 @@ def prepare(
     known: Sequence[KnownEffect],
     turns: FloatArray | None = None,
     silent: Sequence[int] = (),
+    gains: Sequence[int] = (),
 ) -> Prepared:
     """Smooth motions of recordings and what the nominal model (URDF, or the known effects) leaves of their torque.
 
     Args:
         turns: as :class:`Prepared` has it, where it was found before. silent: joints whose efforts hold nothing of their torque.
+        gains: those whose efforts may be in a unit of their own.
     """
     named = [(recording.name, motion) for recording in recordings for motion in motions(robot, recording)]
     found = [motion for _, motion in named]
     turns = _turns(robot, found) if turns is None else turns
     model = TorqueModel(robot, [], known, turns=turns)
     nominal = [_nominal(model, motion) for motion in found]
-    prepared = assemble(robot, [m.with_torques(m.link_torque, t) for m, t in zip(found, nominal, strict=True)], nominal, silent)
+    moved = [m.with_torques(m.link_torque, t) for m, t in zip(found, nominal, strict=True)]
+    prepared = assemble(robot, moved, nominal, silent, gains)
     return replace(prepared, names=tuple(name for name, _ in named), turns=turns)
 
 
-def assemble(robot: RobotModel, found: Sequence[Motion], nominal: Sequence[FloatArray], silent: Sequence[int] = ()) -> Prepared:
-    """The problem of motions whose nominal torque is known; ``silent`` as in :func:`prepare`."""
+def assemble(
+    robot: RobotModel,
+    found: Sequence[Motion],
+    nominal: Sequence[FloatArray],
+    silent: Sequence[int] = (),
+    gains: Sequence[int] = (),
+) -> Prepared:
+    """The problem of motions whose nominal torque is known; ``silent`` and ``gains`` as in :func:`prepare`."""
     band = Band(found, silent=silent)
     y = band.rows([m.tau - t for m, t in zip(found, nominal, strict=True)])
     links = inexact_links(robot)
     columns = band.rows([m.regressor @ links.basis for m in found])
-    return Prepared(tuple(found), tuple(nominal), band, Problem(band, y, columns, *links[1:], links.basis))
+    return Prepared(tuple(found), tuple(nominal), band, Problem(band, y, columns, *links[1:], links.basis, gains))
 
 
 class InexactLinks(NamedTuple):

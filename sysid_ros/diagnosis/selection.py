@@ -8,7 +8,6 @@ from functools import partial
 
 from sysid_ros.diagnosis.band import RowNoise
 from sysid_ros.diagnosis.corrections import correct
-from sysid_ros.diagnosis.covariance import dry_friction
 from sysid_ros.diagnosis.fit import Fit, Problem, allowed
 from sysid_ros.diagnosis.heldout import HeldOut, no_worse
 from sysid_ros.diagnosis.knobs import made_anew, refine, sharpened
@@ -16,6 +15,7 @@ from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import before_gains, torques
 from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, event, forms, met, proposal, refined
 from sysid_ros.diagnosis.set_search import SetSearch
+from sysid_ros.diagnosis.sets.never_known import dry_friction
 from sysid_ros.diagnosis.sets.posterior import Posterior, on_own_torques, posterior_of
 from sysid_ros.diagnosis.sets.set_prior import SetPrior
 from sysid_ros.diagnosis.sets.state import State

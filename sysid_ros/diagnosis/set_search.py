@@ -9,12 +9,12 @@ import numpy as np
 from scipy import special
 
 from sysid_ros.diagnosis.band import RowNoise
-from sysid_ros.diagnosis.covariance import unknown_prior
 from sysid_ros.diagnosis.fit import Estimated, Fit, Problem
 from sysid_ros.diagnosis.left_out import LeftOut
 from sysid_ros.diagnosis.prepare import SCALES, scales_beside
 from sysid_ros.diagnosis.sets.link_scales import LinkScales, occam_factor
 from sysid_ros.diagnosis.sets.moves import instead_of, several
+from sysid_ros.diagnosis.sets.never_known import unknown_priors
 from sysid_ros.diagnosis.sets.set_prior import SetPrior
 from sysid_ros.diagnosis.sets.state import Move, Parameters, State, Weighed
 from sysid_ros.diagnosis.sets.stretches import Indices, Rows
@@ -94,14 +94,14 @@ class SetSearch:
         """True where links so inexact are columns of their own."""
         return scale > 0 or self.problem.considered > 0
 
-    def _columns(self, members: Sequence[int], scale: int) -> tuple[Indices, FloatArray]:
-        """Columns of a set with what is never known of a joint, shape (a,), and their inverse variances before any data."""
-        rows, own = self.left_out.of_each, unknown_prior(max(SCALES[scale]))
+    def _columns(self, members: Sequence[int], scale: int, free: Sequence[int] = ()) -> tuple[Indices, FloatArray]:
+        """Columns of a set with what is never known of a joint, shape (a,), and inverse variances; ``free``: unknown gains."""
+        rows = self.left_out.of_each
         at, prior = [self._at[i] for i in members], [self._prior[i] for i in members]
         if self._is_inexact(scale):
             at.append(rows.inexact)
             prior.append(self.problem.prior_of(SCALES[scale]))
-        unknown = np.tile(own, rows.joints)[: len(rows.unknown)]
+        unknown = unknown_priors(self.problem.active.tolist(), max(SCALES[scale]), free)[: len(rows.unknown)]
         return np.concatenate([*at, rows.unknown]), np.concatenate([*prior, unknown])
 
     def _score(self, likelihood: FloatArray, members: Sequence[int], scale: int) -> float:
@@ -208,7 +208,7 @@ class SetSearch:
         members = tuple(sorted(members))
         out = np.empty(len(SCALES))
         for k in range(len(SCALES)):
-            at, prior = self._columns(members, k)
+            at, prior = self._columns(members, k, self.problem.gains)
             never = np.isin(at, [*self.left_out.of_each.inexact, *self.left_out.of_each.unknown])  # what the scale is of
             out[k] = self.left_out.marginal(at, prior) + 0.5 * float(np.sum(np.log(prior[never]))) + self.usual(members, k)
         return np.asarray(special.softmax(out))

@@ -56,7 +56,11 @@ def thinned(robot: RobotModel, train: Prepared) -> Prepared:
     cut = [(train.band.slices[s][0], train.band.slices[s][1]) for s in kept]
     motions = [_cut(train.motions[i], where) for i, where in cut]
     names = tuple(train.names[i] for i, _ in cut) if train.names else ()
-    return replace(assemble(robot, motions, [train.nominal[i][where] for i, where in cut]), names=names, turns=train.turns)
+    return replace(
+        assemble(robot, motions, [train.nominal[i][where] for i, where in cut], train.band.silent, train.problem.gains),
+        names=names,
+        turns=train.turns,
+    )
 
 
 def telling(train: Prepared) -> list[int]:

@@ -59,7 +59,9 @@ def other_loads(robot: RobotModel, train: Prepared, selection: Selection, held: 
     new = {m.recording for m in held.motions} - {m.recording for m in train.motions}
     if not new or any(t.instant is not None for t in selection.fit.terms):
         return []
-    both = assemble(robot, [*train.motions, *held.motions], [*train.nominal, *held.nominal], train.band.silent)
+    both = assemble(
+        robot, [*train.motions, *held.motions], [*train.nominal, *held.nominal], train.band.silent, train.problem.gains
+    )
     both = _with_constants(thinned(robot, both) if too_long(both) else both, sorted(new))
     library = Library(robot, both.band)
     options = [t for t in library.whole_options(lambda kind: kind.of_recording) if t.recording in new]

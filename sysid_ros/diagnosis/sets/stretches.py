@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from sysid_ros.diagnosis.band import RowNoise
-from sysid_ros.diagnosis.covariance import unknown_columns
 from sysid_ros.diagnosis.fit import Problem
+from sysid_ros.diagnosis.sets.never_known import unknown_columns
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.sample import FloatArray
 
@@ -33,7 +33,7 @@ class Stretches:
 
     Attributes:
         slices: columns of each term. inexact: those of the inexact links. unknown: those of what is never known of a joint; they
-            stand with the terms of that joint. joints: number of joints that have the latter. count: of all columns, P.
+            stand with the terms of that joint. count: of all columns, P.
         stretches: how many there are, S. size: rows of each joint that count in each, shape (S, n). fitted: which
             are of the fitted recordings, shape (S,).
         x, y: rows of a joint, shape (S, P_j, L), and of all targets, shape (S, n, L), zero beyond the end of a stretch.
@@ -91,7 +91,7 @@ class Stretches:
         start = first = _placed(terms, lost, where, start)
         start = _placed(terms, self._local[None], where, start)
         self.inexact = np.arange(start, start + self._problems[0].nuisance.shape[2])
-        self.count, self.joints = start + len(self.inexact), len(moves)
+        self.count = start + len(self.inexact)
         self.slices = [where[i] for i in range(len(terms))]
         self.unknown: Indices = np.concatenate([np.zeros(0, dtype=np.intp), *unknown])
         self._own, self._shared = own, slice(first, self.count)

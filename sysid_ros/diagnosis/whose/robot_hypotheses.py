@@ -13,7 +13,16 @@ from functools import partial
 
 import numpy as np
 
-from sysid_ros.diagnosis.channel_faults import EffortFactors, Fault, effort_factors, fault_of_factors, faults_to_try, one_factor
+from sysid_ros.diagnosis.channel_faults import (
+    FAULT,
+    OWN_FACTORS,
+    EffortFactors,
+    Fault,
+    effort_factors,
+    fault_of_factors,
+    faults_to_try,
+    one_factor,
+)
 from sysid_ros.diagnosis.result import RankedUrdf
 from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
 from sysid_ros.diagnosis.whose.robot_kernels import Carried
@@ -27,8 +36,6 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
 
-_FAULT = 0.003
-"""Probability of each kind of fault of the channels, before any data."""
 _CARRIED = {Carried.SOMETHING: 0.45, Carried.NOTHING: 0.45, Carried.CHANGING: 0.1}
 """Probability of what is carried in recordings, before any data; the first is looked at first. An arm that carries nothing pays
 for no payload."""
@@ -159,7 +166,7 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
             share = _weighed_again(weighed, share)
         best = int(np.argmax(share))
         of_kind = _of_one_kind(best, [t.fault for _, t in weighed], share) if best > 0 else 0.0
-        if of_kind < sure:
+        if of_kind < (_LIKELY if _refutable(weighed[best][1].fault) else sure):
             doubtful = of_kind >= _LIKELY
             break
         before.append(trial)
@@ -178,6 +185,11 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
     parts = np.log(list(_CARRIED.values())) / len(rows.t)
     urdf, robots = (np.concatenate([x + part for x, part in zip(xs, parts, strict=True)]) for xs in zip(*of_each, strict=True))
     return replace(first, urdf=urdf, other_robots=robots)
+
+
+def _refutable(fault: Fault | None) -> bool:
+    """Whether all that is found once a fault is undone tells whether it was there: the gains of all efforts do."""
+    return fault is not None and bool(fault.effect.absorbs) and len(fault.joints) > 1
 
 
 def _of_one_kind(best: int, faults: Sequence[Fault | None], share: FloatArray) -> float:
@@ -225,7 +237,7 @@ def _of_another_size(published: Trial, trial: Trial) -> list[Trial]:
     if trial.factors is None or not trial.factors.seen.any():
         return []
     fault, log_prior = one_factor(trial.factors)
-    return [replace(published.without(fault, float(np.log(_FAULT)) + log_prior), silent=trial.silent)]
+    return [replace(published.without(fault, float(np.log(FAULT)) + log_prior), silent=trial.silent)]
 
 
 def _first_choice(robot: RobotModel, trial: Trial) -> list[Trial]:
@@ -234,7 +246,7 @@ def _first_choice(robot: RobotModel, trial: Trial) -> list[Trial]:
     kinds = Counter(kind for kind, _ in listed)
     tried: list[tuple[float, Callable[[Trial], Trial]]] = []
     for kind, fault in listed:
-        fault, prior = replace(fault, candidates=len(listed) + 1), float(np.log(_FAULT / kinds[kind]))
+        fault, prior = replace(fault, candidates=len(listed) + 1), float(np.log(FAULT / kinds[kind]))
         undone = partial(Trial.without, fault=fault, log_prior=prior)
         tried.append((undone(few).roughly(), undone))
     chosen = [undone for _, undone in sorted(tried, key=lambda x: -x[0])[:_TRIED]]
@@ -247,7 +259,7 @@ def _first_choice(robot: RobotModel, trial: Trial) -> list[Trial]:
 def _with_factors(trial: Trial, candidates: int) -> Trial:
     """The same with a factor of its own on each effort undone."""
     factors = effort_factors(trial.kernels, trial.rows.tau)
-    return trial.without(fault_of_factors(factors, candidates), float(np.log(_FAULT)) + factors.log_prior, factors)
+    return trial.without(fault_of_factors(factors, candidates), float(np.log(OWN_FACTORS)) + factors.log_prior, factors)
 
 
 def rank_urdfs(robots: Sequence[RobotModel], names: Sequence[str], recordings: Sequence[Recording]) -> list[RankedUrdf]:
