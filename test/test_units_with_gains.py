@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,22 +45,31 @@ def test_one_wrong_gain_beside_another_unit_is_a_cause_of_its_own() -> None:
 
 
 def test_gains_of_another_sign_are_no_factors_of_units() -> None:
-    assert odds_of(FACTOR, Found([1.0, -1.0]).found) is None
-    assert odds_of(FACTOR, Gains((), np.zeros(0), np.zeros((0, 0)), frozenset())) is None
+    assert with_own_factors((UNIT,), Found([1.0, -1.0, 1.3, 1.5])) == (UNIT,)
+    assert with_own_factors((UNIT,), Found([1.0] * 4, std=5.0)) == (UNIT,)  # none is told
 
 
 def test_the_more_surely_gains_are_one_the_likelier_is_one_unit() -> None:
-    near, rough = (odds_of(FACTOR, Found([1.0, 1.01, 0.99, 1.0], std).found) for std in (0.01, 0.3))
-    assert near is not None
-    assert rough is not None
-    assert near.one - near.each > rough.one - rough.each > 0.0
+    found = [Found([1.0, 1.01, 0.99, 1.0], std).found for std in (0.01, 0.2)]
+    near, rough = (units[FACTOR] - each for each, units in (odds_of(np.full(4, FACTOR), x) for x in found))
+    assert near > rough > 0.0
+
+
+def test_factors_of_their_own_that_are_one_unit_are_told_as_it() -> None:
+    own = [0.9, 1.2, 1.4, 0.7]
+    (fault,) = with_own_factors((UNIT,), Found(own, causes=(0, 1, 2, 3)))
+    assert with_own_factors((fault,), Found([1.1] * 4)) == (fault,)  # once only
+    (one,) = with_own_factors((replace(fault, refined=False),), Found([1.0 / x for x in own]))
+    assert (one.values, one.own_factors) == (UNIT.values, ())
+    (again,) = with_own_factors((replace(fault, refined=False),), Found([1.1] * 4))
+    assert [v[2] for v in again.values] == pytest.approx([1.1 * FACTOR * x for x in own])
 
 
 def test_of_a_channel_that_tells_no_factor_none_is_told() -> None:
     (fault,) = with_own_factors((UNIT,), Found([0.9, 1.2, 1.4, 0.7], causes=(0, 1, 2, 3)))
     known = Gains((0, 1, 2), np.array([1.1, 0.95, 0.3]), np.diag([0.02, 0.03, 0.4]) ** 2, frozenset())
     told = finding_of(fault, JOINTS, NO_EVIDENCE, known).parameters
-    # the wrist did not move, the elbow may hold nothing
+    # the wrist did not move, the elbow does not tell it
     assert [p.joint for p in told] == ["base", "shoulder", "wrist"]
     assert [p.value for p in told] == pytest.approx([FACTOR * 0.9 * 1.1, FACTOR * 1.2 * 0.95, FACTOR * 0.7])
     assert [p.std for p in told] == [pytest.approx(FACTOR * 0.9 * 0.02), pytest.approx(FACTOR * 1.2 * 0.03), None]

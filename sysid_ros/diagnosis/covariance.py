@@ -31,6 +31,10 @@ _OWN = np.zeros(0)
 """No probabilities of scales: that of the fit alone."""
 
 
+_TOLD = 0.25
+"""Part of itself to which a gain must be known to be told."""
+
+
 class Estimates(NamedTuple):
     """What a fit says of one term.
 
@@ -70,11 +74,18 @@ class Gains(NamedTuple):
         return float(told.sum(axis=0) @ self.values[own] / told.sum()), float(told.sum() ** -0.5)
 
     def of(self, joint: int) -> tuple[float, float] | None:
-        """Value and standard deviation of one; None where it did not move."""
+        """Value and standard deviation of one; None where it did not move, and where it is not told: it is the factor of links
+        that are inexact themselves, and what is linear in both holds where it is known well."""
         if joint not in self.joints:
             return None
         i = self.joints.index(joint)
-        return float(self.values[i]), float(np.sqrt(self.covariance[i, i]))
+        value, std = float(self.values[i]), float(np.sqrt(self.covariance[i, i]))
+        return (value, std) if std < _TOLD * abs(value) else None
+
+    def told(self) -> Gains:
+        """Those that are."""
+        i = [i for i, j in enumerate(self.joints) if self.of(j)]
+        return Gains(tuple(self.joints[k] for k in i), self.values[i], self.covariance[np.ix_(i, i)], self.causes)
 
 
 class Uncertainty(NamedTuple):

@@ -41,13 +41,13 @@ def _parameters(fault: Fault, joints: Sequence[str], gains: Gains) -> tuple[Para
     for name, joint, value, unit in fault.values:
         where = None if joint is None else joints[joint]
         measured = gains.common() if joint is None else gains.of(joint)
+        if measured is None and joint in gains.joints:
+            continue  # the efforts do not tell it
         if isinstance(value, str) or not fault.effect.scales or measured is None:
             found.append(Parameter(name, where, value, unit))
             continue
         told, std = value * measured[0], abs(value) * measured[1]
         low, high = interval(told, std)
-        if fault.own_factors and low <= 0.0:
-            continue  # as a channel that holds nothing has it: none can be told
         known = not fault.own_factors and low <= value <= high  # of a known unit, or a sign: the efforts do not refute it
         found.append(Parameter(name, where, value if known else told, unit, std, low, high))
     return tuple(found)
