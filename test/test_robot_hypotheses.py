@@ -219,6 +219,7 @@ def test_efforts_in_kilonewton_metres_are_found_all_the_same() -> None:
 def test_a_joint_that_shows_friction_alone_tells_no_factor_and_is_no_dead_channel() -> None:
     factors, model = np.array([11.0, 14.0, 7.0, 9.0]), robot(ARM)
     run = record(None, 1)
+    assert run.v is not None
     tau, most = run.tau.copy(), float(np.abs(run.tau[:, 3]).max())
     tau[:, 3] += 20.0 * most * (np.tanh(run.v[:, 3] / 0.02) + np.random.default_rng(0).normal(size=len(tau)))
     found = judge(model, [replace(run, tau=tau / factors)])

@@ -127,17 +127,11 @@ class EffortFactors:
 def one_factor(found: EffortFactors) -> tuple[Fault, float]:
     """What factors have in common as one factor on all efforts, and its log-probability before any data."""
     n, seen = len(found.values), found.seen
-    logs = np.log(found.values[seen])
-    width, mean = _weighted(logs, (found.std / found.values)[seen])
-    factor = float(np.exp(mean))
-    log_prior = -0.5 * (mean / _SPREAD) ** 2 + np.log(width / _SPREAD) + _of_dead(seen)
+    part = (found.std / found.values)[seen]
+    middle, width = float(np.median(np.log(found.values[seen]))), float(np.sum(part**-2.0) ** -0.5)  # one may be far off
+    factor = float(np.exp(middle))
+    log_prior = -0.5 * (middle / _SPREAD) ** 2 + np.log(width / _SPREAD) + _of_dead(seen)
     return Fault(TorqueUnit([factor] * n), tuple(range(n)), (("factor", None, factor, "1"),), 1), float(log_prior)
-
-
-def _weighted(values: FloatArray, std: FloatArray) -> tuple[float, float]:
-    """Standard deviation of the mean of values with those, and that mean."""
-    information = float(np.sum(std**-2.0))
-    return information**-0.5, float(np.sum(values / std**2)) / information
 
 
 def _of_dead(seen: NDArray[np.bool_]) -> float:

@@ -44,6 +44,8 @@ _LIKELY, SURE = 0.5, 0.95
 comes after it, and what is left shows. So sure must a URDF be the robot's if some channels are not to speak against it."""
 _DOUBTFUL, _WEIGHED_AGAIN = 0.1, 0.01
 """Probability of faults from which they are weighed again, with links that are exact but for one, and of one that is."""
+_SIZED = 0.5
+"""Probability that a robot of the URDF's kind has another size."""
 _HOPELESS = 0.001
 """Probability below which nothing that is found later is waited for."""
 _FAULTS = 3
@@ -159,21 +161,25 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
     """With the faults undone that have a probability."""
     trial = published = Trial.of(robot, rows)
     urdf, faults, before, doubtful = trial.likelihood(), list[Fault](), list[Trial](), False
+    factors: EffortFactors | None = None
     while len(faults) < _FAULTS:
-        weighed = [(urdf, trial), *((option.likelihood(), option) for option in _first_choice(robot, trial))]
+        weighed = [(urdf, trial), *((x.likelihood(), x) for x in _first_choice(robot, trial, any(map(_of_units, faults))))]
+        factors = factors or next((x.factors for _, x in weighed if x.factors), None)
         share = probabilities([likeliest(x) for x, _ in weighed])
         if share[0] < 1.0 - _DOUBTFUL:
             share = _weighed_again(weighed, share)
         best = int(np.argmax(share))
         of_kind = _of_one_kind(best, [t.fault for _, t in weighed], share) if best > 0 else 0.0
-        if of_kind < (_LIKELY if _refutable(weighed[best][1].fault) else sure):
+        if of_kind < (_LIKELY if _of_units(weighed[best][1].fault) else sure):
             doubtful = of_kind >= _LIKELY
             break
         before.append(trial)
         urdf, trial = weighed[best]
         assert trial.fault is not None
         faults.append(replace(trial.fault, probability=of_kind))
-    elsewhere = [trial, *before, *_of_another_size(published, trial)]
+    elsewhere = [trial, *before]
+    if factors is not None and any(map(_of_units, faults)):
+        elsewhere += _of_another_size(published, factors)
     robots, none = _other_robots(elsewhere), np.concatenate([x.of_no_robot() for x in elsewhere])
     first = Judgement(robot, tuple(faults), urdf, robots, none, trial.factors, doubtful)
     if first.probability >= _LIKELY:
@@ -187,8 +193,9 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
     return replace(first, urdf=urdf, other_robots=robots)
 
 
-def _refutable(fault: Fault | None) -> bool:
-    """Whether all that is found once a fault is undone tells whether it was there: the gains of all efforts do."""
+def _of_units(fault: Fault | None) -> bool:
+    """Whether a fault is another unit: all that is found once it is undone tells whether it was there, by the gains that are
+    left."""
     return fault is not None and bool(fault.effect.absorbs) and len(fault.joints) > 1
 
 
@@ -232,17 +239,18 @@ def _other_robots(trials: Sequence[Trial]) -> FloatArray:
     return np.concatenate([x.of_other_robots() for x in trials])
 
 
-def _of_another_size(published: Trial, trial: Trial) -> list[Trial]:
-    """Robots of one kind come in sizes: one factor on all torques, where a factor on each was found."""
-    if trial.factors is None or not trial.factors.seen.any():
+def _of_another_size(published: Trial, factors: EffortFactors) -> list[Trial]:
+    """Robots of one kind come in sizes: one factor on all torques, where they look like efforts in another unit."""
+    if not factors.seen.any():
         return []
-    fault, log_prior = one_factor(trial.factors)
-    return [replace(published.without(fault, float(np.log(FAULT)) + log_prior), silent=trial.silent)]
+    fault, log_prior = one_factor(factors)
+    sized = published.without(fault, float(np.log(_SIZED)) + log_prior)
+    return [replace(sized, silent=~factors.seen, of_another_size=True)]
 
 
-def _first_choice(robot: RobotModel, trial: Trial) -> list[Trial]:
-    """The likeliest faults on a few rows, roughly compared."""
-    few, listed = trial.every(_COARSE), list(faults_to_try(robot.joint_names))
+def _first_choice(robot: RobotModel, trial: Trial, scaled: bool) -> list[Trial]:
+    """The likeliest faults on a few rows, roughly compared; ``scaled``: another unit was undone, and is none of them."""
+    few, listed = trial.every(_COARSE), [x for x in faults_to_try(robot.joint_names) if not (scaled and x[0] == "unit")]
     kinds = Counter(kind for kind, _ in listed)
     tried: list[tuple[float, Callable[[Trial], Trial]]] = []
     for kind, fault in listed:
@@ -250,7 +258,7 @@ def _first_choice(robot: RobotModel, trial: Trial) -> list[Trial]:
         undone = partial(Trial.without, fault=fault, log_prior=prior)
         tried.append((undone(few).roughly(), undone))
     chosen = [undone for _, undone in sorted(tried, key=lambda x: -x[0])[:_TRIED]]
-    if trial.factors is None:
+    if not scaled:
         # found by a search of its own, on all rows
         chosen.append(partial(_with_factors, candidates=len(listed) + 1))
     return [undone(trial) for undone in chosen]

@@ -18,6 +18,8 @@ from sysid_ros.sample import FloatArray
 
 _GRAVITY = {0.0: 0.978, -1.0: 0.02, 1.0: 0.002}
 """Probability that the efforts hold gravity as it is, not at all, or twice."""
+_SIZES = (0.0, -0.5, 1.0)
+"""By how much more of another size's torques is gravity's, which goes with the length; what moves a link goes with its square."""
 _OTHER = 0.005
 """Probability that a URDF that somebody gives is that of a robot of the same kind, that of any other, or that the efforts are no
 torques of a robot: each."""
@@ -37,7 +39,8 @@ class Trial:
     Attributes:
         rows: as they are then. usual: usual effort of each joint in their unit, shape (n,). scale: log of what the faults publish
             of 1 N m, over all joints. silent: joints without a signal, shape (n,).
-        faults_prior: log-probability of the faults before any data. fault: the last of them.
+        faults_prior: log-probability of the faults before any data. fault: the last of them. of_another_size: whether a robot of
+            the URDF's kind has another size, which its torques were divided by.
     """
 
     rows: CoarseRows
@@ -48,6 +51,7 @@ class Trial:
     faults_prior: float = 0.0
     fault: Fault | None = None
     factors: EffortFactors | None = None
+    of_another_size: bool = False
 
     @classmethod
     def of(cls, robot: RobotModel, rows: CoarseRows) -> Trial:
@@ -92,12 +96,16 @@ class Trial:
         return self._with_prior(rows, _NO_FAULT + np.log(list(_GRAVITY.values())) + k.heaviness(self._largest))
 
     def of_other_robots(self) -> FloatArray:
-        """The same with a robot of the URDF's kind, and with any bodies on the same joints, shape (2, N)."""
-        k, n = self.kernels, range(self.kernels.robot.n)
-        alike = [k.alike(j, self._largest) for j in n], [self.rows.tau[:, [j]] - k.mean[:, [j]] for j in n]
+        """The same with a robot of the URDF's kind, and with any bodies on the same joints, shape (2, N), of another
+        size (4, N)."""
+        k, n, tau = self.kernels, range(self.kernels.robot.n), self.rows.tau
+        sizes = _SIZES if self.of_another_size else _SIZES[:1]
+        forms = [np.stack([tau[:, j] - k.mean[:, j] - c * k.gravity[:, j] for c in sizes], axis=1) for j in n]
+        alike = [k.alike(j, self._largest) for j in n], forms
         free = [k.free(j, self._largest) for j in n], [self.rows.tau[:, [j]] for j in n]
         rows = np.concatenate([self._likelihood(*of, LEAVES) for of in (alike, free)])
-        return self._with_prior(rows, _LOG_OTHER + k.heaviness(self._largest))
+        prior = np.append(np.full(len(sizes), -np.log(len(sizes))), 0.0)
+        return self._with_prior(rows, _LOG_OTHER + k.heaviness(self._largest) + prior)
 
     def of_no_robot(self) -> FloatArray:
         """The same with no robot, which carries nothing either, shape (1, N)."""
