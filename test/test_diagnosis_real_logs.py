@@ -139,8 +139,10 @@ def test_currents_with_dead_channels_are_named_or_refused_with_that_reason(draw:
     assert found is not None
     if found.refusal is None:
         assert found.factors is not None
-        seen = np.setdiff1d(np.flatnonzero(found.factors.seen), dead)
-        np.testing.assert_allclose(found.factors.values[seen] * constants[seen], 1.0, rtol=0.1)
+        part = found.factors.std / found.factors.values
+        told = np.setdiff1d(np.flatnonzero(found.factors.seen & (part < 0.25)), dead)
+        # beside links that are as inexact as a URDF's they are told to a fifth, and no closer to the truth than that
+        assert np.all(np.abs(np.log(found.factors.values[told] * constants[told])) < 2.0 * part[told])
     else:
         assert "factor of its own on each joint (torque_unit)" in found.refusal
 

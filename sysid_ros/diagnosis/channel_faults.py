@@ -38,7 +38,7 @@ which they are settled."""
 _SPREAD, _APART = np.log(10.0), np.log(3.0)
 """Standard deviations of the logarithm of all factors together (per cent, amperes, counts), and of one joint's against them,
 before any data."""
-FAULT, OWN_FACTORS = 0.003, 0.02
+FAULT, OWN_FACTORS = 0.003, 0.01
 """Probability of each kind of fault of the channels, before any data, and that efforts have a factor of their own on each joint:
 currents, per cent and counts are what many drivers publish."""
 _DEAD = 0.1

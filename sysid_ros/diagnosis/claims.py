@@ -21,8 +21,9 @@ from sysid_ros.diagnosis.result import Finding
 from sysid_ros.diagnosis.sets.posterior import Posterior, rivals
 from sysid_ros.diagnosis.sets.set_prior import SetPrior
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects import Parameter, named
+from sysid_ros.effects import Parameter, Payload, named
 from sysid_ros.effects.parameter import by_delta_method
+from sysid_ros.effects.payload import COMPACT
 from sysid_ros.effects.wording import of_joints
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -61,16 +62,19 @@ class Judged:
         """Of each term, with their covariance: that beside links as inexact as they may be, even if exact ones predict better."""
         return self._uncertain(self.train.problem)
 
-    def gains(self, joints: Collection[int]) -> Gains:
-        """Of joints whose efforts may be in a unit of their own."""
-        if set(joints) <= set(self.train.problem.gains):
-            return self.values.gains
-        asked = copy(self.train.problem)
+    def gains(self, joints: Collection[int], carried: bool = False) -> Gains:
+        """Of joints whose efforts may be in a unit of their own; ``carried``: beside a body that the robot may carry, which
+        efforts in unknown units tell little of."""
+        asked, terms = copy(self.train.problem), self.fit.terms
         asked.gains = tuple(joints)
-        return self._uncertain(asked).gains
+        if carried and not any(t.effect.carried for t in terms):
+            terms = (*terms, self.selection.library.whole(Payload.id, form=COMPACT))
+        return self._uncertain(asked, terms).gains
 
-    def _uncertain(self, problem: Problem) -> Uncertainty:
+    def _uncertain(self, problem: Problem, terms: tuple[Term, ...] | None = None) -> Uncertainty:
         fit, scales = self.fit, self.posterior.scales
+        if terms is not None and terms != fit.terms:
+            fit = problem.fit(terms, fit.noise, 0, inexact=fit.inexact)
         if not fit.inexact and scales.size and scales[0] < 0.5:
             fit = problem.fit(fit.terms, fit.noise, 0, inexact=True)
         return with_knobs(problem, self.selection.library, fit, scales)

@@ -141,7 +141,7 @@ def with_faults(
         found = with_findings(found, as_unit(found.findings, joints))
     if not faults and not others:
         return found
-    gains = judged.gains(_scaled(faults))
+    gains = judged.gains(_scaled(faults), carried=any(f.own_factors for f in faults))
     own = [finding_of(f, joints, e, gains) for f, e in zip(faults, evidence, strict=True)]
     found = _with_contacts(with_findings(found, without_gains(faults, found.findings)), [f for f in others if not f.of_data])
     every = (*found.causes, *found.data_faults, *own, *(f for f in others if f.of_data))

@@ -145,20 +145,21 @@ class Judgement:
 def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | None:
     """What recordings say of a URDF and of their channels; None where nothing of them can be used.
 
-    A fault that is likely, and not sure, is undone only where nothing could be said of the recordings else.
+    A fault that is likely, and not sure, is undone only where nothing could be said of the recordings else; but for another unit,
+    which the gains that are left refute. It is no reason to refuse them.
     """
     rows = CoarseRows.of(robot, recordings)
     if rows is None:
         return None
-    found = _judged(robot, rows, SURE)
-    if found.doubtful and found.refusal:
-        less_sure = _judged(robot, rows, _LIKELY)
-        return found if less_sure.refusal else less_sure
-    return found
+    found = _judged(robot, rows, SURE, SURE)
+    if not found.doubtful:
+        return found
+    less_sure = _judged(robot, rows, _LIKELY if found.refusal else SURE, _LIKELY)
+    return found if less_sure.refusal else less_sure
 
 
-def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
-    """With the faults undone that have a probability."""
+def _judged(robot: RobotModel, rows: CoarseRows, sure: float, sure_of_units: float) -> Judgement:
+    """With the faults undone that have a probability, and another unit that has one."""
     trial = published = Trial.of(robot, rows)
     urdf, faults, before, doubtful = trial.likelihood(), list[Fault](), list[Trial](), False
     factors: EffortFactors | None = None
@@ -170,7 +171,7 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float) -> Judgement:
             share = _weighed_again(weighed, share)
         best = int(np.argmax(share))
         of_kind = _of_one_kind(best, [t.fault for _, t in weighed], share) if best > 0 else 0.0
-        if of_kind < (_LIKELY if _of_units(weighed[best][1].fault) else sure):
+        if of_kind < (sure_of_units if _of_units(weighed[best][1].fault) else sure):
             doubtful = of_kind >= _LIKELY
             break
         before.append(trial)
