@@ -21,9 +21,8 @@ from sysid_ros.diagnosis.result import Finding
 from sysid_ros.diagnosis.sets.posterior import Posterior, rivals
 from sysid_ros.diagnosis.sets.set_prior import SetPrior
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects import Parameter, Payload, named
+from sysid_ros.effects import Parameter, named
 from sysid_ros.effects.parameter import by_delta_method
-from sysid_ros.effects.payload import COMPACT
 from sysid_ros.effects.wording import of_joints
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -68,7 +67,9 @@ class Judged:
         asked, terms = copy(self.train.problem), self.fit.terms
         asked.gains = tuple(joints)
         if carried and not any(t.effect.carried for t in terms):
-            terms = (*terms, self.selection.library.whole(Payload.id, form=COMPACT))
+            library = self.selection.library
+            always = library.whole_options(lambda kind: kind.carried and not kind.instant and not kind.of_recording)
+            terms = (*terms, min(always, key=lambda t: t.cost))
         return self._uncertain(asked, terms).gains
 
     def _uncertain(self, problem: Problem, terms: tuple[Term, ...] | None = None) -> Uncertainty:
