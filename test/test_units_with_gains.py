@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sysid_ros.diagnosis.channel_faults import faults_of_units, in_newton_metres
+from sysid_ros.diagnosis.channel_faults import faults_of_units, faults_to_try, in_newton_metres
 from sysid_ros.diagnosis.covariance import Gains
 from sysid_ros.diagnosis.evidence import Evidence
 from sysid_ros.diagnosis.fault_findings import finding_of, without_gains
@@ -73,6 +73,15 @@ def test_of_a_channel_that_tells_no_factor_none_is_told() -> None:
     assert [p.joint for p in told] == ["base", "shoulder", "wrist"]
     assert [p.value for p in told] == pytest.approx([FACTOR * 0.9 * 1.1, FACTOR * 1.2 * 0.95, FACTOR * 0.7])
     assert [p.std for p in told] == [pytest.approx(FACTOR * 0.9 * 0.02), pytest.approx(FACTOR * 1.2 * 0.03), None]
+
+
+def test_a_wrong_sign_is_told_on_a_joint_whose_gain_is_not() -> None:
+    sign = next(f for _, f in faults_to_try(JOINTS) if f.effect.id == "torque_sign")
+    (value,) = finding_of(sign, JOINTS, NO_EVIDENCE, Found([1.0], std=3.0).found).parameters
+    assert (value.value, value.std) == (-1.0, None)
+    order = next(f for _, f in faults_to_try(JOINTS) if f.effect.id == "joint_order")
+    told = finding_of(order, JOINTS, NO_EVIDENCE, Found([1.0] * 4, std=3.0).found).parameters
+    assert [p.value for p in told] == ["shoulder", "base"]
 
 
 @pytest.mark.parametrize(("gain", "told"), [(1.03, FACTOR), (1.2, 1.2 * FACTOR)])

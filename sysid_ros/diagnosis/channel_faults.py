@@ -113,8 +113,8 @@ class EffortFactors:
 
     Attributes:
         values: published effort over torque, shape (n,); where none can be told the middle of the others. std: standard
-            deviations. seen: joints whose efforts are likelier with the URDF's bodies in them than without any, and tell their
-            factor; of the others none can be told.
+            deviations. seen: joints whose efforts are likelier with the URDF's bodies in them than as a dead channel; of
+            the others no factor can be told.
         log_prior: log-probability of such factors before any data: how narrowly each is told of what it could have been.
     """
 

@@ -70,6 +70,8 @@ class Judged:
             library = self.selection.library
             always = library.whole_options(lambda kind: kind.carried and not kind.instant and not kind.of_recording)
             terms = (*terms, min(always, key=lambda t: t.cost))
+        elif asked.gains == self.train.problem.gains:
+            return self.values.gains
         return self._uncertain(asked, terms).gains
 
     def _uncertain(self, problem: Problem, terms: tuple[Term, ...] | None = None) -> Uncertainty:

@@ -153,7 +153,7 @@ def _told(
         if wrong:
             progress("the channels are as they should be after all: once more without what was undone")
         else:
-            progress("each joint's efforts are in a unit of its own: once more with that undone")
+            progress("the unit of the efforts is known better now: once more with that undone")
         faults = tuple(f for f in better if f not in wrong)
         silent = () if any(f.effect.absorbs for f in wrong) else silent
 

@@ -41,7 +41,7 @@ def _parameters(fault: Fault, joints: Sequence[str], gains: Gains) -> tuple[Para
     for name, joint, value, unit in fault.values:
         where = None if joint is None else joints[joint]
         measured = gains.common() if joint is None else gains.of(joint)
-        if measured is None and joint in gains.joints:
+        if measured is None and fault.own_factors and joint in gains.joints:
             continue  # the efforts do not tell it
         if isinstance(value, str) or not fault.effect.scales or measured is None:
             found.append(Parameter(name, where, value, unit))

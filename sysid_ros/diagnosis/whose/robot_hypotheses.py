@@ -39,7 +39,7 @@ from sysid_ros.signals.recording import Recording
 _CARRIED = {Carried.SOMETHING: 0.45, Carried.NOTHING: 0.45, Carried.CHANGING: 0.1}
 """Probability of what is carried in recordings, before any data; the first is looked at first. An arm that carries nothing pays
 for no payload."""
-_LIKELY, SURE = 0.5, 0.95
+_LIKELY, _SURE = 0.5, 0.95
 """Probabilities from which a fault is likelier than not, and from which it is undone: what is undone wrongly spoils all that
 comes after it, and what is left shows. So sure must a URDF be the robot's if some channels are not to speak against it."""
 _DOUBTFUL, _WEIGHED_AGAIN = 0.1, 0.01
@@ -95,7 +95,7 @@ class Judgement:
         It must be likelier than not that the channels have the faults that are undone, and that the URDF is the robot's then.
         """
         few = 2 * len(self.silent) >= self.robot.n
-        if self.factors is not None and (few or (self.silent and self.probability < SURE)):
+        if self.factors is not None and (few or (self.silent and self.probability < _SURE)):
             return self._without_signal(self.factors)
         undone = float(np.prod([f.probability for f in self.faults if f.probability is not None]))
         return self._of_another_robot() if undone * self.probability < _LIKELY else None
@@ -151,10 +151,10 @@ def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | Non
     rows = CoarseRows.of(robot, recordings)
     if rows is None:
         return None
-    found = _judged(robot, rows, SURE, SURE)
+    found = _judged(robot, rows, _SURE, _SURE)
     if not found.doubtful:
         return found
-    less_sure = _judged(robot, rows, _LIKELY if found.refusal else SURE, _LIKELY)
+    less_sure = _judged(robot, rows, _LIKELY if found.refusal else _SURE, _LIKELY)
     return found if less_sure.refusal else less_sure
 
 
@@ -195,8 +195,7 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float, sure_of_units: flo
 
 
 def _of_units(fault: Fault | None) -> bool:
-    """Whether a fault is another unit: all that is found once it is undone tells whether it was there, by the gains that are
-    left."""
+    """Whether a fault is another unit of all efforts, which the gains that are left once all is found refute."""
     return fault is not None and bool(fault.effect.absorbs) and len(fault.joints) > 1
 
 
