@@ -68,7 +68,9 @@ def test_factors_of_their_own_that_are_one_unit_are_told_as_it() -> None:
 def test_of_a_channel_that_tells_no_factor_none_is_told() -> None:
     (fault,) = with_own_factors((UNIT,), Found([0.9, 1.2, 1.4, 0.7], causes=(0, 1, 2, 3)))
     known = Gains((0, 1, 2), np.array([1.1, 0.95, 0.3]), np.diag([0.02, 0.03, 0.4]) ** 2, frozenset())
-    told = finding_of(fault, JOINTS, NO_EVIDENCE, known).parameters
+    finding = finding_of(fault, JOINTS, NO_EVIDENCE, known)
+    told = finding.parameters
+    assert "On elbow the efforts do not tell a factor" in finding.remark
     # the wrist did not move, the elbow does not tell it
     assert [p.joint for p in told] == ["base", "shoulder", "wrist"]
     assert [p.value for p in told] == pytest.approx([FACTOR * 0.9 * 1.1, FACTOR * 1.2 * 0.95, FACTOR * 0.7])

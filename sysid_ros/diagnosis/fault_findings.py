@@ -19,7 +19,7 @@ from sysid_ros.diagnosis.result import Diagnosis, Finding, TorqueRmse
 from sysid_ros.diagnosis.signal_faults import lattices, velocity_lag
 from sysid_ros.diagnosis.whose.robot_kernels import GAIN
 from sysid_ros.effects import ChannelEffect, ExternalForce, Parameter, TorqueQuantisation, TorqueUnit, VelocityLag
-from sysid_ros.effects.wording import of_joints, phrase
+from sysid_ros.effects.wording import listed, of_joints, phrase
 from sysid_ros.input_gate.message_faults import FAULTS, MessageFaults
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
@@ -33,7 +33,12 @@ _FAR, _MOST = 1.15, 0.7
 def finding_of(fault: Fault, joints: Sequence[str], evidence: Evidence, gains: Gains) -> Finding:
     """A fault of units, signs or order; the spread of a factor is that of the efforts, all that was found adjusted to it."""
     named, found = tuple(joints[j] for j in fault.joints), _parameters(fault, joints, gains)
-    return replace(_finding(fault.effect, named, len(joints), found, evidence, _UNDONE), probability=fault.probability)
+    remark, untold = _UNDONE, [joints[j] for j in fault.own_factors if joints[j] not in {p.joint for p in found}]
+    if untold:
+        remark += (
+            f" On {listed(untold)} the efforts do not tell a factor well enough to give it: friction or noise is most of them."
+        )
+    return replace(_finding(fault.effect, named, len(joints), found, evidence, remark), probability=fault.probability)
 
 
 def _parameters(fault: Fault, joints: Sequence[str], gains: Gains) -> tuple[Parameter, ...]:
