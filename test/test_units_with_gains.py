@@ -70,7 +70,7 @@ def test_of_a_channel_that_tells_no_factor_none_is_told() -> None:
     known = Gains((0, 1, 2), np.array([1.1, 0.95, 0.3]), np.diag([0.02, 0.03, 0.4]) ** 2, frozenset())
     finding = finding_of(fault, JOINTS, NO_EVIDENCE, known)
     told = finding.parameters
-    assert "On elbow the efforts do not tell a factor" in finding.remark
+    assert "On elbow the efforts do not tell their factor" in finding.remark
     # the wrist did not move, the elbow does not tell it
     assert [p.joint for p in told] == ["base", "shoulder", "wrist"]
     assert [p.value for p in told] == pytest.approx([FACTOR * 0.9 * 1.1, FACTOR * 1.2 * 0.95, FACTOR * 0.7])
