@@ -35,9 +35,7 @@ def finding_of(fault: Fault, joints: Sequence[str], evidence: Evidence, gains: G
     named, found = tuple(joints[j] for j in fault.joints), _parameters(fault, joints, gains)
     remark, untold = _UNDONE, [joints[j] for j in fault.own_factors if joints[j] not in {p.joint for p in found}]
     if untold:
-        remark += (
-            f" On {listed(untold)} the efforts do not tell a factor well enough to give it: friction or noise is most of them."
-        )
+        remark += f" On {listed(untold)} the efforts do not tell their factor well enough: they are mostly friction or noise."
     return replace(_finding(fault.effect, named, len(joints), found, evidence, remark), probability=fault.probability)
 
 
