@@ -25,6 +25,10 @@ _ROWS = 1500
 _PRIOR = 1.0
 """Weight of the URDF's own links in directions that no motion shows: about as if each were known to a part of 1."""
 
+_INTERVAL = 1.96
+"""Standard deviations to the ends of a 95 % interval."""
+_NONE = np.zeros(())
+
 
 def extended_model(
     robot: RobotModel,
@@ -109,7 +113,8 @@ def urdf_part(robot: RobotModel, model: ModelFile, train: Prepared) -> tuple[Mod
 
     Where links with their errors are bodies that can't exist, the nearest that can are taken: nearest in the torque along the
     recordings, ``min sum |W (Y pi - Y pi_found)|^2``, over links with positive definite pseudo-inertias (Traversaro et al. 2016;
-    Wensing, Kim, Slotine 2018), with the URDF's own where the motion shows nothing.
+    Wensing, Kim, Slotine 2018), with the URDF's own where the motion shows nothing. It is said where their torque is outside of
+    the 95 % interval of that which was found: within it, what was found may as well be these bodies.
     """
     known = list(zip(model.effects, model.known_effects(robot), strict=True))
     parts = [(b, k.effect.as_links(k.theta)) for b, k in known if k.effect.replaces_links or k.effect.as_links(k.theta).any()]
@@ -124,16 +129,20 @@ def urdf_part(robot: RobotModel, model: ModelFile, train: Prepared) -> tuple[Mod
         if np.any(body) and not inertial_parameters.is_physical(body)  # nothing hangs on what only lets a trunk float
     ]
     if bad:
-        found = _nearest(robot, model, train, links)
+        spread = sum((b.covariance for b, _ in parts if b.covariance is not None and len(b.covariance) == len(links)), _NONE)
+        found = _nearest(robot, model, train, links, spread)
         if found is None:
             links = robot.pi.copy()
             notes.append(f"extended.urdf has the URDF's own links: those found for {', '.join(bad)} are near no body.")
         else:
             links, lost = found
-            notes.append(
-                f"The inertials found for {', '.join(bad)} belong to no body that can exist; extended.urdf has the nearest that "
-                f"can, which changes the torque along the recordings by {lost}. model.yaml has what was found."
-            )
+            if lost:
+                notes.append(
+                    f"The inertials found for {', '.join(bad)} belong to no body that can exist; extended.urdf has the nearest "
+                    f"that can, which changes the torque along the recordings by {lost}. model.yaml has what was found."
+                )
+            else:
+                bad = []
     if len(bad) > 1:
         notes.append(
             f"{len(bad)} links that no body can be are what another robot's URDF leads to as well: check that --urdf is that of "
@@ -151,8 +160,11 @@ def urdf_part(robot: RobotModel, model: ModelFile, train: Prepared) -> tuple[Mod
     return replace(model, effects=(own, *blocks), uncertainty=None), tuple(notes)
 
 
-def _nearest(robot: RobotModel, model: ModelFile, train: Prepared, links: FloatArray) -> tuple[FloatArray, str] | None:
-    """Physical links nearest to ``links`` in torque, and how much torque that changes, in words; None where there are none."""
+def _nearest(
+    robot: RobotModel, model: ModelFile, train: Prepared, links: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, str] | None:
+    """Physical links nearest to ``links`` in torque, and how much torque that changes, in words, empty where it is no more than
+    their covariance, shape (10 n, 10 n), leaves open; None where there are none."""
     Y = np.concatenate([m.regressor[:: max(1, len(m.t) * len(train.motions) // _ROWS)] for m in train.motions])
     weight = 1.0 / np.maximum(model.torque_std, 1e-9)
     rows = (Y * weight[:, None]).reshape(-1, Y.shape[2])
@@ -163,5 +175,8 @@ def _nearest(robot: RobotModel, model: ModelFile, train: Prepared, links: FloatA
     except DataError:
         return None
     lost = np.sqrt(np.mean((Y @ (theta - links)) ** 2, axis=0))
+    left_open = np.einsum("tji,ik,tjk->j", Y, covariance, Y, optimize=True) / len(Y) if covariance.ndim else 0.0
+    if np.all(lost <= _INTERVAL * np.sqrt(left_open)):
+        return theta, ""
     worst = int(np.argmax(lost / np.maximum(model.torque_std, 1e-9)))
     return theta, f"{lost[worst]:.2g} N m (rms) at {robot.joint_names[worst]} at most"

@@ -166,12 +166,14 @@ def find_message_faults(t: FloatArray, q: FloatArray, tau: FloatArray) -> Messag
         times[distinct] = times_of_samples(t[distinct], q[distinct], ~keep[distinct])
     age = float(np.max(t - times))
     polled = int(np.sum(keep)) if age > 0.0 else 0
-    long = steps[(steps > _MISSING * usual) & (steps < _LONGEST_DROP)]
-    dropped = int(np.sum(np.round(long / usual) - 1.0)) if usual > 0.0 else 0
     late, delay = _late(times[keep], q[keep], usual)
     where = np.flatnonzero(keep)[late]
     keep[where] = False
     jitter = _without_jitter(times, q, keep, usual)
+    # where stamps are off, their steps say nothing of what is missing
+    steps = np.diff(times) if jitter else steps
+    long = steps[(steps > _MISSING * usual) & (steps < _LONGEST_DROP)]
+    dropped = int(np.sum(np.round(long / usual) - 1.0)) if usual > 0.0 else 0
     still = standing_still(t, q, tau)
     # a recording that is mostly so is refused, and not emptied
     frozen = still & keep & (np.mean(still) < MOSTLY)

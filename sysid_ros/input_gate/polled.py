@@ -19,13 +19,17 @@ _USUAL = 0.05
 """Part of the recordings with repeated messages whose driver polls, before any data; in others messages were lost."""
 _FEWEST = 3
 """Repeats that make two beats, the least that shows one to be like the other."""
+_REGULAR = np.array([0.1, 0.5, 0.9])
+"""Parts of the beats that may be as long as most are, before any data: in a rest, or where messages are lost, one is not."""
 
 
 def times_of_samples(t: FloatArray, q: FloatArray, repeats: NDArray[np.bool_]) -> FloatArray:
     """Times at which the values of messages were true, shape (N,) [s]; the stamps themselves where that is likelier.
 
     Likelier is what leaves the positions smoother: each differs less from the cubic through two neighbours on each side, and the
-    difference is taken as normal with a size of its own for each joint and each of the two hypotheses.
+    difference is taken as normal with a size of its own for each joint and each of the two hypotheses. And one beat of a driver
+    that polls is as long as another, while messages that repeat others for another reason, as where coarse values do not change,
+    come at any time.
 
     Args:
         t: stamps in order, shape (N,) [s]. q: positions, shape (N, n). repeats: messages that repeat all values of the one before
@@ -36,14 +40,25 @@ def times_of_samples(t: FloatArray, q: FloatArray, repeats: NDArray[np.bool_]) -
     if len(before_repeat) < _FEWEST:
         return t
     out = t.copy()
-    out[new] = _even(t[new], before_repeat, float(np.median(np.diff(t))))
+    period = float(np.median(np.diff(t)))
+    out[new] = _even(t[new], before_repeat, period)
     if np.array_equal(out, t):
         return t
     usable = without_gaps(t[new]) & without_gaps(out[new])
     power = [np.sum(applied(stencil(x[new]), q[new])[usable] ** 2, axis=0) for x in (t, out)]
     moves = (power[0] > 0.0) & (power[1] > 0.0)
     gain = 0.5 * float(np.sum(usable)) * float(np.sum(np.log(power[0][moves] / power[1][moves])))
+    gain += _evenness(np.diff(t[new][before_repeat]), period)
     return out if gain + np.log(_USUAL / (1.0 - _USUAL)) > 0.0 else t
+
+
+def _evenness(beats: FloatArray, period: float) -> float:
+    """Log-odds of beats, shape (b,) [s], where most are alike to a message, against repeats by chance: exponential beats."""
+    mean = float(np.mean(beats))
+    alike = np.abs(beats - np.median(beats)) < 1.5 * period
+    likelier = np.where(alike, mean / (3.0 * period) * np.exp(np.minimum(beats / mean, 50.0)), 0.0)
+    odds = np.log(_REGULAR[:, None] * likelier + (1.0 - _REGULAR[:, None])).sum(axis=1)
+    return float(np.logaddexp.reduce(odds) - np.log(len(odds)))
 
 
 def _even(t: FloatArray, newest: NDArray[np.intp], period: float) -> FloatArray:

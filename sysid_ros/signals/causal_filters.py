@@ -161,7 +161,7 @@ class CausalDerivative:
     def __init__(self, n: int, period: float, half_width: int, use_message_velocity: bool = False, impacts: bool = False) -> None:
         self.period = period
         self._window = np.zeros((4, 1 + 3 * n))
-        self._clock, self._usual = np.zeros(5), np.zeros(n + 1)
+        self._clock, self._usual = np.zeros(5), np.zeros(2 * n + 1)
         self._ring = np.zeros((2 * half_width + 1, 1 + 3 * n))
         self._weights = np.stack([value_weights(half_width), slope_weights(half_width, period)])
         self.times, self.channels = np.zeros(_PLACES), np.zeros((_PLACES, 4, n))

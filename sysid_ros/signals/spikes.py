@@ -14,6 +14,7 @@ _TIMES: Final = 12.0  # a spike is so many times farther from the middle of its 
 _STIRS: Final = 4.0  # and others so many times, where something has happened to the robot
 _CALM: Final = 0.01  # part of a measurement in that mean
 _FIRST: Final = 25.0  # measurements that are only looked at
+_ROUNDED: Final = 0.29  # that mean of values that are rounded, in their steps: of a - (b + c) / 2, each even within half a step
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
@@ -24,21 +25,25 @@ def remove_spikes(window: FloatArray, first: int, usual: FloatArray, alone: bool
 
     Args:
         window: the newest measurements, a row each, shape (4, c). first: column of the first torque.
-        usual: mean distance from the middle of the neighbours of each torque, and the number of measurements so far, shape
-            (c - first + 1,).
+        usual: of each torque its mean distance from the middle of its neighbours and the least step that it made, and the number
+            of measurements so far, shape (2 (c - first) + 1,), at first 0.
         alone: a spike is in one torque alone: what shows in others too is an impact, as when a foot lands.
     """
     found = stirred = 0
-    if alone:
-        for j in range(usual.size - 1):
-            before, at, after = window[1, first + j], window[2, first + j], window[3, first + j]
-            stirred += abs(at - 0.5 * (before + after)) > _STIRS * usual[j]
+    n = usual.size // 2
+    steps = usual[n : 2 * n]
+    for j in range(n):
+        before, at, after = window[1, first + j], window[2, first + j], window[3, first + j]
+        step = abs(after - at)
+        if step > 0.0 and (steps[j] == 0.0 or step < steps[j]):
+            steps[j] = step
+        stirred += alone and abs(at - 0.5 * (before + after)) > _STIRS * usual[j]
     count = usual[-1] = usual[-1] + 1.0
-    for j in range(usual.size - 1):
+    for j in range(n):
         before, at, after = window[1, first + j], window[2, first + j], window[3, first + j]
         middle = 0.5 * (before + after)
-        far = abs(at - middle)
-        if stirred <= 1 and count > _FIRST and usual[j] > 0.0 and far > _TIMES * usual[j] and abs(after - before) < 0.5 * far:
+        far, mean = abs(at - middle), max(usual[j], _ROUNDED * steps[j])
+        if stirred <= 1 and count > _FIRST and mean > 0.0 and far > _TIMES * mean and abs(after - before) < 0.5 * far:
             window[2, first + j] = middle
             found += 1
         elif np.isfinite(far):
@@ -58,6 +63,6 @@ def without_spikes(tau: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def _remove_all(tau: FloatArray) -> None:
     """Remove the spikes of torques of shape (N, n) in place."""
-    usual = np.zeros(tau.shape[1] + 1)
+    usual = np.zeros(2 * tau.shape[1] + 1)
     for k in range(len(tau) - 3):
         remove_spikes(tau[k : k + 4], 0, usual, True)
