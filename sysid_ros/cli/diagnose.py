@@ -18,7 +18,7 @@ from sysid_ros.cli.recordings import TrunkTopics
 from sysid_ros.diagnosis import Diagnosis, diagnose
 from sysid_ros.diagnosis.reporting import with_ranking
 from sysid_ros.diagnosis.result import RankedUrdf
-from sysid_ros.diagnosis.whose.robot_hypotheses import rank_urdfs
+from sysid_ros.diagnosis.whose.ranked_urdfs import rank_urdfs
 from sysid_ros.exceptions import DataError, RobotModelError
 from sysid_ros.input_gate.missing_joints import missing_joints
 from sysid_ros.input_gate.raw_messages import read_messages

@@ -237,6 +237,12 @@ def fault_evidence(robot: RobotModel, published: Sequence[Recording], faults: Se
     return out
 
 
+def mount_evidence(robot: RobotModel, level: RobotModel, published: Sequence[Recording], faults: Sequence[Fault]) -> Evidence:
+    """The same of the direction of gravity that ``robot`` has, against that of ``level``."""
+    whole, rows = _likelihood(robot, published, faults)
+    return Evidence(2.0 * (whole - _likelihood(level, published, faults)[0]), 2, rows, 1)
+
+
 def _likelihood(robot: RobotModel, published: Sequence[Recording], faults: Sequence[Fault]) -> tuple[float, float]:
     """Log-likelihood of the published efforts with some faults undone, and how many rows it is of."""
     factor = np.ones((1, robot.n))  # what the faults publish of 1 N m

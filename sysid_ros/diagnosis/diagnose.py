@@ -8,7 +8,7 @@ from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple
 
-from sysid_ros.diagnosis.channel_faults import Fault, fault_evidence, undone
+from sysid_ros.diagnosis.channel_faults import Fault, fault_evidence, mount_evidence, undone
 from sysid_ros.diagnosis.claims import Judged
 from sysid_ros.diagnosis.contacts import Contact, contacts_held_out, contacts_in, without
 from sysid_ros.diagnosis.extended_model import extended_model, urdf_part
@@ -26,6 +26,7 @@ from sysid_ros.diagnosis.strong_contacts import strong_contacts
 from sysid_ros.diagnosis.whose.left_out_channels import refuted_elsewhere
 from sysid_ros.diagnosis.whose.own_factors import with_own_factors
 from sysid_ros.diagnosis.whose.robot_hypotheses import judge
+from sysid_ros.diagnosis.whose.told_mount import ToldMount, with_mount
 from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError
 from sysid_ros.input_gate.message_faults import MessageFaults, despiked, in_order
@@ -86,6 +87,8 @@ def diagnose(
     if whose and doubt and whose.hopeless:
         return Diagnosis("refused", robot.joint_names, refusal=doubt, notes=notes)
     faults, silent = (whose.faults, whose.silent) if whose else ((), ())
+    level, mount = robot, whose.mount if whose else None
+    robot = whose.robot if whose else robot  # mounted as it is
     of_data = [*signal_findings(fitted, robot.joint_names), *message_finding(of_messages, robot.joint_names)]
 
     effects = known.known_effects(robot) if known else []
@@ -99,15 +102,22 @@ def diagnose(
     if doubt and (removed or found.verdict not in _WHOLLY or sum(t.effect.replaces_links for t in fit.terms) > _REPLACED):
         return Diagnosis("refused", robot.joint_names, refusal=doubt, notes=notes)
 
-    published = prepare(robot, [without(r, later) for r in judged], effects, silent=silent) if faults else held.prepared
+    published = held.prepared
+    if faults or mount:
+        published = prepare(level, [without(r, later) for r in judged], effects, silent=silent)
     others = [*of_data, *contact_findings(contacts, robot)]
     found = with_faults(found, faults, fault_evidence(robot, fitted, faults), others, published, told)
+    stands = ToldMount.of(mount, told, level) if mount else None
+    if mount and stands:
+        found = with_mount(found, stands.finding(mount, level, mount_evidence(robot, level, fitted, faults)))
     model = extended_model(robot, known, fit, told.values, train, {r.whole: r.start for r in fitted}, provenance or {})
     urdf_model, changes = urdf_part(robot, model, train)
     progress("simulating")
     both = effects, urdf_model.known_effects(robot)
     simulation, tracking, why_not = gain_or_why_not(held.prepared, held.predictions(fit), both, told.noise, simulator)
     notes += (*changes, *found.notes, *why_not)
+    if stands:
+        model, urdf_model = (stands.in_model(x, level, told) for x in (model, urdf_model))
     return replace(found, model=model, urdf_model=urdf_model, simulation=simulation, tracking=tracking, notes=notes)
 
 

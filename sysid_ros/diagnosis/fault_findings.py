@@ -142,7 +142,7 @@ def with_faults(
     joints = found.joints
     if not any(f.effect.absorbs for f in faults):
         found = with_findings(found, as_unit(found.findings, joints))
-    if not faults and not others:
+    if not faults and not others and published is judged.held.prepared:
         return found
     gains = judged.gains(_scaled(faults), carried=any(f.own_factors for f in faults))
     own = [finding_of(f, joints, e, gains) for f, e in zip(faults, evidence, strict=True)]
@@ -156,7 +156,7 @@ def _as_published(found: Diagnosis, faults: Sequence[Fault], published: Prepared
     """The diagnosis with torques, and their errors, in the units, signs and order in which they are published."""
     assert found.torque is not None
     assert found.predictions is not None
-    if not faults:
+    if published is held.prepared:
         return found
     rows, floor, extended = held.residual(fit), found.torque.noise_floor[None], found.predictions.extended
     for fault in reversed(faults):

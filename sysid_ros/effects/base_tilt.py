@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from sysid_ros.effects.effect import Acts, Depends, Effect, carrying
 from sysid_ros.robot.robot_model import RobotModel
@@ -15,12 +16,33 @@ _STEEPEST = 0.6
 
 
 def tilted_gravity(gravity: FloatArray, roll: float, pitch: float) -> FloatArray:
-    """Gravity in the axes of a base that is turned by roll about x, then by pitch about y of the world, shape (3,) [m/s^2]."""
+    """Gravity in the axes of a base that is turned by roll about x, then by pitch about y of the world, shape (3,) [m/s^2].
+
+    Where ``gravity`` is not along -z, as of a robot on a wall, these are the axes of :func:`axes_below`.
+    """
     c, s, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
     turn_x = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
     turn_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
-    turned: FloatArray = (turn_y @ turn_x).T @ gravity
+    axes = axes_below(gravity)
+    turned: FloatArray = axes @ (turn_y @ turn_x).T @ axes.T @ gravity
     return turned
+
+
+def tilt_of(gravity: FloatArray, tilted: FloatArray) -> FloatArray:
+    """Roll and pitch that :func:`tilted_gravity` makes ``tilted`` of ``gravity`` with, shape (2,) [rad]."""
+    x, y, z = axes_below(gravity).T @ tilted / max(float(np.linalg.norm(tilted)), 1e-12)
+    return np.array([np.arctan2(-y, -z), np.arcsin(np.clip(x, -1.0, 1.0))])
+
+
+def axes_below(gravity: FloatArray) -> FloatArray:
+    """Axes in which gravity is along -z, by the shortest turn, shape (3, 3), each a column in the axes of the base."""
+    size = float(np.linalg.norm(gravity))
+    down = np.asarray(gravity) / size if size > 0.0 else np.array([0.0, 0.0, -1.0])
+    about, along = np.cross([0.0, 0.0, -1.0], down), -float(down[2])
+    across = float(np.linalg.norm(about))
+    if across < 1e-9:
+        return np.diag([1.0, np.sign(along), np.sign(along)])
+    return np.asarray(Rotation.from_rotvec(about / across * np.arctan2(across, along)).as_matrix())
 
 
 class BaseTilt(Effect):

@@ -23,15 +23,13 @@ from sysid_ros.diagnosis.channel_faults import (
     faults_to_try,
     one_factor,
 )
-from sysid_ros.diagnosis.result import RankedUrdf
 from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
+from sysid_ros.diagnosis.whose.mount import Mount, mounted_otherwise, turned
 from sysid_ros.diagnosis.whose.robot_kernels import Carried
 from sysid_ros.diagnosis.whose.robot_likelihood import likeliest, probabilities
 from sysid_ros.diagnosis.whose.robot_trial import Trial
 from sysid_ros.effects.wording import listed
 from sysid_ros.estimators.one_thread import on_one_thread
-from sysid_ros.exceptions import DataError
-from sysid_ros.input_gate.message_faults import in_order
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
@@ -64,6 +62,7 @@ class Judgement:
             under other robots and none, with the same faults undone, some or none; priors are in them, shape (g, N) each.
         factors: what was found of efforts with a factor of their own on each joint, where that is a fault.
         doubtful: whether another fault is likelier than not, and not sure enough to be undone.
+        mount: how the robot is mounted, where it is so otherwise than gravity was set; ``robot`` is under that.
     """
 
     robot: RobotModel
@@ -73,6 +72,7 @@ class Judgement:
     no_robot: FloatArray
     factors: EffortFactors | None = None
     doubtful: bool = False
+    mount: Mount | None = None
 
     @property
     def probability(self) -> float:
@@ -151,6 +151,21 @@ def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | Non
     rows = CoarseRows.of(robot, recordings)
     if rows is None:
         return None
+    found = _of_channels(robot, rows)
+    mount = mounted_otherwise(robot, rows)
+    return found if mount is None else _mounted(found, _of_channels(turned(robot, mount.gravity), rows), mount)
+
+
+def _mounted(found: Judgement, other: Judgement, mount: Mount) -> Judgement:
+    """What is believed of a robot that may be mounted otherwise than gravity is set: that it is where this is sure."""
+    urdf = other.urdf + mount.log_prior / other.urdf.shape[1]
+    share = probabilities([likeliest(urdf), *(likeliest(x) for x in (found.urdf, found.other_robots, found.no_robot))])
+    if share[0] < _SURE or other.refusal:
+        return found
+    return replace(other, urdf=urdf, mount=mount._replace(probability=float(share[0])))
+
+
+def _of_channels(robot: RobotModel, rows: CoarseRows) -> Judgement:
     found = _judged(robot, rows, _SURE, _SURE)
     if not found.doubtful:
         return found
@@ -268,21 +283,3 @@ def _with_factors(trial: Trial, candidates: int) -> Trial:
     """The same with a factor of its own on each effort undone."""
     factors = effort_factors(trial.kernels, trial.rows.tau)
     return trial.without(fault_of_factors(factors, candidates), float(np.log(OWN_FACTORS)) + factors.log_prior, factors)
-
-
-def rank_urdfs(robots: Sequence[RobotModel], names: Sequence[str], recordings: Sequence[Recording]) -> list[RankedUrdf]:
-    """Probability that each of several URDFs with the same joints is that of the robot that was recorded, in their order.
-
-    Raises:
-        DataError: nothing of the recordings can be used, or the URDFs have different joints.
-    """
-    if len({robot.joint_names for robot in robots}) > 1:
-        raise DataError("the URDFs name their joints differently: only those with the joints of the recordings can be compared.")
-    ordered = [in_order(r)[0] for r in recordings]
-    found = [x for robot in robots if (x := judge(robot, ordered)) is not None]
-    if len(found) < len(robots):
-        raise DataError(
-            "the recordings hold no motion by which URDFs could be compared. Record 15 to 30 s in which every joint moves."
-        )
-    share = probabilities([likeliest(x.urdf) for x in found])
-    return [RankedUrdf(name, float(p)) for name, p in zip(names, share, strict=True)]

@@ -7,6 +7,7 @@ from enum import Enum, auto
 from typing import NamedTuple
 
 import numpy as np
+from scipy import linalg
 
 from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
 from sysid_ros.diagnosis.whose.payload_changes import changes_of_payload
@@ -74,8 +75,8 @@ class RobotKernels:
     state, and of time, of a size that the data tell.
 
     Attributes:
-        mean, gravity: torque of the URDF's links and of their weight, shape (N, n). pattern: covariance of the discrepancy, of
-            unit variance, shape (N, N).
+        mean, gravity: torque of the URDF's links and of their weight, shape (N, n). falls: the latter for gravity along each axis
+            of the base, shape (N, n, 3) [N m s^2/m]. pattern: covariance of the discrepancy, of unit variance, shape (N, N).
     """
 
     def __init__(self, robot: RobotModel, rows: CoarseRows) -> None:
@@ -88,7 +89,8 @@ class RobotKernels:
         self._payload = np.stack([robot.payload_regressor(*state, frame) for state in zip(q, v, a, strict=True)])
         self._weight = float(np.sqrt(np.max(np.mean(np.sum((self._payload * _CARRIED) ** 2, axis=2), axis=0))))  # of one kg
         self._force = robot.frame_jacobian_along(q, frame).swapaxes(1, 2)
-        self._tilt = np.stack([robot.base_acceleration_columns(x)[:, :2] for x in q])
+        self.falls: FloatArray = -np.stack([robot.base_acceleration_columns(x) for x in q])
+        self._tilt = self.falls @ linalg.null_space(robot.gravity[None])
         self._total = float(robot.pi[::10].sum())
         self._later: list[FloatArray] = []
         self._inexact = _inexactness(robot)
@@ -102,6 +104,12 @@ class RobotKernels:
         other = copy(self)
         other._carried, residual = carried, rows.tau - self.mean
         other._later = changes_of_payload(rows, residual, self._payload) if carried is Carried.CHANGING else []
+        return other
+
+    def level(self) -> RobotKernels:
+        """The same on a base that stands as gravity is set."""
+        other = copy(self)
+        other._tilt = np.zeros_like(self._tilt)
         return other
 
     def exact(self, wrong: int | None = None) -> RobotKernels:
