@@ -131,6 +131,10 @@ def command(
     base = floating_base_of(robot, settings)
     origin = provenance(bags)
     first, second = len(bags), len(bags) + len(validate)
+    if base is None:
+        from sysid_ros.diagnosis.whose.told_mount import require_gravity
+
+        require_gravity(robot, read[:first])
     measured = settings.velocity_source == "message"
     try:
         with progress_bar("identifying", 2 * len(read) + 1) as advance:

@@ -26,7 +26,7 @@ from sysid_ros.diagnosis.strong_contacts import strong_contacts
 from sysid_ros.diagnosis.whose.left_out_channels import refuted_elsewhere
 from sysid_ros.diagnosis.whose.own_factors import with_own_factors
 from sysid_ros.diagnosis.whose.robot_hypotheses import judge
-from sysid_ros.diagnosis.whose.told_mount import ToldMount, with_mount
+from sysid_ros.diagnosis.whose.told_mount import with_mount
 from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError
 from sysid_ros.input_gate.message_faults import MessageFaults, despiked, in_order
@@ -71,9 +71,7 @@ def diagnose(
     Raises:
         DataError: no recording is given, or its channels do not fit the robot. SettingsError: the simulator is not installed.
     """
-    simulator = installed(simulator)
-    if not recordings:
-        raise DataError("no recording is given. Give at least one bag.")
+    simulator, recordings = installed(simulator), _given(recordings)
     (recordings, validation), (of_messages, _), notes, refusal = _in_order(robot, recordings, validation)
     fitted, judged = (recordings, validation) if validation else split(recordings)
     if reason := refusal or broken(robot, fitted) or broken(robot, judged):
@@ -86,9 +84,8 @@ def diagnose(
     doubt = whose.refusal if whose else None
     if whose and doubt and whose.hopeless:
         return Diagnosis("refused", robot.joint_names, refusal=doubt, notes=notes)
-    faults, silent = (whose.faults, whose.silent) if whose else ((), ())
-    level, mount = robot, whose.mount if whose else None
-    robot = whose.robot if whose else robot  # mounted as it is
+    faults, silent, mount = (whose.faults, whose.silent, whose.mount) if whose else ((), (), None)
+    level, robot = robot, whose.robot if whose else robot  # the latter is mounted as it is
     of_data = [*signal_findings(fitted, robot.joint_names), *message_finding(of_messages, robot.joint_names)]
 
     effects = known.known_effects(robot) if known else []
@@ -97,28 +94,33 @@ def diagnose(
     found = with_ceiling(found, told, progress)
     notes += whose.in_words if whose and silent else ()
     notes += tuple(f"{c.recording}: {c.in_words()}, and is left out of what the models are judged on." for c in later)
-    # what takes measured efforts away explains none of them
-    removed = any(t.effect.from_measured for t in fit.terms)
-    if doubt and (removed or found.verdict not in _WHOLLY or sum(t.effect.replaces_links for t in fit.terms) > _REPLACED):
+    if doubt and not _wholly_explained(fit, found):
         return Diagnosis("refused", robot.joint_names, refusal=doubt, notes=notes)
 
-    published = held.prepared
-    if faults or mount:
-        published = prepare(level, [without(r, later) for r in judged], effects, silent=silent)
+    given = [without(r, later) for r in judged]
+    published = prepare(level, given, effects, silent=silent) if faults or mount else held.prepared
     others = [*of_data, *contact_findings(contacts, robot)]
     found = with_faults(found, faults, fault_evidence(robot, fitted, faults), others, published, told)
-    stands = ToldMount.of(mount, told, level) if mount else None
-    if mount and stands:
-        found = with_mount(found, stands.finding(mount, level, mount_evidence(robot, level, fitted, faults)))
     model = extended_model(robot, known, fit, told.values, train, {r.whole: r.start for r in fitted}, provenance or {})
     urdf_model, changes = urdf_part(robot, model, train)
     progress("simulating")
     both = effects, urdf_model.known_effects(robot)
     simulation, tracking, why_not = gain_or_why_not(held.prepared, held.predictions(fit), both, told.noise, simulator)
     notes += (*changes, *found.notes, *why_not)
-    if stands:
-        model, urdf_model = (stands.in_model(x, level, told) for x in (model, urdf_model))
-    return replace(found, model=model, urdf_model=urdf_model, simulation=simulation, tracking=tracking, notes=notes)
+    found = replace(found, model=model, urdf_model=urdf_model, simulation=simulation, tracking=tracking, notes=notes)
+    return with_mount(found, mount, level, told, mount_evidence(robot, level, fitted, faults)) if mount else found
+
+
+def _given(recordings: Sequence[Recording]) -> Sequence[Recording]:
+    if not recordings:
+        raise DataError("no recording is given. Give at least one bag.")
+    return recordings
+
+
+def _wholly_explained(fit: Fit, found: Diagnosis) -> bool:
+    """Whether a URDF that was in doubt is the robot's after all; what takes measured efforts away explains none of them."""
+    removed = any(t.effect.from_measured for t in fit.terms)
+    return not removed and found.verdict in _WHOLLY and sum(t.effect.replaces_links for t in fit.terms) <= _REPLACED
 
 
 class _Told(NamedTuple):

@@ -40,5 +40,5 @@ def not_shown(factors: FloatArray, share: tuple[float, float]) -> str:
     return (
         f"The efforts are the torques that the arm itself takes by another factor on each joint, about {listed} in their "
         "order: are they currents (effort_scale; below zero: the sign), compensated for gravity (effort_type), or is the "
-        f"model another arm's? The payload can't be trusted. {IDENTIFY}"
+        f"model another arm's, or the arm on a wall or a ceiling (gravity)? The payload can't be trusted. {IDENTIFY}"
     )

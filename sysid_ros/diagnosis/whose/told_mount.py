@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -13,11 +13,15 @@ from sysid_ros.diagnosis.evidence import Evidence, interval
 from sysid_ros.diagnosis.fault_findings import with_findings
 from sysid_ros.diagnosis.prepare import links_changed
 from sysid_ros.diagnosis.result import Diagnosis, Finding
-from sysid_ros.diagnosis.whose.mount import Mount
+from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
+from sysid_ros.diagnosis.whose.mount import Mount, mounted_otherwise
+from sysid_ros.diagnosis.whose.robot_hypotheses import judge
 from sysid_ros.effects import EFFECTS, BaseTilt, Parameter, named
 from sysid_ros.effects.base_tilt import tilt_of, tilted_gravity
+from sysid_ros.exceptions import DataError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 from sysid_ros.torque.model_file import EffectBlock, ModelFile
 
 _STEP = 1e-5
@@ -56,7 +60,7 @@ class ToldMount(NamedTuple):
         stds = np.sqrt(np.diag(self.of_gravity))
         ends = np.array([interval(float(x), float(s)) for x, s in zip(self.gravity, stds, strict=True)])
         values.append(Parameter("gravity", None, self.gravity.tolist(), "m/s^2", stds.tolist(), *ends.T.tolist()))
-        was, now = (", ".join(f"{x + 0.0:.2f}" for x in g) for g in (robot.gravity, self.gravity))
+        was, now = _in_words(robot.gravity), _in_words(self.gravity)
         words = (
             f"the robot is mounted otherwise than the model has it: in the axes of its base gravity is ({now}) m/s², not ({was})"
         )
@@ -85,12 +89,45 @@ class ToldMount(NamedTuple):
         return replace(model, effects=(*others, block))
 
 
-def with_mount(found: Diagnosis, finding: Finding) -> Diagnosis:
-    """The diagnosis with that finding, and what is left of it in place of a base that stands askew."""
-    others = [f for f in found.findings if not ((kind := named(f.id)) and kind.leans)]
-    found = with_findings(found, others)
+def require_gravity(robot: RobotModel, recordings: Sequence[Recording]) -> None:
+    """Check that gravity comes from where it is set to come from, as far as recordings tell.
+
+    Raises:
+        DataError: the robot is mounted otherwise.
+    """
+    rows = CoarseRows.of(robot, recordings)
+    if rows is None or mounted_otherwise(robot, rows) is None:
+        return
+    found = judge(robot, recordings)
+    if found is None or found.mount is None:
+        return
+    was, now = (_in_words(g) for g in (robot.gravity, found.mount.gravity))
+    raise DataError(
+        f"the torques are those of a robot that is mounted otherwise than it is set (probability {found.mount.probability:.2g}): "
+        f"in the axes of its base gravity is about [{now}] m/s^2, and [{was}] is set. Set the parameter gravity in a file for "
+        "--config; 'sysid diagnose' tells it exactly."
+    )
+
+
+def _in_words(gravity: FloatArray) -> str:
+    return ", ".join(f"{round(float(x), 2) + 0.0:.2f}" for x in gravity)
+
+
+def with_mount(found: Diagnosis, mount: Mount, robot: RobotModel, judged: Judged, evidence: Evidence) -> Diagnosis:
+    """The diagnosis of a mounted robot, with that as a finding in place of a base that stands askew, and with models of the robot
+    under the gravity that was set.
+
+    Args:
+        robot: under that gravity. evidence: for the mount.
+    """
+    told = ToldMount.of(mount, judged, robot)
+    found = with_findings(found, [f for f in found.findings if not ((kind := named(f.id)) and kind.leans)])
+    every = (*found.causes, told.finding(mount, robot, evidence), *found.data_faults)
+    assert found.model is not None
+    assert found.urdf_model is not None
+    models = [told.in_model(x, robot, judged) for x in (found.model, found.urdf_model)]
     verdict = "explained" if found.verdict == "nothing_wrong" else found.verdict
-    return replace(found, verdict=verdict, findings=(*found.causes, finding, *found.data_faults))
+    return replace(found, verdict=verdict, findings=every, model=models[0], urdf_model=models[1])
 
 
 def _slopes(function: Callable[[FloatArray], FloatArray], at: FloatArray) -> FloatArray:
