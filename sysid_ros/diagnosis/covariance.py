@@ -66,12 +66,13 @@ class Gains(NamedTuple):
     causes: frozenset[int]
 
     def common(self) -> tuple[float, float] | None:
-        """What all have but those of which a wrong gain was found, and its standard deviation; None where there are none."""
+        """What all have but those of which a wrong gain was found, and its standard deviation; None where it is not told."""
         own = [i for i, j in enumerate(self.joints) if j not in self.causes]
         if not own:
             return None
         told = inverse_of(self.covariance[np.ix_(own, own)])
-        return float(told.sum(axis=0) @ self.values[own] / told.sum()), float(told.sum() ** -0.5)
+        value, std = float(told.sum(axis=0) @ self.values[own] / told.sum()), float(told.sum() ** -0.5)
+        return (value, std) if std < _TOLD * abs(value) else None
 
     def of(self, joint: int) -> tuple[float, float] | None:
         """Value and standard deviation of one; None where it did not move, and where it is not told: it is the factor of links

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
 
 import numpy as np
 
@@ -153,6 +153,8 @@ def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | Non
         return None
     found = _of_channels(robot, rows)
     mount = mounted_otherwise(robot, rows)
+    if mount is None and found.faults:
+        mount = mounted_otherwise(robot, reduce(CoarseRows.without, [f.effect for f in found.faults], rows))
     return found if mount is None else _mounted(found, _of_channels(turned(robot, mount.gravity), rows), mount)
 
 
@@ -221,13 +223,11 @@ def _of_one_kind(best: int, faults: Sequence[Fault | None], share: FloatArray) -
     Args:
         best: which it is. faults: none first, shape (k,). share: probability of each, shape (k,).
     """
-
-    def of_kind(x: Fault) -> bool:
-        return x.effect.scales and len(x.joints) > 1
-
     found = faults[best]
     assert found is not None
-    same = [i == best or (x and of_kind(x) and of_kind(found) and x.joints == found.joints) for i, x in enumerate(faults) if i]
+    same = [
+        i == best or (x and _of_units(x) and _of_units(found) and x.joints == found.joints) for i, x in enumerate(faults) if i
+    ]
     return float(share[1:][np.array(same, dtype=bool)].sum())
 
 
