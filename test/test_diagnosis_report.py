@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -163,6 +164,11 @@ def test_links_that_are_no_bodies_become_the_nearest_ones_in_the_urdf(tmp_path: 
     assert not inertial_parameters.is_physical(theta[30:] + carried)
     part, notes = urdf_part(model, found, train)
     assert any("hand" in note and "nearest" in note for note in notes)
+    # what was found is as uncertain as that: it may as well be those bodies, and nobody need be told
+    unsure = replace(blocks[0], covariance=np.diag(np.full(len(theta), 0.1**2)))
+    open_, silent = urdf_part(model, replace(found, effects=(unsure, blocks[1])), train)
+    assert not any("nearest" in note for note in silent)
+    np.testing.assert_allclose(open_.effects[0].theta, part.effects[0].theta)
     export_urdf(model, part, tmp_path / "extended.urdf")
     extended = RobotModel.from_urdf((tmp_path / "extended.urdf").read_text())
     for body_ in extended.pi.reshape(-1, 10):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -77,6 +78,22 @@ def test_the_floor_and_efforts_with_the_wrong_sign_are_no_other_mounting() -> No
     flipped = judge(robot("iiwa"), [Recording(r.name, r.t, r.q, r.v, -r.tau)])
     assert flipped is not None
     assert flipped.mount is None
+    (fault,) = flipped.faults
+    assert fault.effect.id == "torque_sign"
+    assert fault.joints == tuple(range(robot("iiwa").n))
+    assert flipped.refusal is None
+
+
+@pytest.mark.slow
+def test_currents_of_a_robot_on_the_ceiling() -> None:
+    r, constants = run_of(tuple(CEILING)), np.array([10.0, 12.0, 9.0, 5.0, 4.0, 4.0, 3.0])
+    found = judge(robot("iiwa"), [Recording(r.name, r.t, r.q, r.v, r.tau / constants)])
+    assert found is not None
+    assert found.refusal is None
+    assert found.mount is not None
+    assert angle_between(found.mount.gravity, CEILING) < 0.2
+    (fault,) = found.faults
+    assert fault.effect.id == "torque_unit"
 
 
 def test_a_turned_robot_is_a_copy() -> None:
@@ -146,6 +163,9 @@ def test_the_files_of_a_robot_on_the_ceiling(tmp_path: Path) -> None:
     assert abs(abs(next(p for p in tilt["parameters"] if p["name"] == "roll")["value"]) - np.pi) < 0.03
     model = ModelFile.read(out / "model.yaml")
     assert [b.effect for b in model.effects].count("base_tilt") == 1
+    gravity = ElementTree.parse(out / "extended.xml").find("option")
+    assert gravity is not None
+    np.testing.assert_allclose([float(x) for x in str(gravity.get("gravity")).split()], CEILING, atol=0.3)
     (settings := tmp_path / "settings.yaml").write_text("/**:\n  ros__parameters:\n    gravity: [0.0, 0.0, 9.81]\n")
     model_out = tmp_path / "model.yaml"
     given_so = ["--urdf", str(described(tmp_path)), "--config", str(settings)]

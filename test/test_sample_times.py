@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sysid_ros.input_gate.message_faults import find_message_faults
-from sysid_ros.input_gate.polled import times_of_samples
+from sysid_ros.input_gate.polled import _evenness, times_of_samples
 from sysid_ros.input_gate.stamp_jitter import stamp_jitter
 from sysid_ros.sample import FloatArray
 
@@ -54,6 +54,31 @@ def test_a_message_that_was_sent_twice_moves_no_stamp(seed: int) -> None:
     repeats[rng.choice(np.arange(10, 1990), 20, replace=False)] = True
     q[repeats] = q[np.flatnonzero(repeats) - 1]
     np.testing.assert_array_equal(times_of_samples(t, q, repeats), t)
+
+
+def test_repeats_at_any_time_are_no_polled_source() -> None:
+    """One beat of a driver that polls is as long as another, but for rests and lost messages."""
+    period, rng = 0.004, np.random.default_rng(0)
+    even = 0.068 + period * rng.integers(-1, 2, 40)
+    assert _evenness(even, period) > 20.0
+    with_rests = np.concatenate([even, [1.3, 2.2, 0.4]])
+    assert _evenness(with_rests, period) > 15.0
+    for few in ([0.128, 0.008], [0.9, 0.2, 0.03], [5.0, 0.4, 1.1, 0.02]):
+        assert _evenness(np.array(few), period) < 0.0
+
+
+def test_stamps_that_jitter_hide_no_message() -> None:
+    rng = np.random.default_rng(1)
+    t = np.arange(4000) / 250.0
+    q = motion(t, 1) + 2e-5 * rng.standard_normal((len(t), 5))
+    tau = rng.standard_normal((len(t), 5))
+    stamps = 5.0 + t + rng.uniform(-0.0015, 0.0015, len(t))
+    assert np.mean(np.diff(stamps) > 1.6 / 250.0) > 0.005
+    faults = find_message_faults(stamps, q, tau)
+    assert faults.jitter > 0.0
+    assert faults.dropped < 0.005 * len(t)
+    some = np.sort(rng.choice(len(t), 3800, replace=False))
+    assert find_message_faults(stamps[some], q[some], tau[some]).dropped == pytest.approx(200, rel=0.2)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

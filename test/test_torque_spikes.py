@@ -94,3 +94,17 @@ def test_spikes_are_said_and_are_a_finding_of_their_own_where_they_are_many() ->
             assert "order of their stamps" not in finding.remark
         assert f"{faults.spiked} hold a torque far from those before and after it" in faults.in_words()
         assert np.sqrt(np.mean((ordered.tau - whole.tau) ** 2)) < 0.3 * np.sqrt(np.mean((tau - whole.tau) ** 2))
+
+
+@pytest.mark.parametrize("step", [0.2, 1.0, 3.0])
+def test_torques_that_are_rounded_coarsely_have_no_spikes(step: float) -> None:
+    """Between two steps a value goes up and down by one."""
+    rounded = step * np.round(recording().tau / step)
+    assert not without_spikes(rounded)[1].any()
+
+
+def test_a_torque_far_off_is_a_spike_of_rounded_ones_too() -> None:
+    tau, where = spiked(0.2 * np.round(recording().tau / 0.2), 0.004, 6.0)
+    found = without_spikes(tau)[1]
+    assert np.mean(found[where]) > 0.95
+    assert not found[~where].any()

@@ -87,6 +87,9 @@ class BaseTilt(Effect):
         by_roll = (tilted_gravity(gravity, roll, pitch) - tilted_gravity(gravity, 0.0, pitch)) / roll
         return np.stack([by_roll, by_pitch])
 
+    def as_gravity(self, theta: FloatArray) -> FloatArray:
+        return np.asarray(theta @ self._directions())
+
     def _columns(self, q: FloatArray) -> FloatArray:
         still = np.zeros_like(q)
         return np.stack([self._arm.rnea_along(q, still, still, g) for g in self._directions()], axis=-1)

@@ -37,6 +37,10 @@ class Described(ABC):
         """By how much it makes the published torque late [s]."""
         return 0.0
 
+    def as_gravity(self, theta: FloatArray) -> FloatArray:
+        """What it adds to gravity in the axes of the base, shape (3,) [m/s^2]."""
+        return np.zeros(3)
+
     def as_gain(self, theta: FloatArray) -> FloatArray:
         """Factor by which each joint's effort is published too large, shape (n,)."""
         return np.ones(self.robot.n)

@@ -53,10 +53,11 @@ def times_of_samples(t: FloatArray, q: FloatArray, repeats: NDArray[np.bool_]) -
 
 
 def _evenness(beats: FloatArray, period: float) -> float:
-    """Log-odds of beats, shape (b,) [s], where most are alike to a message, against repeats by chance: exponential beats."""
-    mean = float(np.mean(beats))
-    alike = np.abs(beats - np.median(beats)) < 1.5 * period
-    likelier = np.where(alike, mean / (3.0 * period) * np.exp(np.minimum(beats / mean, 50.0)), 0.0)
+    """Log-odds of beats, shape (b,) [s], where most are alike to a message, against repeats by chance: exponential beats. The one
+    that says how long the others are says nothing by itself."""
+    mean, off = float(np.mean(beats)), np.abs(beats - np.median(beats))
+    likelier = np.where(off < 1.5 * period, mean / (3.0 * period) * np.exp(np.minimum(beats / mean, 50.0)), 0.0)
+    likelier[np.argmin(off)] = 1.0
     odds = np.log(_REGULAR[:, None] * likelier + (1.0 - _REGULAR[:, None])).sum(axis=1)
     return float(np.logaddexp.reduce(odds) - np.log(len(odds)))
 

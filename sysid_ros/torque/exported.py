@@ -30,6 +30,7 @@ class Holds(Flag):
     FRICTION = auto()
     GAIN = auto()
     DELAY = auto()
+    GRAVITY = auto()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,7 +139,8 @@ def is_held(known: KnownEffect, holds: Holds) -> bool:
         Holds.FRICTION: effect.as_dry_friction(theta),
         Holds.GAIN: effect.as_gain(theta) - 1.0,
         Holds.DELAY: np.array(effect.as_delay(theta)),
+        Holds.GRAVITY: effect.as_gravity(theta),
     }
     needed = [part for part, values in parts.items() if np.any(values)]
-    beside = any(part in (Holds.ARMATURE, Holds.GAIN, Holds.DELAY) for part in needed)
+    beside = any(part in (Holds.ARMATURE, Holds.GAIN, Holds.DELAY, Holds.GRAVITY) for part in needed)
     return (effect.in_urdf or beside) and all(part in holds for part in needed)

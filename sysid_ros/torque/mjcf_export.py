@@ -48,6 +48,8 @@ def mjcf(known: TorqueModel, notes: Sequence[str] = ()) -> str:
     joint's motor is its effort as published: with a gain of the measurement, the motor's ``gear`` is the inverse. Efforts that
     are published late are a sensor's ``delay``; efforts that come before the torque acts, as commands do, the actuator's.
 
+    Gravity is as the base stands.
+
     Args:
         notes: sentences for the comment at the top, about what the file does not hold.
     """
@@ -56,7 +58,8 @@ def mjcf(known: TorqueModel, notes: Sequence[str] = ()) -> str:
     about = "Rotors, friction, gains and delays as found; without shapes, end stops and contacts."
     root.append(ElementTree.Comment(comment([about, *notes])))
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
-    ElementTree.SubElement(root, "option", timestep=repr(STEP), integrator="implicitfast", gravity=words(robot.gravity))
+    gravity = words(robot.gravity + sum((k.effect.as_gravity(k.theta) for k in known.known), np.zeros(3)))
+    ElementTree.SubElement(root, "option", timestep=repr(STEP), integrator="implicitfast", gravity=gravity)
     ElementTree.SubElement(ElementTree.SubElement(root, "default"), "joint", _FRICTION)
     _bodies(ElementTree.SubElement(root, "worldbody"), known)
     _channels(root, known)
