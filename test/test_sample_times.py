@@ -59,7 +59,7 @@ def test_a_message_that_was_sent_twice_moves_no_stamp(seed: int) -> None:
 def test_repeats_at_any_time_are_no_polled_source() -> None:
     """One beat of a driver that polls is as long as another, but for rests and lost messages."""
     period, rng = 0.004, np.random.default_rng(0)
-    even = 0.068 + period * rng.integers(-1, 2, 40)
+    even: FloatArray = 0.068 + period * rng.integers(-1, 2, 40).astype(np.float64)
     assert _evenness(even, period) > 20.0
     with_rests = np.concatenate([even, [1.3, 2.2, 0.4]])
     assert _evenness(with_rests, period) > 15.0
