@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -19,6 +20,7 @@ from sysid_ros.exceptions import ModelFileError
 from sysid_ros.input_gate.message_faults import find_message_faults
 from sysid_ros.input_gate.missing_joints import missing_joints
 from sysid_ros.input_gate.raw_messages import read_messages
+from sysid_ros.input_gate.recording_check import only_places
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot import inertial_parameters
 from sysid_ros.robot.robot_model import RobotModel
@@ -139,6 +141,15 @@ def test_a_joint_that_carries_the_others_must_not_be_missing() -> None:
     assert "lift" in str(missing_joints(RobotModel.from_urdf(text, ["turn", "elbow", "slide"])))
     # a turntable under an upright arm changes no torque of the others
     assert missing_joints(RobotModel.from_urdf(text, ["lift", "elbow", "slide"])) is None
+
+
+def test_links_that_all_weigh_the_same_only_hold_a_place() -> None:
+    (said,) = only_places(RobotModel.from_urdf(re.sub(r'<mass value="[^"]*"', '<mass value="1.0"', robot(ARM).urdf)))
+    assert "4 of 4 links" in said
+    assert "weigh 1 kg each" in said
+    assert "Give the URDF with the robot's own inertials" in said
+    assert only_places(robot(ARM)) == ()
+    assert only_places(robot("iiwa")) == ()
 
 
 def test_links_that_are_no_bodies_become_the_nearest_ones_in_the_urdf(tmp_path: Path) -> None:

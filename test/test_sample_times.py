@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sysid_ros.input_gate.message_faults import find_message_faults
+from sysid_ros.input_gate.message_faults import at_own_times, find_message_faults
 from sysid_ros.input_gate.polled import _evenness, times_of_samples
 from sysid_ros.input_gate.stamp_jitter import stamp_jitter
 from sysid_ros.sample import FloatArray
+from sysid_ros.signals.recording import Recording
 
 SEEDS = range(3)
 
@@ -65,6 +66,29 @@ def test_repeats_at_any_time_are_no_polled_source() -> None:
     assert _evenness(with_rests, period) > 15.0
     for few in ([0.128, 0.008], [0.9, 0.2, 0.03], [5.0, 0.4, 1.1, 0.02]):
         assert _evenness(np.array(few), period) < 0.0
+
+
+def test_messages_that_hold_nothing_but_zeros_are_left_out() -> None:
+    """As a driver sends before it has its first values, or where it lost them."""
+    rng = np.random.default_rng(2)
+    t = np.arange(3000) / 250.0
+    q, tau = motion(t, 2) + 0.3 + 2e-5 * rng.standard_normal((len(t), 5)), rng.standard_normal((len(t), 5))
+    gone = np.zeros(len(t), dtype=np.bool_)
+    gone[:300] = gone[1700] = gone[2200:2203] = True
+    q[gone], tau[gone] = 0.0, 0.0
+    faults = find_message_faults(t, q, tau)
+    assert faults.empty == gone.sum()
+    assert np.array_equal(faults.keep, ~gone)
+    assert faults.repeated == faults.late == faults.frozen == 0
+    assert "304 hold nothing but zeros and are left out" in faults.in_words()
+    cleaned, words = at_own_times(Recording("run", t, q, None, tau))
+    assert "304 hold nothing but zeros" in words
+    assert np.array_equal(cleaned.t, t[~gone])
+    # a robot that stands at zero and holds nothing is no fault
+    q, tau = motion(t, 2) - motion(t[:1], 2), rng.standard_normal((len(t), 5))
+    q[:200], tau[:200] = 0.0, 0.0
+    q[200:] *= np.minimum(np.arange(2800) / 500.0, 1.0)[:, None] ** 3
+    assert find_message_faults(t, q, tau).empty == 0
 
 
 def test_stamps_that_jitter_hide_no_message() -> None:

@@ -30,7 +30,7 @@ from sysid_ros.diagnosis.whose.told_mount import with_mount
 from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError
 from sysid_ros.input_gate.message_faults import MessageFaults, despiked, in_order
-from sysid_ros.input_gate.recording_check import broken, refusal_of
+from sysid_ros.input_gate.recording_check import broken, only_places, refusal_of
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.temperature import known_everywhere
@@ -234,5 +234,5 @@ def _in_order(
     # before spikes are gone: a count of few bits has some where it wraps
     refusal = refusal_of(robot, *([r for r, _ in group] for group in ordered))
     found = [[despiked(*x) for x in group] for group in ordered]
-    notes = tuple(f"{r.name}: {words}" for r, f in chain(*found) if (words := f.in_words()))
+    notes = (*only_places(robot), *(f"{r.name}: {words}" for r, f in chain(*found) if (words := f.in_words())))
     return [[r for r, _ in group] for group in found], [[f for _, f in group] for group in found], notes, refusal

@@ -206,7 +206,7 @@ def message_finding(found: Sequence[MessageFaults], joints: Sequence[str]) -> li
     remarks = []
     if any(p.name != "spiked" for p in values):
         remarks.append(
-            "They were put in the order of their stamps, and those that repeat another, are late or have frozen efforts were "
+            "They were put in the order of their stamps, and those that repeat another, are late, hold nothing but zeros or have frozen efforts were "
             "left out before anything else. Correct the driver; two publishers on one topic look alike."
         )
     if any(f.polled for f in found):

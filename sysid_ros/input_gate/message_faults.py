@@ -31,11 +31,13 @@ _OTHERWISE = 0.2
 """Part of a squared difference that a lateness may leave."""
 _LATE_MOST, _LATE_SIGMA = 0.5, 7.0
 """A message is late (or early) from this part of the usual step on, and from so many robust standard deviations on."""
+_ELSEWHERE = 0.05
+"""A position from which it can't have come from zero, nor gone there, within a message [rad]."""
 _NAMED = 0.01
 """Part of the messages from which a fault is a finding of its own; fewer are a note. The same part of a step is the least level
 of the stamps' errors that is corrected."""
 
-FAULTS = ("repeated", "polled", "dropped", "late", "frozen", "spiked", "unordered")
+FAULTS = ("repeated", "polled", "dropped", "late", "frozen", "empty", "spiked", "unordered")
 
 Order = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -51,6 +53,7 @@ class MessageFaults:
         late: messages whose values belong to another time than their stamp. delay: largest of these differences [s].
         polled: messages of a driver that polls a slower source, see :mod:`.polled`. age: of the oldest of their values [s].
         frozen: messages whose efforts have not changed on any joint for a quarter of a second or more while the arm moves.
+        empty: messages that hold nothing but zeros, as of a driver that has no values yet, or has lost them.
         unordered: messages that came after one with a later stamp.
         spiked: messages, of those that are used, with a torque that fits neither the one before nor the one after.
         order: puts the messages in the order of their stamps, shape (N,). keep: what is used, in that order, shape (N,).
@@ -65,6 +68,7 @@ class MessageFaults:
     late: int
     delay: float
     frozen: int
+    empty: int
     polled: int
     age: float
     jitter: float
@@ -91,6 +95,7 @@ class MessageFaults:
             "dropped": f"about {self.dropped} are missing",
             "late": f"{self.late} hold values that are up to {1e3 * self.delay:.0f} ms off their stamp and are left out",
             "frozen": f"{self.frozen} have the efforts of long before while the arm moves and are left out",
+            "empty": f"{self.empty} hold nothing but zeros and are left out",
             "spiked": f"{self.spiked} hold a torque far from those before and after it, which gave way to the middle of these",
             "unordered": f"{self.unordered} came out of order and were put in the order of their stamps",
         }
@@ -143,6 +148,8 @@ def at_own_times(recording: Recording) -> tuple[Recording, str]:
         return recording, ""
     if not (faults.polled or faults.jitter):
         ordered, faults = recording, replace(faults, repeated=0, dropped=0, late=0, unordered=0)
+        if faults.empty:
+            ordered = recording.at(np.flatnonzero(~_empty(recording.q, recording.tau)))
     cleaned, faults = despiked(ordered, faults)
     return cleaned, faults.in_words()
 
@@ -158,13 +165,15 @@ def find_message_faults(t: FloatArray, q: FloatArray, tau: FloatArray) -> Messag
     steps = np.diff(t)
     usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
     same = np.all(np.diff(q, axis=0) == 0.0, axis=1) & np.all((np.diff(tau, axis=0) == 0.0) | np.isnan(tau[1:]), axis=1)
+    empty = _empty(q, tau)
     keep: Mask = np.ones(len(t), dtype=np.bool_)
     keep[1:] = (steps != 0.0) & ~(same & _moving(t, q))
-    repeated = int(np.sum(~keep))
-    times, distinct = t.copy(), np.flatnonzero(np.concatenate([[True], steps > 0.0]))
+    repeated = int(np.sum(~keep & ~empty))
+    times, distinct = t.copy(), np.flatnonzero(np.concatenate([[True], steps > 0.0]) & ~empty)
     if not np.any(steps < 0.0):
         times[distinct] = times_of_samples(t[distinct], q[distinct], ~keep[distinct])
     age = float(np.max(t - times))
+    keep &= ~empty
     polled = int(np.sum(keep)) if age > 0.0 else 0
     late, delay = _late(times[keep], q[keep], usual)
     where = np.flatnonzero(keep)[late]
@@ -185,6 +194,7 @@ def find_message_faults(t: FloatArray, q: FloatArray, tau: FloatArray) -> Messag
         late=len(where),
         delay=delay,
         frozen=int(np.sum(frozen)),
+        empty=int(np.sum(empty)),
         polled=polled,
         age=age,
         jitter=jitter,
@@ -193,6 +203,17 @@ def find_message_faults(t: FloatArray, q: FloatArray, tau: FloatArray) -> Messag
         keep=keep & ~frozen,
         times=times,
     )
+
+
+def _empty(q: FloatArray, tau: FloatArray) -> Mask:
+    """Messages in which all positions and efforts are exactly zero, while the robot is elsewhere before and after them."""
+    zeros: Mask = ~np.any(q, axis=1) & ~np.any(np.nan_to_num(tau), axis=1)
+    others = np.flatnonzero(~zeros)
+    if q.shape[1] < 2 or not zeros.any() or len(others) < MOSTLY * len(q):
+        return np.zeros_like(zeros)
+    following = np.searchsorted(others, np.arange(len(q)))
+    around = others[np.maximum(following - 1, 0)], others[np.minimum(following, len(others) - 1)]
+    return zeros & np.all([np.max(np.abs(q[x]), axis=1) > _ELSEWHERE for x in around], axis=0)
 
 
 def _without_jitter(times: FloatArray, q: FloatArray, keep: Mask, usual: float) -> float:

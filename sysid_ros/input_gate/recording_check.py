@@ -18,6 +18,8 @@ _LONGEST_STEP = 0.05
 _STILL = 0.01
 _FROZEN_MOVES = 0.05
 _DEGREES = 7.0
+_ALIKE = 3
+"""Fewest links of one mass that are no accident; two wrists of one arm often are alike."""
 
 
 def refusal_of(robot: RobotModel, recordings: Sequence[Recording], validation: Sequence[Recording] = ()) -> str | None:
@@ -71,6 +73,19 @@ def _no_mass(robot: RobotModel, recordings: Sequence[Recording]) -> str | None:
     return (
         f"No link of the URDF '{robot.name}' that moves has a mass, so that there is no model to judge. Give a URDF with "
         "<inertial>, or find the masses first: sysid identify --urdf-out."
+    )
+
+
+def only_places(robot: RobotModel) -> tuple[str, ...]:
+    """What is to be said of a URDF whose links all weigh the same, but for one at most: no robot is built so."""
+    masses, counts = np.unique(np.round(robot.pi[::10], 9), return_counts=True)
+    alike = int(counts.max())
+    if alike < max(_ALIKE, robot.n - 1) or not masses[np.argmax(counts)] > 0.0:
+        return ()
+    return (
+        f"{alike} of {robot.n} links of the URDF '{robot.name}' weigh {masses[np.argmax(counts)]:g} kg each: such inertials only "
+        "hold a place. What is told of links, and of a body that the robot carries, is told against them. Give the URDF with the "
+        "robot's own inertials, or identify them with nothing carried ('sysid identify') and give --model.",
     )
 
 
