@@ -213,7 +213,8 @@ def _empty(q: FloatArray, tau: FloatArray) -> Mask:
         return np.zeros_like(zeros)
     following = np.searchsorted(others, np.arange(len(q)))
     around = others[np.maximum(following - 1, 0)], others[np.minimum(following, len(others) - 1)]
-    return zeros & np.all([np.max(np.abs(q[x]), axis=1) > _ELSEWHERE for x in around], axis=0)
+    elsewhere: Mask = np.all([np.max(np.abs(q[x]), axis=1) > _ELSEWHERE for x in around], axis=0)
+    return np.asarray(zeros & elsewhere)
 
 
 def _without_jitter(times: FloatArray, q: FloatArray, keep: Mask, usual: float) -> float:
