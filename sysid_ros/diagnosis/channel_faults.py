@@ -81,8 +81,7 @@ def undone(recording: Recording, faults: Sequence[Fault]) -> Recording:
 
 
 def faults_to_try(names: Sequence[str]) -> Iterator[tuple[str, Fault]]:
-    """With the kind of each: one effort, or joint, with the wrong sign; efforts, or all channels, of two swapped; one unit; all
-    efforts with the wrong sign, as those with which the arm acts on its motors."""
+    """With the kind of each: one effort, or joint, with the wrong sign; efforts, or all channels, of two swapped; one unit."""
     n = len(names)
     for j in range(n):
         yield "effort", Fault(TorqueSign([j]), (j,), (("gain", j, -1.0, "1"),))
@@ -94,8 +93,11 @@ def faults_to_try(names: Sequence[str]) -> Iterator[tuple[str, Fault]]:
         yield "efforts' order", Fault(JointOrder(source.tolist(), True), (i, j), values)
         yield "order", Fault(JointOrder(source.tolist(), False), (i, j), values)
     yield from faults_of_units(n)
-    if n > 1:
-        yield "all efforts", Fault(TorqueSign(range(n)), tuple(range(n)), tuple(("gain", j, -1.0, "1") for j in range(n)))
+
+
+def all_signs(n: int) -> Fault:
+    """All efforts with the wrong sign, as those with which the arm acts on its motors."""
+    return Fault(TorqueSign(range(n)), tuple(range(n)), tuple(("gain", j, -1.0, "1") for j in range(n)))
 
 
 def faults_of_units(n: int) -> Iterator[tuple[str, Fault]]:

@@ -43,7 +43,7 @@ def remove_spikes(window: FloatArray, first: int, usual: FloatArray, alone: bool
         before, at, after = window[1, first + j], window[2, first + j], window[3, first + j]
         middle = 0.5 * (before + after)
         far, mean = abs(at - middle), max(usual[j], _ROUNDED * steps[j])
-        if stirred <= 1 and count > _FIRST and mean > 0.0 and far > _TIMES * mean and abs(after - before) < 0.5 * far:
+        if stirred <= 1 and count > _FIRST and usual[j] > 0.0 and far > _TIMES * mean and abs(after - before) < 0.5 * far:
             window[2, first + j] = middle
             found += 1
         elif np.isfinite(far):

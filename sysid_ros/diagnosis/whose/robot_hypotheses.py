@@ -18,6 +18,7 @@ from sysid_ros.diagnosis.channel_faults import (
     OWN_FACTORS,
     EffortFactors,
     Fault,
+    all_signs,
     effort_factors,
     fault_of_factors,
     faults_to_try,
@@ -155,16 +156,24 @@ def judge(robot: RobotModel, recordings: Sequence[Recording]) -> Judgement | Non
     mount = mounted_otherwise(robot, rows)
     if mount is None and found.faults:
         mount = mounted_otherwise(robot, reduce(CoarseRows.without, [f.effect for f in found.faults], rows))
-    return found if mount is None else _mounted(found, _of_channels(turned(robot, mount.gravity), rows), mount)
-
-
-def _mounted(found: Judgement, other: Judgement, mount: Mount) -> Judgement:
-    """What is believed of a robot that may be mounted otherwise than gravity is set: that it is where this is sure."""
-    urdf = other.urdf + mount.log_prior / other.urdf.shape[1]
-    share = probabilities([likeliest(urdf), *(likeliest(x) for x in (found.urdf, found.other_robots, found.no_robot))])
-    if share[0] < _SURE or other.refusal:
+    if mount is not None:
+        other = _of_channels(turned(robot, mount.gravity), rows)
+        if p := _against(found, other, mount.log_prior):
+            return replace(other, mount=mount._replace(probability=p))
+    if found.refusal is None or robot.n == 1:
         return found
-    return replace(other, urdf=urdf, mount=mount._replace(probability=float(share[0])))
+    fault = all_signs(robot.n)
+    other = _of_channels(robot, rows.without(fault.effect))
+    p = _against(found, other, float(np.log(FAULT)))
+    return replace(other, faults=(replace(fault, probability=p), *other.faults)) if p else found
+
+
+def _against(found: Judgement, other: Judgement, log_prior: float) -> float:
+    """Probability of another judgement of a URDF, of the prior that what is told there has, against all that the first has; 0
+    where it is not sure, or where that URDF is refused."""
+    urdf = other.urdf + log_prior / other.urdf.shape[1]
+    share = probabilities([likeliest(urdf), *(likeliest(x) for x in (found.urdf, found.other_robots, found.no_robot))])
+    return 0.0 if share[0] < _SURE or other.refusal else float(share[0])
 
 
 def _of_channels(robot: RobotModel, rows: CoarseRows) -> Judgement:
