@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.diagnosis.covariance import Uncertainty
+from sysid_ros.diagnosis.evidence import interval
 from sysid_ros.diagnosis.fit import Fit
 from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.term import Term
@@ -24,10 +25,6 @@ from sysid_ros.torque.torque_model import TorqueModel
 _ROWS = 1500
 _PRIOR = 1.0
 """Weight of the URDF's own links in directions that no motion shows: about as if each were known to a part of 1."""
-
-_INTERVAL = 1.96
-"""Standard deviations to the ends of a 95 % interval."""
-_NONE = np.zeros(())
 
 
 def extended_model(
@@ -129,7 +126,10 @@ def urdf_part(robot: RobotModel, model: ModelFile, train: Prepared) -> tuple[Mod
         if np.any(body) and not inertial_parameters.is_physical(body)  # nothing hangs on what only lets a trunk float
     ]
     if bad:
-        spread = sum((b.covariance for b, _ in parts if b.covariance is not None and len(b.covariance) == len(links)), _NONE)
+        nothing = np.zeros((len(links), len(links)))
+        spread = sum(
+            (b.covariance for b, _ in parts if b.covariance is not None and b.covariance.shape == nothing.shape), nothing
+        )
         found = _nearest(robot, model, train, links, spread)
         if found is None:
             links = robot.pi.copy()
@@ -175,8 +175,8 @@ def _nearest(
     except DataError:
         return None
     lost = np.sqrt(np.mean((Y @ (theta - links)) ** 2, axis=0))
-    left_open = np.einsum("tji,ik,tjk->j", Y, covariance, Y, optimize=True) / len(Y) if covariance.ndim else 0.0
-    if np.all(lost <= _INTERVAL * np.sqrt(left_open)):
+    left_open = np.sqrt(np.einsum("tji,ik,tjk->j", Y, covariance, Y, optimize=True) / len(Y))
+    if all(x <= interval(0.0, std)[1] for x, std in zip(lost, left_open, strict=True)):
         return theta, ""
     worst = int(np.argmax(lost / np.maximum(model.torque_std, 1e-9)))
     return theta, f"{lost[worst]:.2g} N m (rms) at {robot.joint_names[worst]} at most"

@@ -47,8 +47,7 @@ def mjcf(known: TorqueModel, notes: Sequence[str] = ()) -> str:
     ``damping`` and ``frictionloss`` are those of the model, which MuJoCo adds on the motor side of no gear. The control of a
     joint's motor is its effort as published: with a gain of the measurement, the motor's ``gear`` is the inverse. Efforts that
     are published late are a sensor's ``delay``; efforts that come before the torque acts, as commands do, the actuator's.
-
-    Gravity is as the base stands.
+    Gravity is that in the axes of the base as it stands.
 
     Args:
         notes: sentences for the comment at the top, about what the file does not hold.

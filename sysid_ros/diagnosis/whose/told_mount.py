@@ -25,6 +25,7 @@ from sysid_ros.signals.recording import Recording
 from sysid_ros.torque.model_file import EffectBlock, ModelFile
 
 _STEP = 1e-5
+"""Of central differences [rad], [m/s^2]: what is left out and what is rounded are both some 1e-10."""
 
 
 class ToldMount(NamedTuple):
@@ -110,6 +111,7 @@ def require_gravity(robot: RobotModel, recordings: Sequence[Recording]) -> None:
 
 
 def _in_words(gravity: FloatArray) -> str:
+    """Three numbers [m/s^2], none of them a negative zero."""
     return ", ".join(f"{round(float(x), 2) + 0.0:.2f}" for x in gravity)
 
 
