@@ -10,7 +10,8 @@ from scipy.stats import multivariate_normal
 
 from sysid_ros.online import evidence_kernels
 from sysid_ros.online.evidence_words import further_off
-from sysid_ros.online.model_evidence import Hypotheses, ModelEvidence
+from sysid_ros.online.model_evidence import ModelEvidence
+from sysid_ros.online.model_hypotheses import Hypotheses
 from sysid_ros.online.rows import Rows
 from sysid_ros.sample import FloatArray
 
@@ -170,7 +171,7 @@ def test_without_the_payload_the_rest_is_known_as_with_it() -> None:
 
 
 def test_the_widest_hypothesis_stands_last_and_is_rare() -> None:
-    all_of_them = Hypotheses.of(LINKS, N)
+    all_of_them = Hypotheses.of(LINKS, N, 0.01)
     assert all_of_them.priors.shape[1] == LINKS + 1 + N
     assert (all_of_them.priors[-1] == all_of_them.priors.min(axis=0)).all()
     assert all_of_them.chance[0] == 0.0 == all_of_them.chance.max()

@@ -394,7 +394,8 @@ def test_a_model_that_does_not_explain_the_torques_is_inconsistent(estimate_fric
     if not estimate_friction:
         return
     assert final.status == "inconsistent"
-    assert "71 %" in final.reason
+    share, std = map(int, re.findall(r"(\d+) % \(std (\d+)\)", final.reason)[0])
+    assert abs(share - 100.0 / 1.4) < 2.0 * std <= 6.0
     assert "sysid identify" in final.reason
     assert final.reason in online.warnings
 

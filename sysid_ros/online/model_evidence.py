@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sysid_ros.online.evidence_kernels import (
     BEHIND,
@@ -23,6 +21,7 @@ from sysid_ros.online.evidence_kernels import (
     without_payload,
 )
 from sysid_ros.online.evidence_words import not_shown
+from sysid_ros.online.model_hypotheses import Hypotheses
 from sysid_ros.online.rows import Rows
 from sysid_ros.sample import FloatArray
 
@@ -46,47 +45,13 @@ _FEWEST = 20
 """Rows of each joint that are taken in before anything is said."""
 _ASK = 0.5
 """Between two looks [s]."""
-_SCALES = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 64.0])
-"""By how many times what is known of the arm may be further off than is said."""
-_RARER = math.log(4.0)
-"""Logarithm of how much rarer twice as far off is."""
 _GAIN = 0.01
 """As which gains are asked for that are said to be exact."""
-_OWN_FACTOR = 16.0
-"""Efforts whose gains are so many times further off are not torques with an error, but have their own factor on each joint."""
-_SELDOM = math.log(1000.0)
-"""How rare it is that efforts are not what they are said to be."""
 _CLEAR = math.log(20.0)
 """Logarithm of how much likelier a change must be than none, if nothing is wrong with the arm, where rows are asked more."""
-_EXACT = 1e12
+_NEGLIGIBLE = 1e-3
+"""A case that is so much less likely than the likeliest is none."""
 _PAYLOAD = 10
-
-
-class Hypotheses(NamedTuple):
-    """By how much links and gains may be further off than is said, and whether efforts are what they are said to be.
-
-    Attributes:
-        priors: of the c errors of the links, of the part that is missing, and of the n gains: inverse variances, shape
-            (m, c + 1 + n); the last is the widest. chance: logarithm of that of each, but for what is common, shape (m,).
-        links, gains: s^2 and g^2, shape (m,). other: where efforts are something else, shape (m,).
-    """
-
-    priors: FloatArray
-    chance: FloatArray
-    links: FloatArray
-    gains: FloatArray
-    other: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, c: int, n: int) -> Hypotheses:
-        missing, links, gains = (x.ravel() for x in np.meshgrid([False, True], _SCALES, _SCALES, indexing="ij"))
-        columns = (
-            np.repeat(links[:, None] ** -2, c, axis=1),
-            np.where(missing, 1.0, _EXACT),
-            np.repeat(gains[:, None] ** -2, n, axis=1),
-        )
-        chance = -_RARER * np.log2(links * gains) - _SELDOM * missing
-        return cls(np.column_stack(columns), chance, links**2, gains**2, missing | (gains >= _OWN_FACTOR))
 
 
 class ModelEvidence:
@@ -96,9 +61,9 @@ class ModelEvidence:
 
     Two questions are asked of their marginal likelihood. First by how much the model is further off than is said, s and g: the
     covariance that is given out grows with them (empirical Bayes; Robbins 1956, Morris 1983). Then whether efforts hold what the
-    arm takes: all of it (d = 0), or any part of it (``d ~ N(0, 1)``), as after a driver that compensates gravity, or in another
-    unit, each joint with its own factor perhaps. The noise of each joint is what the rows leave at the largest s and g, and as
-    many rows count as one as sums of the residual over two seconds tell.
+    arm takes: all of it, but for what all gains have in common (``d ~ N(0, g^2)`` too), or any part of it (``d ~ N(0, 1)``), as
+    after a driver that compensates gravity, or in another unit, each joint with its own factor perhaps. The noise of each joint
+    is what the rows leave at the largest s and g, and as many rows count as one as sums of the residual over two seconds tell.
 
     A change of what is carried leaves what the rows before tell of the rest (the Schur complement).
 
@@ -111,7 +76,9 @@ class ModelEvidence:
             verdict. links, gains: rms of s and g, 1 where nothing speaks against what is said. times: the larger of the likeliest
             two. other: probability that efforts are not what they are said to be. factors: of each joint's effort beside the
             torque if so, shape (n,). share: of what the arm takes that shows then, and its standard deviation. not_shown: a
-            sentence where that is the likelier, else empty.
+            sentence where that is the likelier, else empty. mass: what is carried and its standard deviation [kg], as these
+            rows tell it with all that may be wrong with the arm; since it changed and until they are asked again NaN, and what it
+            was.
     """
 
     def __init__(self, n: int, period: float, shared_std: FloatArray, local_std: FloatArray, gain: float) -> None:
@@ -129,6 +96,7 @@ class ModelEvidence:
         self._links, n, s = links, self._n, self._shared_std.size
         self.times = 1.0
         self.factors, self.share, self.not_shown = np.ones(n), (1.0, math.inf), ""
+        self.mass = math.nan, 0.0
         self._first, width = s + LOCAL * n, s + LOCAL + links + BEHIND
         size = self._first + links + 1 + n
         self._moments, self._rows = np.zeros((3, n, width, width)), np.zeros((3, n))
@@ -137,7 +105,7 @@ class ModelEvidence:
         self._past, self._before = np.zeros((size + 1, size + 1)), np.zeros((2, n))
         self._column, self._mean, self._noise = np.zeros(width), np.zeros(size), np.zeros(n)
         self._blocks, self._residual = 0.0, np.zeros((4, n))
-        self._hypotheses = Hypotheses.of(links, n)
+        self._hypotheses = Hypotheses.of(links, n, self._gain)
         self._weigh(self._hypotheses.chance)
         self._widest = np.ones(size)
         self._widest[self._first :] = self._hypotheses.priors[-1]
@@ -206,6 +174,7 @@ class ModelEvidence:
 
     def renew(self) -> None:
         """Something else is carried since the change; what the rows so far tell of the rest is kept."""
+        self.mass = math.nan, self.mass[1]
         self._moments[1:], self._rows[1:] = 0.0, 0.0
         if self._noise.all():
             self._past = without_payload(together(self._past, self._moments[0], self._noise, self._shared_std.size))
@@ -242,10 +211,28 @@ class ModelEvidence:
         try:
             self._mean = learn_noise(*about, 6 if first else 2)
             J, h = reduced(together(self._past, self._moments[0], self._noise, s), self._first)
-            self._tell(J, h, likelihoods(J, h, self._hypotheses.priors) + self._hypotheses.chance)
+            found = likelihoods(J, h, self._hypotheses.priors) + self._hypotheses.chance
+            self._tell(J, h, found)
+            self.mass = self._of_mass(J, h, found)
             self.ready = True
         except np.linalg.LinAlgError:  # no two columns can be told apart yet
             return
+
+    def _of_mass(self, J: FloatArray, h: FloatArray, found: FloatArray) -> tuple[float, float]:
+        """See ``mass``: over all cases, each as likely as it was ``found``."""
+        s, first, size = self._shared_std.size, self._first, self._widest.size
+        whole = together(self._past, self._moments[0], self._noise, s)
+        unit = np.linalg.solve(whole[:first, :first] + np.eye(first), np.eye(first, 1))[:, 0]
+        by, own = unit @ whole[:first, first:size], unit @ whole[:first, size]
+        chance = np.exp(found - found.max())
+        cases = np.flatnonzero((chance > _NEGLIGIBLE) & ~self._hypotheses.other)
+        mean, square, weight = 0.0, 0.0, max(float(chance[cases].sum()), 1e-300)
+        for case in cases:
+            covariance = np.linalg.inv(J + np.diag(self._hypotheses.priors[case]))
+            mass, part = own - by @ covariance @ h, chance[case] / weight
+            mean, square = mean + part * mass, square + part * (mass**2 + unit[0] + by @ covariance @ by)
+        scale = float(self._shared_std[0])
+        return scale * mean, scale * math.sqrt(max(square - mean**2, 0.0))
 
     def _tell(self, J: FloatArray, h: FloatArray, found: FloatArray) -> None:
         """From what the rows tell of links, missing torque and gains alone, and the logarithm of the chance of each case."""

@@ -215,6 +215,9 @@ class Judgement:
             if wrong:
                 return "inconsistent", wrong
         limit, (lasting, as_said) = max(self._limit, 0.05 * abs(mass)), parts
+        if self.evidence is not None and parts != ALL_OF_IT:  # after a tare it does not know that nothing was carried
+            mean, std = self.evidence.mass
+            mass_std = max(mass_std, std if math.isnan(mean) else math.hypot(std, mass - mean))
         left = math.sqrt(max(mass_std**2 - lasting**2, 0.0))
         limit *= _STAYS_KNOWN if self._known else 1.0
         self._known = left <= limit
