@@ -139,9 +139,8 @@ class FreeParameters:
             return None
         shared = np.concatenate([self.prior_std[PAYLOAD], self.prior_std[self.tilt_slice]])
         own = self.friction.unknown_std().reshape(3, n)  # whatever a model knows of it may have drifted
-        return ModelEvidence(
-            n, 1.0 / s.update_rate, shared, np.vstack([own, ROTOR * own[1], own[1], np.full(n, BY_LOAD)]), s.effort_gain_error
-        )
+        own = np.vstack([own, ROTOR * own[1], own[1], np.full(n, BY_LOAD)])
+        return ModelEvidence(n, 1.0 / s.update_rate, shared, own, s.effort_gain_error, self._known is None)
 
     def _payload_prior(self) -> FloatArray:
         prior = self._settings.payload_prior

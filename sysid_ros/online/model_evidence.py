@@ -69,7 +69,8 @@ class ModelEvidence:
 
     Args:
         n: joints. period: between rows [s]. shared_std: prior standard deviation of the payload's parameters and of the tilt,
-            shape (10 + t,). local_std: of each joint's, shape (6, n). gain: of each joint's effort, as a part of it.
+            shape (10 + t,). local_std: of each joint's, shape (6, n). gain: of each joint's effort, as a part of it. weighs: asks
+            for the mass, too; not where friction and rotors are known better than ``local_std`` has it.
 
     Attributes:
         every: rows of which one is to be added. waits: rows since the last one. ready: True once there were rows enough for a
@@ -77,11 +78,14 @@ class ModelEvidence:
             two. other: probability that efforts are not what they are said to be. factors: of each joint's effort beside the
             torque if so, shape (n,). share: of what the arm takes that shows then, and its standard deviation. not_shown: a
             sentence where that is the likelier, else empty. mass: what is carried and its standard deviation [kg], as these
-            rows tell it with all that may be wrong with the arm; since it changed and until they are asked again NaN, and what it
-            was.
+            rows tell it with all that may be wrong with the arm; NaN where they are not asked, or not yet since it changed, and
+            what it was.
     """
 
-    def __init__(self, n: int, period: float, shared_std: FloatArray, local_std: FloatArray, gain: float) -> None:
+    def __init__(
+        self, n: int, period: float, shared_std: FloatArray, local_std: FloatArray, gain: float, weighs: bool = True
+    ) -> None:
+        self._weighs = weighs
         self._n, self._shared_std, self._local_std, self._gain = n, shared_std, local_std, gain or _GAIN
         self.every = max(round(_EVERY / period), 1)
         self._wait = max(round(_PENDING / (self.every * period)), 1)
@@ -213,7 +217,7 @@ class ModelEvidence:
             J, h = reduced(together(self._past, self._moments[0], self._noise, s), self._first)
             found = likelihoods(J, h, self._hypotheses.priors) + self._hypotheses.chance
             self._tell(J, h, found)
-            self.mass = self._of_mass(J, h, found)
+            self.mass = self._of_mass(J, h, found) if self._weighs else self.mass
             self.ready = True
         except np.linalg.LinAlgError:  # no two columns can be told apart yet
             return
