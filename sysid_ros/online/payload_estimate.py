@@ -217,7 +217,9 @@ class Judgement:
         limit, (lasting, as_said) = max(self._limit, 0.05 * abs(mass)), parts
         if self.evidence is not None and parts != ALL_OF_IT:  # after a tare it does not know that nothing was carried
             mean, std = self.evidence.mass
-            mass_std = max(mass_std, std if math.isnan(mean) else math.hypot(std, mass - mean))
+            square = std**2 if math.isnan(mean) else std**2 + (mass - mean) ** 2
+            if square - lasting**2 > mass_std**2:  # what gains make is in both masses
+                mass_std, lasting = math.sqrt(square), math.sqrt(2.0) * lasting
         left = math.sqrt(max(mass_std**2 - lasting**2, 0.0))
         limit *= _STAYS_KNOWN if self._known else 1.0
         self._known = left <= limit
