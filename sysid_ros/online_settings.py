@@ -172,7 +172,8 @@ class OnlineSettings(Settings):
     )
     effort_gain_error: float = setting(
         0.01,
-        "without a model, error of each joint's effort, as a part of it: torque constants, calibration; 0: none",
+        "without a model, error of each joint's effort, and on legs of all in common, as a part of it: torque constants, "
+        "calibration; 0: none",
         "",
         0.0,
         0.5,

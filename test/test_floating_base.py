@@ -236,6 +236,60 @@ def test_an_imu_that_can_not_be_used_is_named_with_the_cure(arguments: dict[str,
     assert stream.gate.last_texts[max(stream.gate.counts, key=stream.gate.counts.__getitem__)] in health.text
 
 
+def moving(gate: FloatingGate, repeats: int, frozen: float, seconds: float = 2.0) -> list[Measurement]:
+    """Joints at 200 Hz that move at 0.5 rad/s, and an IMU that shows the time, each value so many times until ``frozen``."""
+    found, omega = [], np.zeros(3)
+    for k in range(round(200 * seconds)):
+        t = 100.0 + 0.005 * k
+        if k % repeats == 0 and t < 100.0 + frozen:
+            omega = np.array([0.005 * k, 0.0, 0.0])
+        tau = 0.1 * np.sin(np.arange(LEGS.n) + k)
+        found += gate.take(ImuRecord(t, t, BASE.trunk, (0, 0, 0, 1), omega, UP))
+        q = 0.5 * (np.clip(LEGS.position_lower, -1, 1) + np.clip(LEGS.position_upper, -1, 1)) + 0.5 * 0.005 * k - 0.5
+        found += gate.take(JointStateRecord(t, t, LEGS.joint_names, q, (), tau))
+    return found
+
+
+def test_a_slower_imu_that_is_polled_is_interpolated_between_its_own_values() -> None:
+    gate = FloatingGate(BASE, OnlineSettings())
+    found = moving(gate, 5, 2.0)
+    assert len(found) > 380
+    assert [m.trunk.omega[0] for m in found if m.trunk] == pytest.approx([m.t - 100.0 for m in found], abs=1e-9)
+    assert not gate.counts
+
+
+def test_an_imu_that_is_frozen_while_the_legs_move_is_named_and_its_values_are_not_used() -> None:
+    gate = FloatingGate(BASE, OnlineSettings())
+    found = moving(gate, 1, 1.0)
+    assert all(m.trunk is not None and m.trunk.omega[0] == pytest.approx(m.t - 100.0, abs=1e-9) for m in found)
+    assert found[-1].t == pytest.approx(101.0, abs=0.011)
+    assert gate.counts["imu_frozen"] > 150
+    assert "repeats old ones" in gate.last_texts["imu_frozen"]
+    assert gate.health(102.5).level == Level.ERROR
+
+
+def test_an_imu_that_stands_still_on_a_robot_that_does_is_believed() -> None:
+    stream = Stream()
+    q, tau = 0.5 * (np.clip(LEGS.position_lower, -1, 1) + np.clip(LEGS.position_upper, -1, 1)), np.ones(LEGS.n)
+    for k in range(400):
+        t = 100.0 + 0.005 * k
+        stream.measurements += stream.gate.take(ImuRecord(t, t, BASE.trunk, (0, 0, 0, 1), np.zeros(3), UP))
+        stream.measurements += stream.gate.take(JointStateRecord(t, t, LEGS.joint_names, q, (), tau + 0.01 * k))
+    assert len(stream.measurements) == 400
+    assert not stream.gate.counts
+
+
+def test_an_imu_that_has_paused_is_not_said_to_have_wrong_stamps() -> None:
+    gate = FloatingGate(BASE, OnlineSettings())
+    q = 0.5 * (np.clip(LEGS.position_lower, -1, 1) + np.clip(LEGS.position_upper, -1, 1))
+    for k in range(200):
+        t = 100.0 + 0.005 * k
+        if not 50 <= k < 80:
+            gate.take(ImuRecord(t, t, BASE.trunk, (0, 0, 0, 1), np.array([0.01 * k, 0.0, 0.0]), UP))
+        gate.take(JointStateRecord(t, t, LEGS.joint_names, q, (), 0.1 * np.sin(np.arange(LEGS.n) + k)))
+    assert gate.counts["imu_gap"] > 0
+
+
 def test_an_imu_without_gravity_and_one_in_units_of_it_are_doubted() -> None:
     for force, word in ((0.01 * UP, "takes gravity out"), (UP / 9.81, "units of gravity")):
         stream = Stream()

@@ -118,8 +118,8 @@ def standing(name: str, radius: float = 0.0) -> Standing:
     return Standing(base, q, up / np.linalg.norm(up), theta)
 
 
-EXACT: dict[str, object] = {"estimate_friction": False, "link_mass_error": 0.0, "link_com_error": 0.0}
-"""These legs have no friction, and the descriptions are exact."""
+EXACT: dict[str, object] = {"estimate_friction": False, "link_mass_error": 0.0, "link_com_error": 0.0, "effort_gain_error": 0.0}
+"""These legs have no friction, and descriptions and efforts are exact."""
 
 
 def estimated(robot: Standing, records: list[ContactRecord | ImuRecord | JointStateRecord], **settings: object) -> Replay:
@@ -143,6 +143,43 @@ def test_standing_tells_the_mass_whatever_the_robot(name: str) -> None:
     assert before.status == "no_payload"
     assert abs(before.mass) < 1.96 * before.mass_std
     assert not final.observable[4:].any()
+
+
+@every_robot
+def test_what_all_efforts_are_wrong_by_is_in_the_interval_of_the_mass(name: str) -> None:
+    robot, gain = standing(name), 1.015
+    records = [
+        JointStateRecord(r.stamp, r.receive_time, r.names, r.position, (), gain * np.asarray(r.effort))
+        if isinstance(r, JointStateRecord)
+        else r
+        for r in robot.records(seconds=5.0, pick=0.0)
+    ]
+    exact, usual = (estimated(robot, records, effort_gain_error=error).final for error in (0.0, 0.01))
+    heavier = (gain - 1.0) * (robot.base.mass + robot.theta[0])
+    assert exact.mass - robot.theta[0] == pytest.approx(heavier, rel=0.3)
+    if robot.base.radius_told.all():
+        assert abs(exact.mass - robot.theta[0]) > 3.0 * exact.mass_std
+    assert usual.mass == pytest.approx(exact.mass, rel=1e-9)
+    assert abs(usual.mass - robot.theta[0]) < 1.96 * usual.mass_std
+    # what all gains have in common, and each of them by itself
+    assert usual.mass_std > 0.01 * (robot.base.mass + robot.theta[0])
+
+
+@pytest.mark.skipif(path_of("go1") is None, reason="pip install example-robot-data")
+@pytest.mark.parametrize(("turned", "sign", "words"), [(True, 1.0, "imu_rpy"), (False, -1.0, "effort_scale")])
+def test_feet_that_carry_the_robot_the_other_way_round_are_explained(turned: bool, sign: float, words: str) -> None:
+    robot = standing("go1")
+    records: list[ContactRecord | ImuRecord | JointStateRecord] = []
+    for r in robot.records(seconds=4.0):
+        if isinstance(r, ImuRecord) and turned:
+            over = np.array([1.0, -1.0, -1.0])
+            r = ImuRecord(r.stamp, r.receive_time, r.frame_id, r.orientation, over * r.omega, over * r.specific_force)
+        elif isinstance(r, JointStateRecord):
+            r = JointStateRecord(r.stamp, r.receive_time, r.names, r.position, (), sign * np.asarray(r.effort))
+        records.append(r)
+    result = estimated(robot, records)
+    assert result.status == "stale"
+    assert words in result.final.reason
 
 
 @pytest.mark.skipif(path_of("go1") is None, reason="pip install example-robot-data")

@@ -79,10 +79,10 @@ def test_a_tare_may_have_had_what_is_repeated_too() -> None:
 
 
 def test_a_robot_steps_for_a_step_after_a_foot_has_landed() -> None:
-    log, feet = StanceLog(("left", "right")), np.ones(2, dtype=np.bool_)
+    log, feet, points = StanceLog(("left", "right")), np.ones(2, dtype=np.bool_), np.zeros((2, 3, 12))
     for k in range(400):
         feet[0] = not 100 <= k < 150
-        log.add(Stance(feet, feet.copy(), np.zeros((2, 3)), np.zeros(3), True, False, False, False), k * PERIOD)
+        log.add(Stance(feet, feet.copy(), np.zeros((2, 3)), np.zeros(3), True, False, False, False), k * PERIOD, points)
         if k < 150:
             assert log.stepping == 0.0
     assert log.stepping == pytest.approx(STEP / 400)

@@ -21,6 +21,8 @@ STEP = 0.25
 """A robot on legs takes about a step in so long [s]."""
 _SHARE = 0.02
 """Share of the samples from which on a warning is given."""
+_CARRY, _ASKEW = 0.5, 0.5
+"""Part of the weight from which on feet carry the robot, and angle of their force to the vertical that no ground makes [rad]."""
 
 
 @njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
@@ -48,6 +50,7 @@ class StanceLog:
 
     Args:
         feet: their names. gravity: at the place [m/s^2]. bias_is_free: a bias of the accelerometer is estimated.
+        mass: of the robot [kg].
 
     Attributes:
         samples: all. untrusted: the feet did not carry the robot; the rows are left out. slipping: feet that stand moved against
@@ -56,8 +59,9 @@ class StanceLog:
         wrong: of each foot, samples in which its contact was reported wrong, shape (k,).
     """
 
-    def __init__(self, feet: tuple[str, ...], gravity: float = 9.81, bias_is_free: bool = False) -> None:
-        self._feet = feet
+    def __init__(self, feet: tuple[str, ...], gravity: float = 9.81, bias_is_free: bool = False, mass: float = 0.0) -> None:
+        self._feet, self._weight = feet, mass * gravity
+        self._force, self._up, self._feet_at = np.zeros((3, 3))
         self._agreed: FloatArray = np.full(len(feet), -np.inf)
         self._loaded, self._landed = np.ones(len(feet), dtype=np.bool_), -np.inf
         self.samples = self.untrusted = self.slipping = self.stretched = self.inferred = self.steps = 0
@@ -66,9 +70,11 @@ class StanceLog:
         self._seconds: list[float] = []
         self._rows, self._excess = 0, 0.0
 
-    def add(self, stance: Stance, t: float) -> None:
-        """Take in the stance at t [s]."""
+    def add(self, stance: Stance, t: float, points: FloatArray) -> None:
+        """Take in the stance at t [s]; ``points``: Jacobians of those that touch the ground, shape (k, 3, n)."""
         self.samples += 1
+        if not stance.trusted:
+            self._away(stance, points)
         self.untrusted += not stance.trusted
         self.slipping += stance.slips
         self.stretched += stance.stretched
@@ -78,6 +84,33 @@ class StanceLog:
         self.steps += 0.0 <= t - self._landed < STEP
         if stance.reported:
             _compare(stance.stands, stance.loaded, t, self._agreed, self.wrong)
+
+    def _away(self, stance: Stance, points: FloatArray) -> None:
+        """The feet do not carry the robot: which way they push it, where the IMU's up is, and where they are."""
+        self._force += _SHARE * (stance.forces.sum(axis=0) - self._force)
+        self._up += _SHARE * (stance.normal - self._up)
+        place = points.mean(axis=0)  # a turn of the trunk about x moves a point by (0, -z, y), about y by (z, 0, -x)
+        self._feet_at += _SHARE * (np.array([-place[2, 4], place[2, 3], -place[1, 3]]) - self._feet_at)
+
+    @property
+    def against(self) -> str:
+        """Why feet that do not carry the robot may do so all the same, a sentence; empty where they don't."""
+        force, up = float(np.linalg.norm(self._force)), float(np.linalg.norm(self._up))
+        if not (force > _CARRY * self._weight > 0.0 and up > 0.0):
+            return ""
+        angle = float(np.arccos(np.clip(self._force @ self._up / (force * up), -1.0, 1.0)))
+        if angle < _ASKEW:
+            return ""
+        if self._force @ self._feet_at > 0.0:
+            return (
+                f"By the torques the feet pull at the ground with {force:.0f} N: have the efforts the wrong sign (effort_scale), "
+                "or is their order another?"
+            )
+        return (
+            f"By the torques the feet do carry it, with {force:.0f} N, but {np.degrees(angle):.0f} degrees from what the IMU "
+            "shows as up: is the IMU mounted otherwise than its frame says (imu_frame, imu_rpy), or is linear_acceleration of "
+            "the other sign?"
+        )
 
     def add_gravity(self, excess: float) -> None:
         """Take in by how much more than gravity the accelerometer shows beside the motion over the feet [m/s^2]."""
@@ -181,14 +214,14 @@ class GroundContact:
     learned before is to be forgotten.
 
     Args:
-        timeout: off the ground for longer than this it was lifted [s].
+        timeout: off the ground for longer than this it was lifted [s]. stances: of the same robot.
 
     Attributes:
         seconds: off the ground, or since it was set down [s].
     """
 
-    def __init__(self, timeout: float) -> None:
-        self._timeout = timeout
+    def __init__(self, timeout: float, stances: StanceLog) -> None:
+        self._timeout, self._stances = timeout, stances
         self._lifted = False
         self.seconds = 0.0
         self._stood = True
@@ -205,7 +238,7 @@ class GroundContact:
             return f"The robot has been set down {self.seconds:.1f} s ago; what it carries is looked for anew."
         return (
             f"For {self.seconds:.1f} s the feet have not carried the robot, or a leg was stretched; what it carries is not known "
-            "any more."
+            f"any more. {self._stances.against}".rstrip()
         )
 
     def update(self, trust: float, period: float) -> int:

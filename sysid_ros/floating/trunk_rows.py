@@ -79,7 +79,7 @@ class TrunkRows:
         late = self._late(sample) if self._delay is not None else None
         stance = projection.update(sample, raw[:, self._p], reported)
         if self._stances is not None:
-            self._stances.add(stance, sample.t)
+            self._stances.add(stance, sample.t, projection.points)
         if stance.trusted:
             if self._delay is not None:
                 raw[:, self._delay.start] = late

@@ -22,6 +22,10 @@ _WEIGHTLESS, _IN_G = 1.0, 4.0
 """A mean specific force below the first [m/s^2] has gravity taken out, one below the second is in units of gravity."""
 _AVERAGE = 200
 """Messages over which it is averaged."""
+_POLLED = 0.05
+"""A driver that polls a slower IMU repeats its values for less than this [s]."""
+_MOVED = 0.01
+"""A leg has moved if one of its joints has by so much [rad]."""
 
 
 class TrunkGate:
@@ -30,6 +34,9 @@ class TrunkGate:
     Between two IMU messages the values are interpolated; a measurement waits until an IMU message of its stamp or a later one is
     there. Contacts carry no stamp: the last one received holds. Where the IMU sits comes from the setting ``imu_frame``, else
     from the message's ``frame_id``, a link that is fixed to the trunk; or from ``imu_xyz`` and ``imu_rpy``, where they are set.
+
+    A message that repeats all values of the one before is of a driver that polls a slower IMU, or hangs. It is left out, unless
+    the legs have not moved since the values were new, so that they may be true.
 
     Args:
         base: the robot. settings: ``imu_frame``, ``imu_xyz``, ``imu_rpy`` and ``sensor_timeout`` are read.
@@ -53,6 +60,10 @@ class TrunkGate:
         self._contacts: FloatArray | None = None
         self._mean = np.array([0.0, 0.0, 9.81])
         self._seen = 0
+        self._newest: tuple[float, FloatArray] = -np.inf, np.zeros(6)
+        self._legs: FloatArray | None = None
+        self._legs_then: FloatArray | None = None
+        self._frozen = False
         if settings.imu_frame:
             base.legs.frame_id(settings.imu_frame)
 
@@ -107,12 +118,14 @@ class TrunkGate:
         if self._waiting and measurement.t <= self._waiting[-1][0].t:
             self._waiting.clear()
         self._waiting.append((measurement, self._contacts))
+        self._legs = measurement.q
         return self._released()
 
     def reset(self) -> None:
         """Forget all messages, as after a jump of time."""
         self._imu.clear()
         self._waiting.clear()
+        self._newest, self._frozen = (-np.inf, self._newest[1]), False
 
     def _released(self) -> list[Measurement]:
         out = []
@@ -151,6 +164,13 @@ class TrunkGate:
                 "There is no message of the IMU; a floating base needs its angular velocity and specific force. Publish "
                 "sensor_msgs/Imu, name its topic (--imu-topic), or set base to 'fixed' if nothing floats.",
             )
+        if self._frozen:
+            return Rejection(
+                "imu_frozen",
+                "No value of the IMU has changed while the legs move: its driver repeats old ones. Check driver and cable.",
+            )
+        if self._imu and self._imu[0][0] < t < self._imu[-1][0]:
+            return Rejection("imu_gap", f"For more than {_WAIT:g} s there was no message of the IMU. Check its driver and cable.")
         if self._imu:
             offset = self._imu[-1][0] - t
             return Rejection(
@@ -189,6 +209,8 @@ class TrunkGate:
                     "imu_stamp_order", f"The IMU's stamp {t:.6f} s is not after the last one. Check for a second publisher."
                 )
             self.reset()
+        if self._repeats(t, np.concatenate((omega, force))):
+            return None
         rotation, place = pose
         omega, force = setup.rotation @ rotation @ omega, setup.corrected(rotation @ force)
         self._imu.append((t, omega, force, place + setup.lever))
@@ -197,6 +219,16 @@ class TrunkGate:
         self._seen += 1
         self._mean += max(1.0 / self._seen, 1.0 / _AVERAGE) * (self._imu[-1][2] - self._mean)
         return None
+
+    def _repeats(self, t: float, values: FloatArray) -> bool:
+        """Whether a message of t [s] with the values (6,) repeats the one before, and is to be left out."""
+        since, before = self._newest
+        if t < since or not np.array_equal(values, before):
+            self._newest, self._legs_then, self._frozen = (t, values), self._legs, False
+            return False
+        moved = self._legs is not None and self._legs_then is not None and np.abs(self._legs - self._legs_then).max() > _MOVED
+        self._frozen = bool(moved) and t - since > _POLLED
+        return self._frozen or t - since < _POLLED
 
     def _pose(self, frame_id: str) -> tuple[FloatArray, FloatArray] | Rejection:
         s, legs = self._settings, self._base.legs

@@ -1,4 +1,5 @@
-"""LegDrives: rotors and friction of the legs of a robot on a floating base, as free effects beside its payload."""
+"""LegDrives: rotors and friction of the legs of a robot on a floating base, as free effects beside its payload; LegEfforts: what
+their efforts are wrong by."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ import numpy as np
 
 from sysid_ros.effects import CoulombFriction, Effect, RotorInertia, ViscousFriction
 from sysid_ros.floating.floating_base import FloatingBase
-from sysid_ros.floating.leg_priors import DRY, ROTOR, VISCOUS, standing_torque
+from sysid_ros.floating.leg_priors import DRY, OFFSET, ROTOR, VISCOUS, standing_torque
 from sysid_ros.sample import FREE, FloatArray
 from sysid_ros.torque.torque_model import TorqueModel
 
@@ -65,3 +66,29 @@ class LegDrives:
         hidden = slow * self.rest
         out[FREE + np.arange(n), np.arange(n)] = hidden
         out[FREE:, n] = hidden * np.sign(tau[FREE:])
+
+
+class LegEfforts:
+    """What the efforts of the legs are wrong by, considered: the gain of each, what all gains have in common (torque constants of
+    one make, one temperature), and a constant of each. A robot of 15 kg whose efforts are all 1 % too large weighs 150 g more,
+    and no motion tells that from a load.
+
+    Args:
+        base: the robot. gain: standard deviation of each effort's gain, and of what all have in common, as a part of the torque.
+
+    Attributes:
+        considered: number of errors that :meth:`fill` writes.
+    """
+
+    def __init__(self, base: FloatingBase, gain: float) -> None:
+        n = len(base.legs.joint_names)
+        self._gain, self._offset, self._n = gain, OFFSET * standing_torque(base.mass), n
+        self.considered = 2 * n + 1
+
+    def fill(self, tau: FloatArray, out: FloatArray) -> None:
+        """Write the considered torques of a sample into the rows (n, c) of the whole robot; ``tau``: of its joints, (n,)."""
+        wrong, n = self._gain * tau[FREE:], self._n
+        joint = np.arange(n)
+        out[FREE + joint, joint] = wrong
+        out[FREE + joint, n + joint] = self._offset
+        out[FREE:, 2 * n] = wrong

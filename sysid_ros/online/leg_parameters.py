@@ -9,7 +9,7 @@ import numpy as np
 from sysid_ros.effects import AccelerometerBias, Effect
 from sysid_ros.estimators import Estimator
 from sysid_ros.floating.floating_base import FloatingBase
-from sysid_ros.online.leg_drives import LegDrives
+from sysid_ros.online.leg_drives import LegDrives, LegEfforts
 from sysid_ros.online.trunk_errors import FootRadius, ImuDelay, ImuPlacement
 from sysid_ros.online_settings import OnlineSettings
 from sysid_ros.robot.smoothed_sign import TURNS
@@ -31,8 +31,9 @@ class LegParameters:
     """Rotors and friction of the legs, radius of the feet, and where and when the IMU measures, each with what is expected of it.
 
     Args:
-        base: the robot. frame: of the payload. settings: how well the IMU's place is known, and whether its bias and the legs'
-            friction are estimated. known: what was identified of the robot, None where nothing was.
+        base: the robot. frame: of the payload. settings: how well the IMU's place and, without a model, the efforts' gains are
+            known, and whether the IMU's bias and the legs' friction are estimated. known: what was identified of the robot, None
+            where nothing was.
 
     Attributes:
         drives: of the legs, None where they are not estimated. effects: free ones beside the payload, in order.
@@ -49,6 +50,7 @@ class LegParameters:
         self._prior: list[FloatArray] = []
         torques = None if known is None else TorqueModel(robot, [], known)
         self.drives = LegDrives(base, torques) if s.estimate_friction else None
+        self._efforts = LegEfforts(base, s.effort_gain_error) if known is None and s.effort_gain_error > 0.0 else None
         self.dry: slice | None = None
         if self.drives is not None:
             where = [self._add(e, std) for e, std in zip(self.drives.effects, np.split(self.drives.prior_std, 3), strict=True)]
@@ -135,12 +137,16 @@ class LegParameters:
     @property
     def considered(self) -> int:
         """Number of errors that :meth:`fill` writes."""
-        return (self.drives.considered if self.drives else 0) + (self._bias is None)
+        return sum(x.considered for x in (self.drives, self._efforts) if x is not None) + (self._bias is None)
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         """Write the considered torques of a sample into the rows (n, c) of the whole robot."""
+        done = 0
         if self.drives is not None:
             self.drives.fill(sample.v, sample.tau, TURNS, out)
+            done = self.drives.considered
+        if self._efforts is not None:
+            self._efforts.fill(sample.tau, out[:, done:])
         if self._bias is None:
             force = sample.a[:3]
             along = force / max(float(np.linalg.norm(force)), 1e-9)

@@ -59,8 +59,8 @@ class OnlineEstimation:
         self.robot, self.settings = robot, settings
         self.base = floating_base_of(robot, settings)
         self._gravity = math.hypot(*settings.gravity)
-        bias_is_free = settings.accelerometer_bias_std > 0.0
-        self._stances = StanceLog(self.base.contact_frames, self._gravity, bias_is_free) if self.base else None
+        about = self._gravity, settings.accelerometer_bias_std > 0.0
+        self._stances = StanceLog(self.base.contact_frames, *about, self.base.mass) if self.base else None
         self._outliers, self.fault = 0, ""
         own = robot if self.base else robot.with_links(np.zeros(10 * robot.n))  # its gravity may be turned
         self._free = FreeParameters(own, settings, known, self.base)
@@ -79,7 +79,7 @@ class OnlineEstimation:
         self._noise: float | None = None
         self._spikes, self._still = 0, 0.0
         self._cadence = Cadence(settings.max_gap, 0 if self.base else robot.n)
-        self._ground = GroundContact(settings.sensor_timeout) if self.base else None
+        self._ground = GroundContact(settings.sensor_timeout, self._stances) if self._stances else None
         self._set_down: float | None = None
 
     @property
