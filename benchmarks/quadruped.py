@@ -98,7 +98,9 @@ def scenario(gait: str, seed: int, **noise: Any) -> QuadrupedScenario:
 def run(gait: str, seed: int, noise: dict[str, Any]) -> Trial:
     told = scenario(gait, seed, **noise)
     record = simulate_quadruped(told, start_time=1000.0)
-    legs, settings = RobotModel.from_urdf(record.urdf), OnlineSettings(contact_frames=tuple(record.truth["contact_frames"]))
+    legs = RobotModel.from_urdf(record.urdf)
+    exact = {"link_mass_error": 0.0, "link_com_error": 0.0, "effort_gain_error": 0.0}  # as this simulation is
+    settings = OnlineSettings(contact_frames=tuple(record.truth["contact_frames"]), **exact)
     estimation = OnlineEstimation(legs, settings)
     gate = gate_for(legs, estimation.base, settings)
     series: list[PayloadEstimate] = []

@@ -12,6 +12,7 @@ from sysid_ros.floating.contact_kernels import turn_direction
 from sysid_ros.floating.contact_projection import ContactProjection
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.stance_log import StanceLog
+from sysid_ros.floating.trunk_inertia import TrunkInertia
 from sysid_ros.sample import FREE, FloatArray, Sample
 from sysid_ros.signals.low_pass import LowPassBank
 
@@ -31,7 +32,7 @@ class TrunkRows:
 
     Args:
         base: the robot. channels: of each raw row: the columns of the p free effects, the torque left for them, v, a, tau and
-            how far each joint is from moving, and what is considered. p: see there. frame: of the payload, its index.
+            how far each joint is from moving, and what is considered. p: see there. inertia: of robot and load.
         cutoff_hz, rate: of the low-pass [Hz]. period: between rows [s]. standstill: velocity below which it stands [rad/s].
         stances: takes note of what the feet do. gravity: at the place [m/s^2], by which a free bias is distinguished from a load.
         bias: where it stands among the free parameters, None where it is not free.
@@ -39,7 +40,6 @@ class TrunkRows:
         moving: columns that nothing but motion makes: at rest they are noise, that of the rows themselves, and left out.
 
     Attributes:
-        load: the payload's parameters, shape (10,), as they are known.
         projection: the step before the low-pass. bank: the low-pass. rows: of an update.
     """
 
@@ -48,7 +48,7 @@ class TrunkRows:
         base: FloatingBase,
         channels: int,
         p: int,
-        frame: int,
+        inertia: TrunkInertia,
         cutoff_hz: float,
         rate: float,
         period: float,
@@ -60,13 +60,12 @@ class TrunkRows:
         delay: slice | None = None,
         moving: Sequence[slice] = (),
     ) -> None:
-        self._p, self._frame, self._bias, self._stances = p, frame, bias, stances
-        self._robot, self._radius, self._delay = base.robot, radius, delay
+        self._p, self._inertia, self._bias, self._stances = p, inertia, bias, stances
+        self._radius, self._delay = radius, delay
         self._moving = moving
         self.projection = ContactProjection(base)
         self._projected, self._beside = np.zeros((FREE, channels)), np.zeros((base.robot.n + 1, 2))
         self._moved: tuple[float, FloatArray] = -np.inf, np.zeros(FREE)
-        self.load = np.zeros(10)
         self.bank = LowPassBank(self._projected.shape, cutoff_hz, rate)
         self._beside_bank = LowPassBank(self._beside.shape, cutoff_hz, rate)
         self._standing = StandingColumns(period, standstill)
@@ -121,12 +120,8 @@ class TrunkRows:
         (t, before), self._moved = self._moved, (sample.t, sample.a[:FREE].copy())
         if not 0.0 < sample.t - t < _GAP:
             return np.zeros_like(sample.a)
-        slope, still = np.zeros_like(sample.a), np.zeros_like(sample.v)
-        slope[:FREE] = (sample.a[:FREE] - before) / (sample.t - t)
-        out = self._robot.rnea(sample.q, still, slope)
-        if self.load.any():
-            out = out + self._robot.payload_regressor(sample.q, still, slope, self._frame) @ self.load
-        return np.asarray(out)
+        slope = (sample.a[:FREE] - before) / (sample.t - t)
+        return np.asarray(self._inertia.columns(sample.q) @ slope)
 
 
 class GravityRow:

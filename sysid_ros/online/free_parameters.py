@@ -169,14 +169,12 @@ class FreeParameters:
             self.tilt_is_open = False
         return theta if turned else None
 
-    def carry(self, estimator: Estimator, front_end: FrontEnd) -> None:
+    def carry(self, estimator: Estimator) -> None:
         """Take in what is known of the free parameters of a robot on legs now."""
         assert self.legs is not None
         theta, variance = estimator.marginal(slice(0, self.model.p))
-        load = theta[PAYLOAD].copy()
-        self.legs.carry(load)
+        self.legs.carry(theta[PAYLOAD].copy())
         self.legs.know(theta, variance)
-        front_end.carry(load)
 
     def repeated_covariance(self, estimator: Estimator, front_end: FrontEnd, floor: FloatArray) -> FloatArray:
         """What every step of a robot on legs repeats makes of the payload's covariance, shape (10, 10); nothing of an arm's.

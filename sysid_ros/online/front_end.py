@@ -11,7 +11,7 @@ from sysid_ros.online.arm_rows import ArmRows
 from sysid_ros.online.leg_parameters import LegParameters
 from sysid_ros.online.rows import Rows
 from sysid_ros.sample import FloatArray, Measurement
-from sysid_ros.signals.causal_filters import CausalDerivative, fill_beside
+from sysid_ros.signals.causal_filters import CausalDerivative
 from sysid_ros.signals.cutoff import default_cutoff, window_half_width
 from sysid_ros.signals.floating_derivative import FloatingDerivative
 from sysid_ros.torque.compiled_rows import BESIDE
@@ -75,9 +75,11 @@ class FrontEnd:
             assert legs is not None
             self._legs, self._hidden = legs, p + BESIDE + model.error.c
             self._raw = np.zeros((n, self._hidden + legs.considered))
+            self._compiled = model.compiled()
+            self._rows = self._compiled.empty.copy()
             about = (cutoff, self.rate, self.period, standstill, stances, gravity, bias, legs.radius, legs.delay, legs.moving)
             self.push = self._push
-            self._trunk = TrunkRows(base, self._raw.shape[1], p, legs.frame_index, *about)
+            self._trunk = TrunkRows(base, self._raw.shape[1], p, legs.inertia, *about)
             bank, self.rows, self.projection = self._trunk.bank, self._trunk.rows, self._trunk.projection
         self.makes_anew = self.arm is not None
         self.passed = min(2.05 * cutoff * self.period, 1.0)
@@ -87,11 +89,11 @@ class FrontEnd:
     def _push(self, measurement: Measurement) -> list[Rows]:
         assert self._trunk is not None
         due: list[Rows] = []
-        raw, p = self._raw, self._model.p
+        raw = self._raw
         for sample in self._floating.push(measurement):
-            self._model.split_into(sample, raw[:, :p], raw[:, p], raw[:, p + BESIDE : self._hidden])
+            self._compiled.fill(sample.t, np.array((sample.q, sample.v, sample.a, sample.tau)), self._rows)
+            raw[:, : self._hidden] = self._rows
             self._legs.fill(sample, raw[:, self._hidden :])
-            fill_beside(raw, p + 1, sample.v, sample.a, sample.tau)
             self._trunk.push(sample, raw, self._floating.contacts(sample.t))
             self._tick += 1
             if self._tick >= 0 and self._tick % self._every == 0:
@@ -102,11 +104,6 @@ class FrontEnd:
     def stepping(self) -> float:
         """Part of the time in which a robot on legs steps; 0 of an arm."""
         return self._stances.stepping if self._stances else 0.0
-
-    def carry(self, load: FloatArray) -> None:
-        """Take in the ten parameters of what is carried, of a floating base."""
-        if self._trunk is not None:
-            self._trunk.load = load
 
     def rest(self) -> None:
         """Rows to come hold nothing of what has been; not of a floating base."""

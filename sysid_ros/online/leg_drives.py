@@ -4,6 +4,7 @@ their efforts are wrong by."""
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from sysid_ros.effects import CoulombFriction, Effect, RotorInertia, ViscousFriction
 from sysid_ros.floating.floating_base import FloatingBase
@@ -61,11 +62,7 @@ class LegDrives:
 
     def fill(self, v: FloatArray, tau: FloatArray, width: float, out: FloatArray) -> None:
         """Write the considered torques of a sample into the rows (n, c) of the whole robot; ``v``, ``tau``: its joints, (n,)."""
-        slow = 1.0 - np.tanh(v[FREE:] / width) ** 2
-        n = self.rest.size
-        hidden = slow * self.rest
-        out[FREE + np.arange(n), np.arange(n)] = hidden
-        out[FREE:, n] = hidden * np.sign(tau[FREE:])
+        _hidden_at_rest(v, tau, width, self.rest, out)
 
 
 class LegEfforts:
@@ -82,13 +79,30 @@ class LegEfforts:
 
     def __init__(self, base: FloatingBase, gain: float) -> None:
         n = len(base.legs.joint_names)
-        self._gain, self._offset, self._n = gain, OFFSET * standing_torque(base.mass), n
+        self._gain, self._offset = gain, OFFSET * standing_torque(base.mass)
         self.considered = 2 * n + 1
 
     def fill(self, tau: FloatArray, out: FloatArray) -> None:
         """Write the considered torques of a sample into the rows (n, c) of the whole robot; ``tau``: of its joints, (n,)."""
-        wrong, n = self._gain * tau[FREE:], self._n
-        joint = np.arange(n)
-        out[FREE + joint, joint] = wrong
-        out[FREE + joint, n + joint] = self._offset
-        out[FREE:, 2 * n] = wrong
+        _wrong_efforts(tau, self._gain, self._offset, out)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _hidden_at_rest(v: FloatArray, tau: FloatArray, width: float, rest: FloatArray, out: FloatArray) -> None:
+    """See :class:`LegDrives`: the torque of each joint by itself, and of all against their load."""
+    n = rest.size
+    for j in range(n):
+        hidden = rest[j] * (1.0 - np.tanh(v[FREE + j] / width) ** 2)
+        out[FREE + j, j] = hidden
+        out[FREE + j, n] = hidden * np.sign(tau[FREE + j])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _wrong_efforts(tau: FloatArray, gain: float, offset: float, out: FloatArray) -> None:
+    """See :class:`LegEfforts`: each gain, each constant, and what all gains have in common."""
+    n = tau.size - FREE
+    for j in range(n):
+        wrong = gain * tau[FREE + j]
+        out[FREE + j, j] = wrong
+        out[FREE + j, n + j] = offset
+        out[FREE + j, 2 * n] = wrong

@@ -9,6 +9,7 @@ import numpy as np
 from sysid_ros.effects import AccelerometerBias, Effect
 from sysid_ros.estimators import Estimator
 from sysid_ros.floating.floating_base import FloatingBase
+from sysid_ros.floating.trunk_inertia import TrunkInertia
 from sysid_ros.online.leg_drives import LegDrives, LegEfforts
 from sysid_ros.online.trunk_errors import FootRadius, ImuDelay, ImuPlacement
 from sysid_ros.online_settings import OnlineSettings
@@ -39,13 +40,13 @@ class LegParameters:
         drives: of the legs, None where they are not estimated. effects: free ones beside the payload, in order.
         prior_std: of their parameters, shape (p,).
         dry: where those of the drives stand among all free parameters. radius, delay, placement, bias: the same of these; None
-            where it is not free. frame_index: of the payload's frame on the floating base.
+            where it is not free. inertia: what the trunk's accelerations cost robot and load.
     """
 
     def __init__(self, base: FloatingBase, frame: str, settings: OnlineSettings, known: Sequence[KnownEffect] | None) -> None:
         robot = base.robot
         s = settings
-        self._base, self._late, self.frame_index = base, 0.0, robot.frame_id(frame)
+        self._base, self._late, self.inertia = base, 0.0, TrunkInertia(robot, robot.frame_id(frame))
         self.effects: list[Effect] = []
         self._prior: list[FloatArray] = []
         torques = None if known is None else TorqueModel(robot, [], known)
@@ -57,13 +58,12 @@ class LegParameters:
             self.dry = slice(where[0].start, where[-1].stop)
         unsure, sure = np.where(base.radius_told, _KNOWN_RADIUS, base.radius_std), base.setup_std
         self.radius: slice | None = self._add(FootRadius(robot), [float(np.sqrt(np.mean(unsure**2)))])
-        self._imu = ImuPlacement(robot, frame)
         self.placement: slice | None = None
         if s.imu_tilt_std > 0.0 or s.imu_lever_std > 0.0:
             tilt, lever = ([x] * 3 for x in (s.imu_tilt_std, s.imu_lever_std))
             if sure is not None:
                 tilt, lever = (np.minimum(x, known).tolist() for x, known in ((tilt, sure.tilt), (lever, sure.lever)))
-            self.placement = self._add(self._imu, tilt + lever)
+            self.placement = self._add(ImuPlacement(robot, self.inertia), tilt + lever)
         self.delay: slice | None = None
         if s.imu_delay_std > 0.0:
             self.delay = self._add(ImuDelay(robot), [min(s.imu_delay_std, sure.delay) if sure else s.imu_delay_std])
@@ -130,7 +130,7 @@ class LegParameters:
 
     def carry(self, load: FloatArray) -> None:
         """Take in the ten parameters of what is carried: what the IMU gets wrong concerns it too."""
-        self._imu.load = load
+        self.inertia.carry(load)
         if self._bias is not None:
             self._bias.load = load
 
@@ -150,7 +150,7 @@ class LegParameters:
         if self._bias is None:
             force = sample.a[:3]
             along = force / max(float(np.linalg.norm(force)), 1e-9)
-            out[:, -1] = _BIAS * (self._imu.mass(sample.q) @ along)
+            out[:, -1] = _BIAS * (self.inertia.columns(sample.q)[:, :3] @ along)
 
     def know(self, theta: FloatArray, variance: FloatArray) -> None:
         """Take in the free parameters as they are known now, and their variances, shape (p,) each."""

@@ -191,7 +191,7 @@ class OnlineEstimation:
         self._still = self._still + front_end.period if fastest < self.settings.standstill_velocity else 0.0
         hold = self._still > _STANDS and self.base is None
         if legs is not None:
-            self._free.carry(estimator, front_end)
+            self._free.carry(estimator)
         if self._free.tilt is not None and self._free.tilt.told:
             self._free.tilt.load = estimator.theta[PAYLOAD]
         if self._changes.trial is not None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-import numpy as np
+from numba import njit
 
 from sysid_ros.effects import Effect
+from sysid_ros.floating.trunk_inertia import TrunkInertia
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.sample import FREE, FloatArray, Sample
+from sysid_ros.sample import FloatArray, Sample
 
 
 class ImuPlacement(Effect):
@@ -19,39 +20,20 @@ class ImuPlacement(Effect):
     place in other axes, and that much less is the trunk's own.
 
     Args:
-        robot: on its floating base. frame: of the payload, which is accelerated too.
-
-    Attributes:
-        load: the payload's ten parameters, shape (10,), as they are known.
+        robot: on its floating base. inertia: of it and its load.
     """
 
     id: ClassVar[str] = "imu_placement"
     label: ClassVar[str] = "placement of the IMU"
 
-    def __init__(self, robot: RobotModel, frame: str) -> None:
+    def __init__(self, robot: RobotModel, inertia: TrunkInertia) -> None:
         super().__init__(robot)
-        self._frame = robot.frame_id(frame)
-        self.load: FloatArray = np.zeros(10)
-        self._at: FloatArray | None = None
-        self._mass: FloatArray = np.zeros((robot.n, 3))
+        self._inertia = inertia
         self.parameter_names = tuple(f"{what}_{axis}" for what in ("tilt", "lever") for axis in "xyz")
         self.units = ("rad",) * 3 + ("m",) * 3
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
-        mass = self.mass(sample.q)
-        w, s = sample.v[3:FREE], sample.a[:3]
-        dw = sample.a[3:FREE] + np.array([w[1] * w[2], -w[0] * w[2], w[0] * w[1]])
-        turn = _cross(w)
-        out[:, :3] = -mass @ _cross(s)
-        out[:, 3:] = -mass @ (_cross(dw) + turn @ turn)
-
-    def mass(self, q: FloatArray) -> FloatArray:
-        """M_b, of robot and load, shape (n, 3)."""
-        if q is not self._at:
-            self._at, self._mass = q, self.robot.base_acceleration_columns(q)
-            if self.load.any():
-                self._mass = self._mass + self.robot.base_acceleration_columns_of(q, self._frame, self.load)
-        return self._mass
+        _place(self._inertia.columns(sample.q), sample.v, sample.a, out)
 
 
 class RowEffect(Effect):
@@ -79,5 +61,17 @@ class ImuDelay(RowEffect):
     id, label, unit = "imu_delay", "delay of the IMU", "s"
 
 
-def _cross(x: FloatArray) -> FloatArray:
-    return np.array([[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [-x[1], x[0], 0.0]])
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
+def _place(mass: FloatArray, v: FloatArray, a: FloatArray, out: FloatArray) -> None:
+    """``-M_b [S(s), S(dw) + S(w) S(w)]`` with S(x) y = x x y, into ``out`` (n, 6)."""
+    s, w = a[:3], v[3:6]
+    dx, dy, dz = a[3] + w[1] * w[2], a[4] - w[0] * w[2], a[5] + w[0] * w[1]
+    xx, yy, zz, xy, xz, yz = w[0] * w[0], w[1] * w[1], w[2] * w[2], w[0] * w[1], w[0] * w[2], w[1] * w[2]
+    for i in range(mass.shape[0]):
+        x, y, z = mass[i, 0], mass[i, 1], mass[i, 2]
+        out[i, 0] = y * -s[2] + z * s[1]
+        out[i, 1] = z * -s[0] + x * s[2]
+        out[i, 2] = x * -s[1] + y * s[0]
+        out[i, 3] = x * (yy + zz) - y * (dz + xy) - z * (xz - dy)
+        out[i, 4] = x * (dz - xy) + y * (xx + zz) - z * (dx + yz)
+        out[i, 5] = y * (dx - yz) - x * (dy + xz) + z * (xx + yy)
