@@ -99,8 +99,9 @@ def run(gait: str, seed: int, noise: dict[str, Any]) -> Trial:
     told = scenario(gait, seed, **noise)
     record = simulate_quadruped(told, start_time=1000.0)
     legs = RobotModel.from_urdf(record.urdf)
-    exact = {"link_mass_error": 0.0, "link_com_error": 0.0, "effort_gain_error": 0.0}  # as this simulation is
-    settings = OnlineSettings(contact_frames=tuple(record.truth["contact_frames"]), **exact)
+    feet = tuple(record.truth["contact_frames"])
+    # this simulation is as its description says
+    settings = OnlineSettings(contact_frames=feet, link_mass_error=0.0, link_com_error=0.0, effort_gain_error=0.0)
     estimation = OnlineEstimation(legs, settings)
     gate = gate_for(legs, estimation.base, settings)
     series: list[PayloadEstimate] = []
