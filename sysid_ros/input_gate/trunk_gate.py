@@ -36,7 +36,7 @@ class TrunkGate:
     from the message's ``frame_id``, a link that is fixed to the trunk; or from ``imu_xyz`` and ``imu_rpy``, where they are set.
 
     A message that repeats all values of the one before is of a driver that polls a slower IMU, or hangs. It is left out, unless
-    the legs have not moved since the values were new, so that they may be true.
+    they have stayed for longer than a slower IMU makes them and the legs have not moved since, so that they may be true.
 
     Args:
         base: the robot. settings: ``imu_frame``, ``imu_xyz``, ``imu_rpy`` and ``sensor_timeout`` are read.

@@ -190,7 +190,7 @@ class TorqueModel:
         return columns, rest
 
     def split_into(self, sample: Sample, columns: FloatArray, rest: FloatArray, considered: FloatArray | None = None) -> None:
-        """As :meth:`split`, into arrays of the caller's that were zero at first: for the loop that runs at the robot's rate.
+        """As :meth:`split`, into arrays of the caller's that were zero at first.
 
         Args:
             considered: takes what the uncertainty of the known effects does, shape (n, ``error.c``).
@@ -200,7 +200,7 @@ class TorqueModel:
             effect.fill(sample, columns[:, where])
 
     def compiled(self) -> CompiledRows:
-        """The same as :meth:`split_into`, in compiled code, for an arm's loop at the robot's rate."""
+        """The same as :meth:`split_into`, in compiled code, for the loop that runs at the robot's rate."""
         robot, n = self.robot, self.robot.n
         links = self.links() if self._urdf_links else np.zeros(10 * n)
         joints, nothing = np.arange(n), np.zeros(n)
