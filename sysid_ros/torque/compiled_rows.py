@@ -33,7 +33,7 @@ class CompiledRows:
     :meth:`.Effect.fill` and :meth:`.Effect.torque`.
 
     Args:
-        robot: the arm, or one on its floating base. free, slices: free effects and where their columns stand. links: known link inertials, shape (10 n,).
+        robot: whose. free, slices: free effects and where their columns stand. links: known link inertials, shape (10 n,).
         curves: known simple curves as of :meth:`.Effect.simple_curves`, with the parameter of each behind, shape (k, 4).
         spread: what the errors of these do, shape (k, c). others: known effects that are neither.
         error_of_links: shape (10 n, c), and errors of effects that are no simple curves: as of :class:`.KnownError`.
