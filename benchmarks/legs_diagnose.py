@@ -280,7 +280,7 @@ def trial(robot: Robot, seed: int, kinds: tuple[str, ...]) -> Trial:
     for kind in kinds:
         robot, hidden = KINDS[kind](robot, rng)
         truth.append(hidden)
-    judged, _, _ = judged_on_legs(_base(robot), [robot.recording])
+    judged, _, _, _ = judged_on_legs(_base(robot), [robot.recording])
     told = [(f.id, f.joints, f.probability or 0.0) for f in report(judged).causes]
     peer = likeliest_alone(judged)
 

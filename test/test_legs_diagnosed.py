@@ -12,7 +12,7 @@ from sysid_ros.diagnosis.legs.on_legs import diagnose_on_legs
 from sysid_ros.diagnosis.result import Diagnosis
 from sysid_ros.effects import EFFECTS, TRUNK_EFFECTS, LinkInertia
 from sysid_ros.exceptions import DataError
-from sysid_ros.floating.feet_along import _balanced
+from sysid_ros.floating.feet_along import balanced
 from sysid_ros.sample import FREE, FloatArray
 from sysid_ros.signals.recording import Recording
 from sysid_ros.signals.trunk_channels import TrunkSetup
@@ -45,7 +45,7 @@ def test_the_balanced_torques_carry_the_robot_and_are_the_nearest() -> None:
     rng = np.random.default_rng(0)
     matrix: FloatArray = rng.normal(size=(5, FREE, LEGS.n))
     tau, rigid = np.hstack([np.zeros((5, FREE)), rng.normal(size=(5, LEGS.n))]), rng.normal(size=(5, FREE + LEGS.n))
-    out = _balanced(matrix, tau, rigid)
+    out = balanced(matrix, tau, rigid)
     left = np.einsum("mij,mj->mi", matrix, out[:, FREE:] - rigid[:, FREE:]) - rigid[:, :FREE]
     assert np.abs(left).max() < 1e-6
     for A, change in zip(matrix, out[:, FREE:] - tau[:, FREE:], strict=True):

@@ -35,9 +35,9 @@ def phrase(words: str, label: str, parameters: Sequence[Parameter], where: str) 
 def size(parameters: Sequence[Parameter]) -> str:
     """Values of one name: one with its 95 % interval, several as a range."""
     first = parameters[0]
-    if isinstance(first.value, str) or len(parameters) == 1:
+    if len(parameters) == 1 or (isinstance(first.value, str) and first.joint is None):
         return one(first)
-    if isinstance(first.value, list):
+    if isinstance(first.value, list | str):
         several = "; ".join(f"{one(p)} on {p.joint}" if p.joint else one(p) for p in parameters[:2])
         return several if len(parameters) == 2 else f"{several}; ..."
     values = [p.value for p in parameters]

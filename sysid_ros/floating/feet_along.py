@@ -85,7 +85,7 @@ class FeetAlong:
         touches = ndimage.binary_dilation(touches, np.ones((2 * reach + 1, 1), dtype=bool))
         legs = base.contacts.carriers[:, FREE:]
         loaded = (touches.astype(float) @ legs.astype(float)) > 0.0
-        return cls(matrix, trusted, loaded, by_radius, forces, _balanced(matrix, motion.tau, rigid))
+        return cls(matrix, trusted, loaded, by_radius, forces, balanced(matrix, motion.tau, rigid))
 
     def project(self, rows: FloatArray, where: slice = slice(None)) -> FloatArray:
         """``P rows`` for rows of shape (M, n, ...), the six of the whole robot zero where they may not be used."""
@@ -102,7 +102,7 @@ class FeetAlong:
         return np.hstack([nothing, 10.0 * self.loaded])
 
 
-def _balanced(matrix: FloatArray, tau: FloatArray, rigid: FloatArray) -> FloatArray:
+def balanced(matrix: FloatArray, tau: FloatArray, rigid: FloatArray) -> FloatArray:
     """The least change of torques tau (M, n) by which ``A tau_l = rigid_b + A rigid_l``, for A of shape (M, 6, n - 6)."""
     left = np.einsum("mij,mj->mi", matrix, tau[:, FREE:] - rigid[:, FREE:]) - rigid[:, :FREE]
     square = matrix @ np.swapaxes(matrix, 1, 2)

@@ -8,10 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from sysid_ros.diagnosis.channel_faults import undone
 from sysid_ros.diagnosis.claims import Judged
+from sysid_ros.diagnosis.covariance import Gains
 from sysid_ros.diagnosis.extended_model import extended_model, urdf_part
+from sysid_ros.diagnosis.fault_findings import finding_of
 from sysid_ros.diagnosis.heldout import split
 from sysid_ros.diagnosis.legs.corrected import corrected_again, corrections, leg_model
+from sysid_ros.diagnosis.legs.leg_channels import Channelled, channels_on_legs
 from sysid_ros.diagnosis.legs.leg_rows import leg_libraries
 from sysid_ros.diagnosis.legs.leg_search import search_legs
 from sysid_ros.diagnosis.prepare import Prepared
@@ -35,6 +39,7 @@ _JUDGED = (
     "A robot on legs is judged by the force and the moment on all of it, free of the forces on its feet: what the torques of the "
     "legs, with the ground, would have to be, less what they are."
 )
+_UNDONE = "All errors are those of the recordings with the faults of the channels undone."
 _NOT_SIMULATED = "Nothing was simulated: the gain in simulation is one of arms."
 
 _FORCES, _MORE_WRONG = 3, 0.5
@@ -64,11 +69,12 @@ def diagnose_on_legs(
             part of the recordings is held out. gravity: its size [m/s^2]. max_gap: a longer gap is not bridged [s].
 
     Raises:
-        DataError: no recording is given, one has no IMU or is too short, or the torques do not carry the robot.
+        DataError: no recording is given, one has no IMU or is too short, the IMU does not show what it is said to, or the torques
+            do not carry the robot.
     """
     progress("filtering")
-    told, fitted, notes = judged_on_legs(base, recordings, validation, progress, gravity, max_gap)
-    found, train = report(told), told.train
+    told, fitted, notes, channels = judged_on_legs(base, recordings, validation, progress, gravity, max_gap)
+    found, train = _with_channels(report(told), base, channels), told.train
     if reason := _not_what_acts(base, _torque(told, found.torque)):
         return Diagnosis("refused", base.robot.joint_names[:FREE], refusal=reason, notes=notes)
     model = extended_model(base.robot, None, told.fit, told.values, train, {r.name: r.start for r in fitted}, provenance or {})
@@ -89,9 +95,9 @@ def judged_on_legs(
     progress: Progress = lambda sentence: None,
     gravity: float = 9.81,
     max_gap: float = 0.1,
-) -> tuple[Judged, Sequence[Recording], tuple[str, ...]]:
-    """The search of :func:`diagnose_on_legs`, which has the arguments, the recordings that were fitted, and what is doubtful
-    about the recordings, a sentence each.
+) -> tuple[Judged, Sequence[Recording], tuple[str, ...], Channelled]:
+    """The search of :func:`diagnose_on_legs`, which has the arguments, the recordings that were fitted, what is doubtful about
+    the recordings, a sentence each, and the faults of the channels, which were undone.
 
     Raises:
         DataError: as there.
@@ -100,9 +106,26 @@ def judged_on_legs(
         raise DataError("no recording is given. Give at least one bag.")
     fitted, judged = (recordings, validation) if validation else split(recordings)
     first, second = ([check_legs(base.legs, r, max_gap) for r in part] for part in (fitted, judged))
-    notes = tuple(dict.fromkeys(p.text for c in (*first, *second) for p in c.problems))
     cutoff = choose_cutoff(recordings, base.legs.joint_names, max_gap).hz
-    return _searched(base, first, second, cutoff, gravity, progress), fitted, notes
+    progress("weighing faults of the channels")
+    channels = channels_on_legs(base, first, cutoff, max_gap)
+    if reason := channels.refusal:
+        raise DataError(reason)
+    if channels.faults:
+        fitted, judged = ([undone(r, channels.faults) for r in part] for part in (fitted, judged))
+        first, second = ([check_legs(base.legs, r, max_gap) for r in part] for part in (fitted, judged))
+    notes = tuple(dict.fromkeys(p.text for c in (*first, *second) for p in c.problems))
+    return _searched(base, first, second, cutoff, gravity, progress), fitted, notes, channels
+
+
+def _with_channels(found: Diagnosis, base: FloatingBase, channels: Channelled) -> Diagnosis:
+    """The diagnosis with the faults of the channels after its causes."""
+    if not channels.faults:
+        return found
+    names, unknown = base.legs.joint_names, Gains((), np.zeros(0), np.zeros((0, 0)), frozenset())
+    own = [finding_of(f, names, e, unknown) for f, e in zip(channels.faults, channels.evidence, strict=True)]
+    verdict = "explained" if found.verdict == "nothing_wrong" else found.verdict
+    return replace(found, verdict=verdict, findings=(*found.findings, *own), notes=(*found.notes, _UNDONE))
 
 
 def _searched(

@@ -1,0 +1,292 @@
+"""How likely faults of the channels make what a robot on legs publishes.
+
+
+Each hypothesis makes the torques of a few instants likely to some degree. The feet carry the robot by any torques whose forces
+add up to its weight and its motion, so that six of the n values of an instant say something, ``A tau = b`` with the rows of
+:class:`.FeetAlong`; and errors of torques are what makes them wrong::
+
+    r = L^-1 (A tau - b) = L^-1 (C eta + B beta) + d,   L L' = A A',   eta, beta ~ N(0, I),   d ~ N(0, u^2 (s^2 I + kappa^2 D))
+
+with what is never known exactly of links and sensors, and of drives, as columns C, a body that may be carried as B, and D the
+discrepancy that any model leaves of the torques, alike for a while. How inexact links and drives are, and the sizes of noise and
+discrepancy, are those that make it likeliest.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from scipy import linalg, optimize
+
+from sysid_ros.diagnosis.channel_faults import FAULT, Fault
+from sysid_ros.diagnosis.evidence import Evidence
+from sysid_ros.diagnosis.legs.corrected import leg_model
+from sysid_ros.diagnosis.legs.leg_hypotheses import Hypothesis, ImuFault, hypotheses
+from sysid_ros.diagnosis.legs.leg_instants import Instants, middles
+from sysid_ros.diagnosis.legs.leg_kinematics import feet_push, gyro_likelihood, pairs_that_stand
+from sysid_ros.diagnosis.prepare import inexact_links
+from sysid_ros.diagnosis.whose.robot_likelihood import LEAVES, probabilities
+from sysid_ros.effects import EFFECTS, TRUNK_EFFECTS, Depends, Motion
+from sysid_ros.effects.wording import of_joints
+from sysid_ros.estimators.one_thread import on_one_thread
+from sysid_ros.floating.feet_along import FeetAlong, balanced
+from sysid_ros.floating.floating_base import FloatingBase
+from sysid_ros.floating.leg_priors import DRY, standing_torque
+from sysid_ros.identification.channel_checks import CheckedRecording
+from sysid_ros.identification.held_out import Prior
+from sysid_ros.identification.tolerances import TOL
+from sysid_ros.sample import FREE, FloatArray
+from sysid_ros.signals.trunk_channels import TrunkSetup
+from sysid_ros.torque.torque_model import TorqueModel
+
+_ROUGH, _FINE = 20, 80
+"""Instants on which all hypotheses are compared, and those on which the likeliest are; exact likelihoods cost their cube."""
+_BEST = 4
+"""Hypotheses of the first comparison that come to the second, beside that nothing is wrong."""
+_MOST = 6
+"""Most faults that are undone, one on another."""
+_LINKS, _DRIVES, _GAIN, _DELAY = 5.0, 3.0, 0.1, 0.01
+"""How many times further than those of a usual robot links and drives are off where that is 1; parts by which gains are, and
+delays [s]."""
+_USUAL, _SPREAD = np.log([0.02, np.exp(LEAVES), 0.3]), np.log(3.0)
+"""Logarithms before any data of noise s, discrepancy kappa and how inexact each thing is: means, and their standard deviation."""
+_NOISE, _OFF, _OFF_DRIVES = (np.log(1e-3), np.log(2.0)), (np.log(0.01), np.log(3.0)), (np.log(0.01), np.log(30.0))
+"""Where noise and discrepancy, how inexact links and sensors, and how inexact drives are is searched. The filters alone are off
+by a thousandth of the usual torque; no link has a negative mass."""
+_STARTS = [np.log(x) for x in product((0.003, 0.02, 0.2), (0.005, 0.05, 0.5), (0.05, 0.3, 2.0))]
+_STEPS, _FEW = 30, 6
+"""Most steps of a search, and of a rough one."""
+_CARRIED = 0.3
+"""Part of a robot's mass that it may carry."""
+_DELAYS = [
+    (0.0, 0.0),
+    *((sign * d, 0.0) for d in (0.015, 0.03) for sign in (1.0, -1.0)),
+    (0.015, 0.015),
+    (0.03, 0.03),
+    (0.0, 0.03),
+]
+"""Delays of IMU and torques [s], in which signals are no others than they are said to be."""
+_STAND = 0.2
+"""Part of the weight from which on a foot stands, whatever its leg's friction."""
+_PULLS = np.log(0.003)
+"""Logarithm of the probability that a robot hangs on its feet."""
+_SURE = 0.95
+"""Probability from which a fault is undone: one that is none makes all else wrong."""
+_MEMORY = 1.0
+"""Time for which what any model leaves stays alike [s]."""
+_SMALL = 1e-6
+"""Part of their mean by which rows are kept from being none: where a leg is stretched."""
+
+
+class LegChannels:
+    """How likely hypotheses about the channels make the torques of some instants.
+
+    Args:
+        base: the robot.
+    """
+
+    def __init__(self, base: FloatingBase) -> None:
+        self.base = base
+        self._torque = standing_torque(base.mass)
+        carried = [
+            kind.from_settings(base.robot, [], kind.settings_on_legs(base.trunk, base.contact_frames))
+            for kind in {**EFFECTS, **TRUNK_EFFECTS}.values()
+            if kind.on_legs and kind.carried
+        ]
+        self._model = TorqueModel(base.robot, [*leg_model(base, None).free, *carried])
+        prior, links = Prior.of(self._model, base), inexact_links(base.robot, floats=True)
+        std = np.where(prior.is_link, 0.0, _DRIVES * prior.std)
+        self._links, self._carried = np.zeros((self._model.p, links.basis.shape[1])), np.zeros(self._model.p, dtype=bool)
+        for effect, where in zip(self._model.free, self._model.slices, strict=True):
+            if effect.replaces_links:
+                own = np.concatenate([np.arange(10 * j, 10 * j + 10) for j in effect.joints])
+                self._links[where] = _LINKS * links.basis[own] * links.std
+            elif Depends.DRIVE in effect.depends_on:
+                std[where] = _GAIN if effect.of_own_torque else _DELAY
+            elif effect.carried:
+                std[where] = effect.prior_std() * _CARRIED * base.mass / effect.prior_std()[0]
+                self._carried[where] = True
+        self._std = std
+        self._ranges = [_NOISE, _NOISE, _OFF]
+        self._each = list[slice]()
+        for effect, where in zip(self._model.free, self._model.slices, strict=True):
+            if not (effect.replaces_links or effect.carried):
+                self._each.append(where)
+                of_drive = effect.of_setup(TrunkSetup()) is None and Depends.DRIVE not in effect.depends_on
+                self._ranges.append(_OFF_DRIVES if of_drive else _OFF)
+
+    def densities(self, instants: Instants, few: bool = False) -> FloatArray:
+        """Log-density of each published row given those before it, shape (6 N,), with the likeliest sizes of noise, discrepancy
+        and all that is inexact; ``few``: after a few steps of their search."""
+        return self._sizes(instants).likeliest(few)
+
+    def _sizes(self, instants: Instants) -> _Sizes:
+        """What a hypothesis leaves of its instants, and what may be there."""
+        three, robot = instants.at_trunk, self.base.robot
+        motion, n = middles(three), robot.n
+        feet = FeetAlong.of(self.base, motion, 0.0)
+        count, A = len(motion.t), feet.matrix
+        rigid = robot.rnea_along(three.q, three.v, three.a)
+        drive = balanced(np.repeat(A, 3, axis=0), three.tau, rigid)
+        along = Motion(robot, three.t - three.t[0], three.q, three.v, three.a, three.tau, drive_torque=drive)
+        along.by_radius = np.repeat(feet.by_radius, 3, axis=0)
+        columns = np.concatenate([e.columns_along(along)[1::3] for e in self._model.free], axis=2)
+        rest = motion.tau - rigid[1::3]
+        rows = np.concatenate([rest[:, :, None], columns], axis=2)
+        rows = rows[:, :FREE] + A @ rows[:, FREE:]
+        square = A @ np.swapaxes(A, 1, 2)
+        square += _SMALL * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(FREE)
+        root = np.linalg.cholesky(square)
+        white, levers = np.linalg.solve(root, rows), np.linalg.solve(root, A).reshape(FREE * count, n - FREE)
+        white = white.reshape(FREE * count, -1)
+        columns = white[:, 1:] * self._std
+        apart = np.abs(motion.t[:, None] - motion.t) + np.where(instants.run[:, None] == instants.run, 0.0, np.inf)
+        alike = np.repeat(np.repeat(np.exp(-apart / _MEMORY), FREE, axis=0), FREE, axis=1)
+        u, body, links = instants.scale * self._torque, columns[:, self._carried], white[:, 1:] @ self._links
+        # dry friction that holds a joint which stands is anything below its level
+        stands = np.maximum(1.0 - np.abs(motion.v[:, FREE:]) / TOL.slow, 0.0)
+        stuck = levers * np.repeat(_DRIVES * DRY * self._torque * stands, FREE, axis=0)
+        parts = [u**2 * np.eye(len(white)), u**2 * (levers @ levers.T) * alike, links @ links.T]
+        for effect, where in zip((e for e in self._model.free if not (e.replaces_links or e.carried)), self._each, strict=True):
+            own = columns[:, where] @ columns[:, where].T
+            parts.append(own + (stuck @ stuck.T) * alike if effect.jumps else own)
+        also = gyro_likelihood(self.base, motion, instants.pairs, instants.rate)
+        also += 0.0 if feet_push(self.base, motion, feet.forces) else _PULLS
+        return _Sizes(
+            white[:, 0], np.asarray(body @ body.T), parts, self._ranges, float(np.log(instants.scale)) + also / len(white)
+        )
+
+    def standing(self, instants: Instants) -> Instants:
+        """With which feet stand in each moment."""
+        feet = FeetAlong.of(self.base, middles(instants.at_trunk), 0.0)
+        return replace(instants, pairs=tuple(pairs_that_stand(feet.forces, _STAND * self.base.mass * 9.81)))
+
+
+class _Sizes:
+    """Likelihood of rows (N,) with covariance ``K = fixed + sum_i exp(2 x_i) P_i``, by x, the logarithms of sizes.
+
+    Args:
+        rows: shape (N,). fixed, parts: P_i, shape (N, N) each, of noise, discrepancy, and of each thing that is inexact.
+        ranges: of each x_i. scale: added to each log-density.
+    """
+
+    def __init__(
+        self,
+        rows: FloatArray,
+        fixed: FloatArray,
+        parts: Sequence[FloatArray],
+        ranges: Sequence[tuple[float, float]],
+        scale: float,
+    ) -> None:
+        self.rows, self.fixed, self.parts, self.scale = rows, fixed, parts, scale
+        self._ranges, self._usual = ranges, self._all(_USUAL)
+
+    def _all(self, x: FloatArray) -> FloatArray:
+        """Noise, discrepancy, and the third for each thing that is inexact."""
+        return np.concatenate([x[:2], np.full(len(self.parts) - 2, x[2])])
+
+    def _root(self, x: FloatArray) -> FloatArray | None:
+        """The Cholesky factor of K; None where rounding leaves none."""
+        K = self.fixed + sum(float(np.exp(2.0 * z)) * P for z, P in zip(x, self.parts, strict=True))
+        root, failed = linalg.lapack.dpotrf(K, lower=1)
+        return None if failed else np.asarray(root)
+
+    def densities(self, x: FloatArray) -> FloatArray:
+        """Log-density of each row given those before it, and its share of that of x before any data, shape (N,)."""
+        root = self._root(x)
+        if root is None:
+            return np.full(len(self.rows), -np.inf)
+        white = linalg.solve_triangular(root, self.rows, lower=True, check_finite=False)
+        rows = 0.5 * white**2 + np.log(np.diag(root)) + 0.5 * np.log(2.0 * np.pi)
+        return np.asarray(self.scale - rows - 0.5 * np.sum(((x - self._usual) / _SPREAD) ** 2) / len(rows))
+
+    def loss(self, x: FloatArray) -> tuple[float, FloatArray]:
+        """Negative log-density of all rows, with its slope."""
+        root = self._root(x)
+        if root is None:
+            return np.inf, np.zeros(len(x))
+        alpha = linalg.cho_solve((root, True), self.rows, check_finite=False)
+        lower = np.tril(linalg.lapack.dpotri(root, lower=1)[0])
+        inverse = lower + np.tril(lower, -1).T
+        value = 0.5 * float(self.rows @ alpha) + float(np.log(np.diag(root)).sum())
+        slope = [np.exp(2.0 * z) * (np.vdot(inverse, P) - alpha @ P @ alpha) for z, P in zip(x, self.parts, strict=True)]
+        unusual = (x - self._usual) / _SPREAD
+        return value + 0.5 * float(unusual @ unusual), np.array(slope) + unusual / _SPREAD
+
+    def likeliest(self, few: bool) -> FloatArray:
+        """The densities at the likeliest sizes; ``few``: after a few steps towards them."""
+        start = max(map(self._all, _STARTS), key=lambda x: float(np.sum(self.densities(x))))
+        options = {"maxiter": _FEW if few else _STEPS, "ftol": 1e-7}
+        found = optimize.minimize(self.loss, start, jac=True, method="L-BFGS-B", bounds=self._ranges, options=options)
+        return self.densities(found.x)
+
+
+@dataclass(frozen=True, eq=False)
+class Channelled:
+    """What channels are found to be.
+
+    Attributes:
+        faults: of the joints, in the order in which they are undone, each with its probability. evidence: of each.
+        refusal: why nothing can be told; empty where something can.
+    """
+
+    faults: tuple[Fault, ...] = ()
+    evidence: tuple[Evidence, ...] = ()
+    refusal: str = ""
+
+
+@on_one_thread
+def channels_on_legs(base: FloatingBase, recordings: Sequence[CheckedRecording], cutoff_hz: float, max_gap: float) -> Channelled:
+    """The likeliest faults of channels that are surely there, one on another."""
+    timed, found = Instants.of(recordings, cutoff_hz, max_gap, _FINE, _DELAYS), Channelled()
+    if not timed:
+        return found
+    likelihoods, asked = LegChannels(base), list(hypotheses(base))
+    of_kind = Counter(kind for kind, _ in asked)
+    prior = [float(np.log(FAULT / of_kind[kind])) for kind, _ in asked]
+    none = float(np.log1p(-FAULT * len(of_kind)))
+    for _ in range(_MOST):
+        instants = likelihoods.standing(max(timed, key=lambda x: float(np.sum(likelihoods.densities(x, few=True)))))
+        few = instants.every(_FINE // _ROUGH)
+        score = [
+            w + float(np.sum(likelihoods.densities(few.undone(h), few=True))) for (_, h), w in zip(asked, prior, strict=True)
+        ]
+        best = [int(k) for k in np.argsort(score)[: -_BEST - 1 : -1]]
+        rows = [likelihoods.densities(instants), *(likelihoods.densities(instants.undone(asked[k][1])) for k in best)]
+        weights = [none, *(prior[k] for k in best)]
+        shares = probabilities([x + w / len(x) for x, w in zip(rows, weights, strict=True)])
+        first = int(np.argmax(shares[1:]))
+        hypothesis, likely = asked[best[first]][1], float(shares[1 + first])
+        if shares[0] > 1.0 - _SURE:
+            break  # perhaps nothing
+        if likely < _SURE or isinstance(hypothesis, ImuFault):
+            named = [(asked[k][1], float(p)) for k, p in zip(best, shares[1:], strict=True) if p > 1.0 - _SURE]
+            return replace(found, refusal=_in_words(base, sorted(named, key=lambda x: -x[1])))
+        rise = 2.0 * float(np.sum(rows[1 + first]) - np.sum(rows[0]))
+        evidence = Evidence(rise, hypothesis.parameters, float(len(rows[0])), len(asked))
+        fault = replace(hypothesis, probability=likely)
+        found = replace(found, faults=(*found.faults, fault), evidence=(*found.evidence, evidence))
+        timed = [x.undone(hypothesis) for x in timed]
+    return found
+
+
+def _in_words(base: FloatingBase, named: Sequence[tuple[Hypothesis, float]]) -> str:
+    """That channels are not what they are named, by what may be wrong in place, each with its probability."""
+    parts, cures = [], list[str]()
+    for hypothesis, likely in named:
+        if isinstance(hypothesis, ImuFault):
+            words, cure = hypothesis.words, hypothesis.cure
+        else:
+            joints = tuple(base.legs.joint_names[j] for j in hypothesis.joints)
+            words = f"{hypothesis.effect.label} ({of_joints(joints, base.legs.n)})"
+            cure = f"correct {hypothesis.effect.label} in the driver, or in --config"
+        parts.append(f"{words} (probability {likely:.2g})")
+        cures.append(cure)
+    return (
+        f"By the torques of the legs, their joints and the IMU the channels are not what they are named: {'; or '.join(parts)}. "
+        f"Nothing else can be told beside it. {'; or '.join(dict.fromkeys(cures))}."
+    )

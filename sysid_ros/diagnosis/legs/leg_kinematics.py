@@ -1,0 +1,74 @@
+"""What the legs say without any dynamics: feet that stand keep their distances and do not pull.
+
+Of two feet that stand, d apart in the axes of the trunk, the joints say ``y = -dJ q'`` and the gyro ``x = w x d``. Both have
+errors::
+
+    x = g z + n_x,   y = z + n_y,   z ~ N(0, S),   n_x ~ N(0, N_x),   n_y ~ N(0, N_y)
+
+with g = 1 for a gyro in rad/s, 180 / pi for one in degrees and -1 for one of the other sign. Where nothing turns all are alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid_ros.floating.floating_base import FloatingBase
+from sysid_ros.sample import FREE, FloatArray
+from sysid_ros.signals.zero_phase import SmoothMotion
+
+_FEWEST = 10
+"""Fewest moments by which anything can be told."""
+
+
+def gyro_likelihood(base: FloatingBase, motion: SmoothMotion, pairs: Sequence[NDArray[np.bool_]], rate: float) -> float:
+    """Log-likelihood of what gyro and joints show of feet that stand, up to a constant.
+
+    Args:
+        motion: with the gyro as it is supposed to be, which is ``rate`` times what it shows. pairs: of each two feet whether both
+            stand, shape (N,) each, in the order of :func:`itertools.combinations`.
+    """
+    moves = np.stack([_jacobians(base, q) for q in motion.q])
+    parts, moments = [], int(np.any(pairs, axis=0).sum())
+    if moments < _FEWEST:
+        return 0.0
+    for (i, j), both in zip(combinations(range(moves.shape[1]), 2), pairs, strict=True):
+        apart, v = (moves[:, i] - moves[:, j])[both], motion.v[both]
+        x = np.einsum("tij,tj->ti", apart[:, :, 3:FREE], v[:, 3:FREE]).ravel() / rate
+        parts.append(np.stack([x, -np.einsum("tij,tj->ti", apart[:, :, FREE:], v[:, FREE:]).ravel()]))
+    rows = np.concatenate(parts, axis=1)
+    return moments * _likelihood(rows @ rows.T / rows.shape[1] + 1e-12 * np.eye(2), 1.0 / rate)
+
+
+def pairs_that_stand(forces: FloatArray, least: float) -> list[NDArray[np.bool_]]:
+    """Of each two feet whether both carry at least so much [N], shape (N,) each, of forces of shape (N, k, 3)."""
+    stands = np.linalg.norm(forces, axis=2) > least
+    return [stands[:, i] & stands[:, j] for i, j in combinations(range(stands.shape[1]), 2)]
+
+
+def feet_push(base: FloatingBase, motion: SmoothMotion, forces: FloatArray) -> bool:
+    """Whether the forces on the feet, shape (N, k, 3), are those of feet that push: towards the trunk."""
+    origins = np.stack([base.contacts.origins(q)[0] for q in motion.q])
+    return float(np.sum(forces * origins)) < 0.0
+
+
+def _jacobians(base: FloatingBase, q: FloatArray) -> FloatArray:
+    """Of the feet, shape (k, 3, n)."""
+    points, moves = base.contacts.origins(q)
+    turning = np.cross(moves[3:].T[None], points[:, None, :]).swapaxes(1, 2)
+    return np.asarray((moves[:3] + turning) * base.contacts.carriers[:, None, :])
+
+
+def _likelihood(shown: FloatArray, gain: float) -> float:
+    """Greatest log-likelihood of one value of (x, y), of which ``shown`` is the mean square, shape (2, 2), up to a constant.
+
+    Where variances explain all of it they do; else one of them is 0, and what it leaves is a regression.
+    """
+    (x, both), (_, y) = shown
+    if 0.0 < gain * both <= x and both / gain <= y:
+        return -0.5 * float(np.log(x * y - both**2))
+    by_gyro, by_joints = y - 2.0 * both / gain + x / gain**2, x - 2.0 * gain * both + gain**2 * y
+    return -0.5 * float(np.log(min(x * by_gyro, y * by_joints, x * y)))
