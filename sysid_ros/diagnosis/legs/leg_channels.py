@@ -17,10 +17,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
-from scipy import linalg, optimize
 
 from sysid_ros.diagnosis.channel_faults import FAULT, Fault
 from sysid_ros.diagnosis.evidence import Evidence
@@ -28,8 +26,9 @@ from sysid_ros.diagnosis.legs.corrected import leg_model
 from sysid_ros.diagnosis.legs.leg_hypotheses import Hypothesis, ImuFault, hypotheses
 from sysid_ros.diagnosis.legs.leg_instants import Instants, middles
 from sysid_ros.diagnosis.legs.leg_kinematics import feet_push, gyro_likelihood, pairs_that_stand
+from sysid_ros.diagnosis.legs.leg_sizes import Sizes
 from sysid_ros.diagnosis.prepare import inexact_links
-from sysid_ros.diagnosis.whose.robot_likelihood import LEAVES, probabilities
+from sysid_ros.diagnosis.whose.robot_likelihood import probabilities
 from sysid_ros.effects import EFFECTS, TRUNK_EFFECTS, Depends, Motion
 from sysid_ros.effects.wording import of_joints
 from sysid_ros.estimators.one_thread import on_one_thread
@@ -52,14 +51,11 @@ _MOST = 6
 _LINKS, _DRIVES, _GAIN, _DELAY = 5.0, 3.0, 0.1, 0.01
 """How many times further than those of a usual robot links and drives are off where that is 1; parts by which gains are, and
 delays [s]."""
-_USUAL, _SPREAD = np.log([0.02, np.exp(LEAVES), 0.3]), np.log(3.0)
-"""Logarithms before any data of noise s, discrepancy kappa and how inexact each thing is: means, and their standard deviation."""
-_NOISE, _OFF, _OFF_DRIVES = (np.log(1e-3), np.log(2.0)), (np.log(0.01), np.log(3.0)), (np.log(0.01), np.log(30.0))
-"""Where noise and discrepancy, how inexact links and sensors, and how inexact drives are is searched. The filters alone are off
-by a thousandth of the usual torque; no link has a negative mass."""
-_STARTS = [np.log(x) for x in product((0.003, 0.02, 0.2), (0.005, 0.05, 0.5), (0.05, 0.3, 2.0))]
-_STEPS, _FEW = 30, 6
-"""Most steps of a search, and of a rough one."""
+_NOISE, _DISCREPANCY, _OFF, _OFF_DRIVES = (
+    np.log([low, high]) for low, high in ((0.05, 2.0), (1e-3, 2.0), (0.01, 3.0), (0.01, 30.0))
+)
+"""Where noise, discrepancy, how inexact links and sensors and how inexact drives are is searched. Faults of channels are gross:
+that a hypothesis makes less of the noise of an IMU on a robot that stands says nothing. No link has a negative mass."""
 _CARRIED = 0.3
 """Part of a robot's mass that it may carry."""
 _DELAYS = [
@@ -111,7 +107,7 @@ class LegChannels:
                 std[where] = effect.prior_std() * _CARRIED * base.mass / effect.prior_std()[0]
                 self._carried[where] = True
         self._std = std
-        self._ranges = [_NOISE, _NOISE, _OFF]
+        self._ranges = [_NOISE, _DISCREPANCY, _OFF]
         self._each = list[slice]()
         for effect, where in zip(self._model.free, self._model.slices, strict=True):
             if not (effect.replaces_links or effect.carried):
@@ -124,7 +120,7 @@ class LegChannels:
         and all that is inexact; ``few``: after a few steps of their search."""
         return self._sizes(instants).likeliest(few)
 
-    def _sizes(self, instants: Instants) -> _Sizes:
+    def _sizes(self, instants: Instants) -> Sizes:
         """What a hypothesis leaves of its instants, and what may be there."""
         three, robot = instants.at_trunk, self.base.robot
         motion, n = middles(three), robot.n
@@ -153,76 +149,19 @@ class LegChannels:
         parts = [u**2 * np.eye(len(white)), u**2 * (levers @ levers.T) * alike, links @ links.T]
         for effect, where in zip((e for e in self._model.free if not (e.replaces_links or e.carried)), self._each, strict=True):
             own = columns[:, where] @ columns[:, where].T
-            parts.append(own + (stuck @ stuck.T) * alike if effect.jumps else own)
-        also = gyro_likelihood(self.base, motion, instants.pairs, instants.rate)
+            if effect.jumps:
+                rubs = columns[:, where], len(parts)
+                own += (stuck @ stuck.T) * alike
+            parts.append(own)
+        also = gyro_likelihood(self.base, motion, instants.pairs, instants.gain)
         also += 0.0 if feet_push(self.base, motion, feet.forces) else _PULLS
-        return _Sizes(
-            white[:, 0], np.asarray(body @ body.T), parts, self._ranges, float(np.log(instants.scale)) + also / len(white)
-        )
+        scale = float(np.log(instants.scale)) + also / len(white)
+        return Sizes(white[:, 0], np.asarray(body @ body.T), parts, self._ranges, scale, rubs)
 
     def standing(self, instants: Instants) -> Instants:
         """With which feet stand in each moment."""
         feet = FeetAlong.of(self.base, middles(instants.at_trunk), 0.0)
         return replace(instants, pairs=tuple(pairs_that_stand(feet.forces, _STAND * self.base.mass * 9.81)))
-
-
-class _Sizes:
-    """Likelihood of rows (N,) with covariance ``K = fixed + sum_i exp(2 x_i) P_i``, by x, the logarithms of sizes.
-
-    Args:
-        rows: shape (N,). fixed, parts: P_i, shape (N, N) each, of noise, discrepancy, and of each thing that is inexact.
-        ranges: of each x_i. scale: added to each log-density.
-    """
-
-    def __init__(
-        self,
-        rows: FloatArray,
-        fixed: FloatArray,
-        parts: Sequence[FloatArray],
-        ranges: Sequence[tuple[float, float]],
-        scale: float,
-    ) -> None:
-        self.rows, self.fixed, self.parts, self.scale = rows, fixed, parts, scale
-        self._ranges, self._usual = ranges, self._all(_USUAL)
-
-    def _all(self, x: FloatArray) -> FloatArray:
-        """Noise, discrepancy, and the third for each thing that is inexact."""
-        return np.concatenate([x[:2], np.full(len(self.parts) - 2, x[2])])
-
-    def _root(self, x: FloatArray) -> FloatArray | None:
-        """The Cholesky factor of K; None where rounding leaves none."""
-        K = self.fixed + sum(float(np.exp(2.0 * z)) * P for z, P in zip(x, self.parts, strict=True))
-        root, failed = linalg.lapack.dpotrf(K, lower=1)
-        return None if failed else np.asarray(root)
-
-    def densities(self, x: FloatArray) -> FloatArray:
-        """Log-density of each row given those before it, and its share of that of x before any data, shape (N,)."""
-        root = self._root(x)
-        if root is None:
-            return np.full(len(self.rows), -np.inf)
-        white = linalg.solve_triangular(root, self.rows, lower=True, check_finite=False)
-        rows = 0.5 * white**2 + np.log(np.diag(root)) + 0.5 * np.log(2.0 * np.pi)
-        return np.asarray(self.scale - rows - 0.5 * np.sum(((x - self._usual) / _SPREAD) ** 2) / len(rows))
-
-    def loss(self, x: FloatArray) -> tuple[float, FloatArray]:
-        """Negative log-density of all rows, with its slope."""
-        root = self._root(x)
-        if root is None:
-            return np.inf, np.zeros(len(x))
-        alpha = linalg.cho_solve((root, True), self.rows, check_finite=False)
-        lower = np.tril(linalg.lapack.dpotri(root, lower=1)[0])
-        inverse = lower + np.tril(lower, -1).T
-        value = 0.5 * float(self.rows @ alpha) + float(np.log(np.diag(root)).sum())
-        slope = [np.exp(2.0 * z) * (np.vdot(inverse, P) - alpha @ P @ alpha) for z, P in zip(x, self.parts, strict=True)]
-        unusual = (x - self._usual) / _SPREAD
-        return value + 0.5 * float(unusual @ unusual), np.array(slope) + unusual / _SPREAD
-
-    def likeliest(self, few: bool) -> FloatArray:
-        """The densities at the likeliest sizes; ``few``: after a few steps towards them."""
-        start = max(map(self._all, _STARTS), key=lambda x: float(np.sum(self.densities(x))))
-        options = {"maxiter": _FEW if few else _STEPS, "ftol": 1e-7}
-        found = optimize.minimize(self.loss, start, jac=True, method="L-BFGS-B", bounds=self._ranges, options=options)
-        return self.densities(found.x)
 
 
 @dataclass(frozen=True, eq=False)

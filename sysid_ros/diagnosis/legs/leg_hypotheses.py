@@ -23,7 +23,8 @@ _GRAVITY = 9.81
 @dataclass(frozen=True, eq=False)
 class ImuFault:
     """What an IMU shows in place of what it is said to show: ``turn`` takes it back, ``force`` times the specific force, with
-    ``shift`` added [m/s^2], ``rate`` times the angular velocity.
+    ``shift`` added [m/s^2]. ``gain`` is what the gyro shows of the angular velocity; it is asked of the legs and not undone: that
+    torques know less of a gyro's noise if it counts for less says nothing.
 
     Attributes:
         words: what it is. cure: what to do.
@@ -33,14 +34,14 @@ class ImuFault:
     cure: str
     turn: FloatArray
     force: float = 1.0
-    rate: float = 1.0
+    gain: float = 1.0
     shift: float = 0.0
 
     def undo(self, omega: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Of angular velocities or accelerations, and specific forces, shape (N, 3) each."""
         shifted = self.force * (force @ self.turn.T)
         shifted[:, 2] += self.shift
-        return self.rate * (omega @ self.turn.T), shifted
+        return omega @ self.turn.T, shifted
 
 
 Hypothesis = Fault | ImuFault
@@ -104,5 +105,5 @@ def _imu_faults() -> Iterator[tuple[str, ImuFault]]:
     yield "imu", ImuFault("the accelerometer has the other sign", f"{force} as it is at rest: +9.81 m/s^2 upward", same, -1.0)
     yield "imu", ImuFault("the accelerometer shows g and not m/s^2", f"{force} in m/s^2", same, _GRAVITY)
     yield "imu", ImuFault("the accelerometer shows no gravity", f"{force} with gravity", same, shift=_GRAVITY)
-    yield "imu", ImuFault("the gyro has the other sign", f"{rate} in the axes of the acceleration", same, rate=-1.0)
-    yield "imu", ImuFault("the gyro shows degrees", f"{rate} in rad/s", same, rate=float(np.pi / 180.0))
+    yield "imu", ImuFault("the gyro has the other sign", f"{rate} in the axes of the acceleration", same, gain=-1.0)
+    yield "imu", ImuFault("the gyro shows degrees", f"{rate} in rad/s", same, gain=float(180.0 / np.pi))

@@ -24,12 +24,12 @@ _FEWEST = 10
 """Fewest moments by which anything can be told."""
 
 
-def gyro_likelihood(base: FloatingBase, motion: SmoothMotion, pairs: Sequence[NDArray[np.bool_]], rate: float) -> float:
+def gyro_likelihood(base: FloatingBase, motion: SmoothMotion, pairs: Sequence[NDArray[np.bool_]], gain: float) -> float:
     """Log-likelihood of what gyro and joints show of feet that stand, up to a constant.
 
     Args:
-        motion: with the gyro as it is supposed to be, which is ``rate`` times what it shows. pairs: of each two feet whether both
-            stand, shape (N,) each, in the order of :func:`itertools.combinations`.
+        motion: what is shown. pairs: of each two feet whether both stand, shape (N,) each, in the order of
+            :func:`itertools.combinations`. gain: g.
     """
     moves = np.stack([_jacobians(base, q) for q in motion.q])
     parts, moments = [], int(np.any(pairs, axis=0).sum())
@@ -37,10 +37,10 @@ def gyro_likelihood(base: FloatingBase, motion: SmoothMotion, pairs: Sequence[ND
         return 0.0
     for (i, j), both in zip(combinations(range(moves.shape[1]), 2), pairs, strict=True):
         apart, v = (moves[:, i] - moves[:, j])[both], motion.v[both]
-        x = np.einsum("tij,tj->ti", apart[:, :, 3:FREE], v[:, 3:FREE]).ravel() / rate
+        x = np.einsum("tij,tj->ti", apart[:, :, 3:FREE], v[:, 3:FREE]).ravel()
         parts.append(np.stack([x, -np.einsum("tij,tj->ti", apart[:, :, FREE:], v[:, FREE:]).ravel()]))
     rows = np.concatenate(parts, axis=1)
-    return moments * _likelihood(rows @ rows.T / rows.shape[1] + 1e-12 * np.eye(2), 1.0 / rate)
+    return moments * _likelihood(rows @ rows.T / rows.shape[1] + 1e-12 * np.eye(2), gain)
 
 
 def pairs_that_stand(forces: FloatArray, least: float) -> list[NDArray[np.bool_]]:
