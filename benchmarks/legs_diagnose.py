@@ -1,10 +1,11 @@
-"""What ``sysid diagnose`` names of robots on legs: one hidden cause of fourteen kinds, two of them, or none.
+"""What ``sysid diagnose`` names of robots on legs: one hidden cause of sixteen kinds, two of them, or none.
 
 Each seed is a robot in MuJoCo whose links' masses are off by 2 %, with encoders that have steps and an IMU with a rate of its own
 and noise; it sways widely over its feet for some seconds. Every cause is then hidden in that one recording, or in what the
 description says of the robot: torques that rubbing, rotors, wrong gains, offsets and delays add, an IMU that is turned, sits
 elsewhere, is late or shows a bias, feet, links and a trunk that are described wrongly, and a body on the trunk that is not
-described. The motion is the same for each, so that causes are compared and not motions.
+described, and channels of legs under each other's names or of the other sign. The motion is the same for each, so that causes are
+compared and not motions.
 
 The peer in the same run, on the same rows: of all candidates the one that gains the most alone (BIC), as one would name a cause
 without sets, priors and held-out data; it never says that nothing is wrong where one gains anything.
@@ -207,10 +208,29 @@ def payload(robot: Robot, rng: np.random.Generator) -> tuple[Robot, tuple[str, s
     return robot.with_link(_base(robot).trunk, lambda pi: pi - body), ("payload", "")
 
 
+def swapped(robot: Robot, rng: np.random.Generator) -> tuple[Robot, tuple[str, str]]:
+    r, n = robot.recording, robot.v.shape[1]
+    assert r.v is not None
+    a, b = rng.choice(n // 3, 2, replace=False)
+    order = np.arange(n).reshape(-1, 3)
+    order[[a, b]] = order[[b, a]]
+    own = order.ravel()
+    shown = replace(r, q=r.q[:, own], v=r.v[:, own], tau=r.tau[:, own])
+    return replace(robot, recording=shown), ("joint_order", _base(robot).legs.joint_names[3 * a])
+
+
+def backwards(robot: Robot, rng: np.random.Generator) -> tuple[Robot, tuple[str, str]]:
+    r = robot.recording
+    assert r.v is not None
+    j, name = _joint(robot, rng)
+    sign = np.where(np.arange(robot.v.shape[1]) == j, -1.0, 1.0)
+    return replace(robot, recording=replace(r, q=sign * r.q, v=sign * r.v, tau=sign * r.tau)), ("joint_sign", name)
+
+
 KINDS: dict[str, Hide] = {
     "dry friction": dry, "viscous friction": viscous, "rotors": rotors, "gain": gain, "offset": offset,
     "late torque": late_torque, "IMU tilt": tilt, "IMU lever": lever, "late IMU": late_imu, "IMU bias": bias, "feet": feet,
-    "leg link": leg_link, "trunk com": trunk_com, "payload": payload,
+    "leg link": leg_link, "trunk com": trunk_com, "payload": payload, "swapped legs": swapped, "backwards": backwards,
 }  # fmt: skip
 
 
@@ -280,12 +300,16 @@ def trial(robot: Robot, seed: int, kinds: tuple[str, ...]) -> Trial:
     for kind in kinds:
         robot, hidden = KINDS[kind](robot, rng)
         truth.append(hidden)
-    judged, _, _, _ = judged_on_legs(_base(robot), [robot.recording])
+    base = _base(robot)
+    judged, _, _, channels = judged_on_legs(base, [robot.recording])
     told = [(f.id, f.joints, f.probability or 0.0) for f in report(judged).causes]
+    names = base.legs.joint_names
+    told += [(f.effect.id, tuple(names[j] for j in f.joints), f.probability or 0.0) for f in channels.faults]
     peer = likeliest_alone(judged)
 
     def right(found: Told, alone: bool = False) -> bool:
         here = [where for name, where in truth if name == found[0]]
+        alone = alone and found[0] != "joint_order"  # of two legs
         return any(not where or (found[1] == (where,) if alone else where in found[1]) for where in here)
 
     named = [any(f[0] == name and (not where or where in f[1]) for f in told) for name, where in truth]

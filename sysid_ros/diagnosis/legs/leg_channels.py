@@ -227,5 +227,5 @@ def _in_words(base: FloatingBase, named: Sequence[tuple[Hypothesis, float]]) -> 
         cures.append(cure)
     return (
         f"By the torques of the legs, their joints and the IMU the channels are not what they are named: {'; or '.join(parts)}. "
-        f"Nothing else can be told beside it. {'; or '.join(dict.fromkeys(cures))}."
+        f"Nothing else can be told beside it. Cure: {'; or '.join(dict.fromkeys(cures))}."
     )
