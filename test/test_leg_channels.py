@@ -10,7 +10,7 @@ import pytest
 from sysid_ros.diagnosis.channel_faults import Fault
 from sysid_ros.diagnosis.legs.leg_channels import Channelled, LegChannels, channels_on_legs
 from sysid_ros.diagnosis.legs.leg_hypotheses import ImuFault, hypotheses
-from sysid_ros.diagnosis.legs.leg_instants import Instants, middles
+from sysid_ros.diagnosis.legs.leg_instants import Instants, _usable, middles
 from sysid_ros.diagnosis.legs.leg_kinematics import _jacobians, _likelihood, feet_push
 from sysid_ros.diagnosis.legs.on_legs import diagnose_on_legs
 from sysid_ros.effects import Channels
@@ -19,6 +19,7 @@ from sysid_ros.floating.feet_along import FeetAlong
 from sysid_ros.identification.channel_checks import check_legs
 from sysid_ros.sample import FREE, FloatArray
 from sysid_ros.signals.recording import Recording
+from sysid_ros.signals.zero_phase import SmoothMotion
 
 pytest.importorskip("pybullet_data", reason="PyBullet, which brings the quadruped, is not installed (extra sim)")
 
@@ -104,6 +105,17 @@ def test_delays_are_those_of_the_samples() -> None:
     ahead = middle.v[:, 3:FREE] + 0.02 * middle.a[:, 3:FREE]
     np.testing.assert_allclose(middles(late.motion).v[:, 3:FREE], ahead, atol=0.05)
     assert np.abs(middles(late.motion).v[:, 3:FREE] - middle.v[:, 3:FREE]).max() > 0.02
+
+
+def test_stretches_that_are_too_short_for_a_delay_are_left_out() -> None:
+    motion = moments(recording(3))[0].motion  # its samples stand for a stretch
+    short = SmoothMotion(*(getattr(motion, name)[:9] for name in ("t", "q", "v", "a", "tau", "spoiled")))
+    assert not len(_usable(short, 7))
+    assert _usable(short, 4).tolist() == [4]
+    assert _usable(short, 2).tolist() == [2, 3, 4, 5, 6]
+    spoiled = short.spoiled.copy()
+    spoiled[0, 3] = 10.0
+    assert _usable(replace(short, spoiled=spoiled), 2).tolist() == [3, 4, 5, 6]
 
 
 def test_a_gyro_in_degrees_is_told_by_the_legs_and_a_still_one_is_not() -> None:

@@ -1,6 +1,5 @@
 """How likely faults of the channels make what a robot on legs publishes.
 
-
 Each hypothesis makes the torques of a few instants likely to some degree. The feet carry the robot by any torques whose forces
 add up to its weight and its motion, so that six of the n values of an instant say something, ``A tau = b`` with the rows of
 :class:`.FeetAlong`; and errors of torques are what makes them wrong::
@@ -49,8 +48,8 @@ _BEST = 4
 _MOST = 6
 """Most faults that are undone, one on another."""
 _LINKS, _DRIVES, _GAIN, _DELAY = 5.0, 3.0, 0.1, 0.01
-"""How many times further than those of a usual robot links and drives are off where that is 1; parts by which gains are, and
-delays [s]."""
+"""How many times further than those of a usual robot links and drives are off where their size is 1; parts by which gains are off
+there, and delays [s]."""
 _NOISE, _DISCREPANCY, _OFF, _OFF_DRIVES = (
     np.log([low, high]) for low, high in ((0.05, 2.0), (1e-3, 2.0), (0.01, 3.0), (0.01, 30.0))
 )

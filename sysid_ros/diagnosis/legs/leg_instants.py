@@ -116,7 +116,9 @@ def middles(motion: SmoothMotion) -> SmoothMotion:
 
 
 def _usable(motion: SmoothMotion, beside: int) -> NDArray[np.intp]:
-    """Samples that may be used with so many on either side of them."""
+    """Samples that may be used with so many on either side of them; none of a stretch that is shorter."""
+    if len(motion.t) <= 2 * beside:
+        return np.zeros(0, dtype=np.intp)
     spoiled = np.any(motion.spoiled > 1.0, axis=1).astype(float)
     near = np.convolve(spoiled, np.ones(2 * beside + 1), mode="valid")
     return np.flatnonzero(near == 0.0) + beside

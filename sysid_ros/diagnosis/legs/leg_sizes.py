@@ -14,6 +14,7 @@ from sysid_ros.sample import FloatArray
 _USUAL, _SPREAD = np.log([0.05, np.exp(LEAVES), 0.3]), np.log(3.0)
 """Logarithms before any data of noise s, discrepancy kappa and how inexact each thing is: means, and their standard deviation."""
 _STARTS = [np.log(x) for x in product((0.05, 0.1, 0.3), (0.005, 0.05, 0.5), (0.05, 0.3, 2.0))]
+"""Where a search may start: the same for each thing that is inexact."""
 _STEPS, _FEW = 30, 6
 """Most steps of a search, and of a rough one."""
 _LEAST = 1e-6
