@@ -89,7 +89,7 @@ def test_an_undone_imu_shows_what_it_is_said_to(words: str) -> None:
 
 def test_undone_joints_are_those_of_the_robot() -> None:
     run = recording(3)
-    of_legs = (h for kind, h in hypotheses(BASE) if kind == "order False")
+    of_legs = (h for kind, h in hypotheses(BASE) if kind == "order")
     fault = next(h for h in of_legs if isinstance(h, Fault) and h.joints == (*FIRST, *SECOND))
     (told,), (truth,) = moments(swapped(run)), moments(run)
     for name in ("q", "v", "a", "tau"):

@@ -9,7 +9,7 @@ from itertools import accumulate, pairwise
 import numpy as np
 
 from sysid_ros.diagnosis.fit import Fit
-from sysid_ros.effects import EFFECTS, Depends, Effect, Scope
+from sysid_ros.effects import EFFECTS, TRUNK_EFFECTS, Depends, Effect, Scope
 from sysid_ros.exceptions import DataError
 from sysid_ros.floating.feet_along import STANDS
 from sysid_ros.floating.floating_base import FloatingBase
@@ -82,6 +82,13 @@ def leg_model(base: FloatingBase, shown: ShownGravity | None) -> TorqueModel:
     legs = base.legs.joint_names
     more = [x(base.robot, legs) for x in EFFECTS.values() if x.on_legs and x not in kinds and not x.carried]
     return TorqueModel(base.robot, [*usual, *more])
+
+
+def carried_on_legs(base: FloatingBase) -> list[Effect]:
+    """What a robot may carry, an effect each."""
+    every = {**EFFECTS, **TRUNK_EFFECTS}.values()
+    settings = base.trunk, base.contact_frames
+    return [x.from_settings(base.robot, [], x.settings_on_legs(*settings)) for x in every if x.on_legs and x.carried]
 
 
 def corrections(

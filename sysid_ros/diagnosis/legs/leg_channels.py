@@ -1,4 +1,4 @@
-"""How likely faults of the channels make what a robot on legs publishes.
+"""channels_on_legs: which channels of a robot on legs are not what they are named, by how likely that makes what it publishes.
 
 Each hypothesis makes the torques of a few instants likely to some degree. The feet carry the robot by any torques whose forces
 add up to its weight and its motion, so that six of the n values of an instant say something, ``A tau = b`` with the rows of
@@ -21,14 +21,14 @@ import numpy as np
 
 from sysid_ros.diagnosis.channel_faults import FAULT, Fault
 from sysid_ros.diagnosis.evidence import Evidence
-from sysid_ros.diagnosis.legs.corrected import leg_model
+from sysid_ros.diagnosis.legs.corrected import carried_on_legs, leg_model
 from sysid_ros.diagnosis.legs.leg_hypotheses import Hypothesis, ImuFault, hypotheses
 from sysid_ros.diagnosis.legs.leg_instants import Instants, middles
 from sysid_ros.diagnosis.legs.leg_kinematics import feet_push, gyro_likelihood, pairs_that_stand
 from sysid_ros.diagnosis.legs.leg_sizes import Sizes
 from sysid_ros.diagnosis.prepare import inexact_links
 from sysid_ros.diagnosis.whose.robot_likelihood import probabilities
-from sysid_ros.effects import EFFECTS, TRUNK_EFFECTS, Depends, Motion
+from sysid_ros.effects import Depends, Effect, Motion
 from sysid_ros.effects.wording import of_joints
 from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.floating.feet_along import FeetAlong, balanced
@@ -87,32 +87,26 @@ class LegChannels:
     def __init__(self, base: FloatingBase) -> None:
         self.base = base
         self._torque = standing_torque(base.mass)
-        carried = [
-            kind.from_settings(base.robot, [], kind.settings_on_legs(base.trunk, base.contact_frames))
-            for kind in {**EFFECTS, **TRUNK_EFFECTS}.values()
-            if kind.on_legs and kind.carried
-        ]
-        self._model = TorqueModel(base.robot, [*leg_model(base, None).free, *carried])
+        self._model = TorqueModel(base.robot, [*leg_model(base, None).free, *carried_on_legs(base)])
         prior, links = Prior.of(self._model, base), inexact_links(base.robot, floats=True)
-        std = np.where(prior.is_link, 0.0, _DRIVES * prior.std)
+        self._std = np.where(prior.is_link, 0.0, _DRIVES * prior.std)
         self._links, self._carried = np.zeros((self._model.p, links.basis.shape[1])), np.zeros(self._model.p, dtype=bool)
+        self._each, self._ranges = list[tuple[Effect, slice]](), [_NOISE, _DISCREPANCY, _OFF]
         for effect, where in zip(self._model.free, self._model.slices, strict=True):
+            follows_torque = Depends.DRIVE in effect.depends_on
             if effect.replaces_links:
                 own = np.concatenate([np.arange(10 * j, 10 * j + 10) for j in effect.joints])
                 self._links[where] = _LINKS * links.basis[own] * links.std
-            elif Depends.DRIVE in effect.depends_on:
-                std[where] = _GAIN if effect.of_own_torque else _DELAY
-            elif effect.carried:
-                std[where] = effect.prior_std() * _CARRIED * base.mass / effect.prior_std()[0]
+                continue
+            if effect.carried:
+                self._std[where] = effect.prior_std() * _CARRIED * base.mass / effect.prior_std()[0]
                 self._carried[where] = True
-        self._std = std
-        self._ranges = [_NOISE, _DISCREPANCY, _OFF]
-        self._each = list[slice]()
-        for effect, where in zip(self._model.free, self._model.slices, strict=True):
-            if not (effect.replaces_links or effect.carried):
-                self._each.append(where)
-                of_drive = effect.of_setup(TrunkSetup()) is None and Depends.DRIVE not in effect.depends_on
-                self._ranges.append(_OFF_DRIVES if of_drive else _OFF)
+                continue
+            if follows_torque:
+                self._std[where] = _GAIN if effect.of_own_torque else _DELAY
+            of_sensor = effect.of_setup(TrunkSetup()) is not None
+            self._each.append((effect, where))
+            self._ranges.append(_OFF if follows_torque or of_sensor else _OFF_DRIVES)
 
     def densities(self, instants: Instants, few: bool = False) -> FloatArray:
         """Log-density of each published row given those before it, shape (6 N,), with the likeliest sizes of noise, discrepancy
@@ -146,7 +140,7 @@ class LegChannels:
         stands = np.maximum(1.0 - np.abs(motion.v[:, FREE:]) / TOL.slow, 0.0)
         stuck = levers * np.repeat(_DRIVES * DRY * self._torque * stands, FREE, axis=0)
         parts = [u**2 * np.eye(len(white)), u**2 * (levers @ levers.T) * alike, links @ links.T]
-        for effect, where in zip((e for e in self._model.free if not (e.replaces_links or e.carried)), self._each, strict=True):
+        for effect, where in self._each:
             own = columns[:, where] @ columns[:, where].T
             if effect.jumps:
                 rubs = columns[:, where], len(parts)

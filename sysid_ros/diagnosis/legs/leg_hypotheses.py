@@ -58,7 +58,10 @@ def hypotheses(base: FloatingBase) -> Iterator[tuple[str, Hypothesis]]:
         moved = [j for j in range(n) if source[j] != j]
         values = tuple(("takes_from", j, names[source[j]], "") for j in moved)
         for efforts_only in (True, False):
-            yield f"order {efforts_only}", Fault(JointOrder(list(source), efforts_only), tuple(moved), values)
+            yield (
+                "order of efforts" if efforts_only else "order",
+                Fault(JointOrder(list(source), efforts_only), tuple(moved), values),
+            )
     yield "signs", all_signs(n)
     yield from faults_of_units(n)
     yield from _imu_faults()

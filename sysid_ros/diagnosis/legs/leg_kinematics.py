@@ -56,7 +56,7 @@ def feet_push(base: FloatingBase, motion: SmoothMotion, forces: FloatArray) -> b
 
 
 def _jacobians(base: FloatingBase, q: FloatArray) -> FloatArray:
-    """Of the feet, shape (k, 3, n)."""
+    """Of the feet, shape (k, 3, n), also of those that lie beside the frame that carries them."""
     points, moves = base.contacts.origins(q)
     turning = np.cross(moves[3:].T[None], points[:, None, :]).swapaxes(1, 2)
     return np.asarray((moves[:3] + turning) * base.contacts.carriers[:, None, :])

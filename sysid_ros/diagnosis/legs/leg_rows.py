@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from sysid_ros.diagnosis.band import CUTOFF, Band
 from sysid_ros.diagnosis.fit import Problem
-from sysid_ros.diagnosis.legs.corrected import Corrected, bags_of, leg_model, places_of
+from sysid_ros.diagnosis.legs.corrected import Corrected, bags_of, carried_on_legs, leg_model, places_of
 from sysid_ros.diagnosis.legs.leg_mixing import mixing
 from sysid_ros.diagnosis.legs.leg_noise import Gait, NoiseOfEach
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared, inexact_links
 from sysid_ros.diagnosis.sets.set_prior import Places
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects import EFFECTS, TRUNK_EFFECTS, Effect, Motion, Scope
+from sysid_ros.effects import Effect, Motion, Scope
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.floating.leg_priors import standing_torque
 from sysid_ros.identification.channel_checks import CheckedRecording
@@ -185,13 +185,8 @@ def leg_libraries(
     Raises:
         DataError: a recording is too short, or has no IMU.
     """
-    carried = [
-        kind.from_settings(base.robot, [], kind.settings_on_legs(base.trunk, base.contact_frames))
-        for kind in {**EFFECTS, **TRUNK_EFFECTS}.values()
-        if kind.on_legs and kind.carried
-    ]
     usual = leg_model(base, shown)
-    model = TorqueModel(base.robot, [*usual.free, *carried])
+    model = TorqueModel(base.robot, [*usual.free, *carried_on_legs(base)])
     bags = [bags_of(base, x, cutoff_hz, by, model) for x in recordings]
     mixed = mixing(base, usual, bags[0], bags[1])
     first, second = (LegLibrary(base, own, model, by_name, shown) for own, by_name in zip(bags, mixed, strict=True))
