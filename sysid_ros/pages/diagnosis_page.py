@@ -204,7 +204,8 @@ def _values(p: Parameter) -> tuple[str, list[str]]:
         list(zip(p.value, p.low, p.high, strict=True)) if isinstance(p.value, list) else [(p.value, p.low, p.high)]
     )
     unit = "" if p.unit == "1" else f" {p.unit}"
-    return f"{', '.join(_number(v) for v, _, _ in values)}{unit}", [f"{_number(a)} to {_number(b)}" for _, a, b in values]
+    intervals = ["–" if a is None and b is None else f"{_number(a)} to {_number(b)}" for _, a, b in values]
+    return f"{', '.join(_number(v) for v, _, _ in values)}{unit}", intervals
 
 
 def _number(value: object) -> str:
