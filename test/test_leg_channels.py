@@ -11,7 +11,7 @@ from sysid_ros.diagnosis.channel_faults import Fault
 from sysid_ros.diagnosis.legs.leg_channels import Channelled, LegChannels, channels_on_legs
 from sysid_ros.diagnosis.legs.leg_hypotheses import ImuFault, hypotheses
 from sysid_ros.diagnosis.legs.leg_instants import Instants, _usable, middles
-from sysid_ros.diagnosis.legs.leg_kinematics import _jacobians, _likelihood, feet_push
+from sysid_ros.diagnosis.legs.leg_kinematics import _jacobians, _likelihood, feet_push, gravity_likelihood
 from sysid_ros.diagnosis.legs.on_legs import diagnose_on_legs
 from sysid_ros.effects import Channels
 from sysid_ros.exceptions import DataError
@@ -150,6 +150,32 @@ def test_feet_push_and_do_not_pull() -> None:
     assert not feet_push(BASE, motion, -feet.forces)
 
 
+def test_feet_that_stand_are_those_of_the_legs_whatever_the_gyro_shows() -> None:
+    (truth,) = moments(recording(3))
+    m = truth.motion
+    v, a = m.v.copy(), m.a.copy()
+    v[:, 3:FREE] *= 180.0 / np.pi
+    a[:, 3:FREE] *= 180.0 / np.pi
+    likelihoods = LegChannels(BASE)
+    own, other = (likelihoods.standing(x).pairs for x in (truth, replace(truth, motion=replace(m, v=v, a=a))))
+    np.testing.assert_array_equal(own, other)
+    assert 0.3 < np.mean(own) < 1.0
+
+
+@pytest.mark.parametrize("shaking", [0.05, 3.0])
+def test_a_specific_force_is_of_gravity_s_size_in_the_mean(shaking: float) -> None:
+    force = np.array([0.2, 0.0, 9.81]) + shaking * np.random.default_rng(2).normal(size=(400, 3))
+    gravity = np.array([0.0, 0.0, 9.81])
+    shown = {"right": force, "g": force / 9.81, "none": force - gravity}
+    for name, x in shown.items():
+        likely = {
+            "right": gravity_likelihood(x, 1.0),
+            "g": gravity_likelihood(9.81 * x, 9.81),
+            "none": gravity_likelihood(x + gravity, 1.0),
+        }
+        assert max(likely, key=likely.__getitem__) == name
+
+
 def test_efforts_in_another_unit_are_likelier_with_it_undone_and_others_are_not() -> None:
     (truth,) = moments(noisy(recording(4), 4))
     unit = next(h for kind, h in hypotheses(BASE) if kind == "unit" and isinstance(h, Fault) and h.values[0][2] == 100.0)
@@ -190,11 +216,12 @@ def test_a_joint_that_counts_backwards_is_named() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("words", ["+y, -x, +z", "g and not"])
+@pytest.mark.parametrize("words", ["+y, -x, +z", "g and not", "no gravity"])
 def test_an_imu_that_shows_something_else_is_refused_by_name(words: str) -> None:
     run, fault = noisy(recording(8), 8), named(words)
     assert run.trunk is not None
-    other = with_imu(run, fault.gain * run.trunk.omega @ fault.turn, run.trunk.force @ fault.turn / fault.force)
+    force = (run.trunk.force @ fault.turn - [0.0, 0.0, fault.shift]) / fault.force
+    other = with_imu(run, fault.gain * run.trunk.omega @ fault.turn, force)
     with pytest.raises(DataError) as refused:
         diagnose_on_legs(BASE, [other])
     assert words in str(refused.value)

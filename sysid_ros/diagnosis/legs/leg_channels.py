@@ -24,7 +24,7 @@ from sysid_ros.diagnosis.evidence import Evidence
 from sysid_ros.diagnosis.legs.corrected import carried_on_legs, leg_model
 from sysid_ros.diagnosis.legs.leg_hypotheses import Hypothesis, ImuFault, hypotheses
 from sysid_ros.diagnosis.legs.leg_instants import Instants, middles
-from sysid_ros.diagnosis.legs.leg_kinematics import feet_push, gyro_likelihood, pairs_that_stand
+from sysid_ros.diagnosis.legs.leg_kinematics import feet_push, gravity_likelihood, gyro_likelihood, pairs_that_stand
 from sysid_ros.diagnosis.legs.leg_sizes import Sizes
 from sysid_ros.diagnosis.prepare import inexact_links
 from sysid_ros.diagnosis.whose.robot_likelihood import probabilities
@@ -147,13 +147,17 @@ class LegChannels:
                 own += (stuck @ stuck.T) * alike
             parts.append(own)
         also = gyro_likelihood(self.base, motion, instants.pairs, instants.gain)
+        also += gravity_likelihood(instants.motion.a[1::3, :3], instants.force)
         also += 0.0 if feet_push(self.base, motion, feet.forces) else _PULLS
         scale = float(np.log(instants.scale)) + also / len(white)
         return Sizes(white[:, 0], np.asarray(body @ body.T), parts, self._ranges, scale, rubs)
 
     def standing(self, instants: Instants) -> Instants:
-        """With which feet stand in each moment."""
-        feet = FeetAlong.of(self.base, middles(instants.at_trunk), 0.0)
+        """With which feet stand in each moment: by the legs alone, since the gyro may show anything."""
+        motion = middles(instants.motion)
+        v, a = motion.v.copy(), motion.a.copy()
+        v[:, 3:FREE] = a[:, 3:FREE] = 0.0
+        feet = FeetAlong.of(self.base, replace(motion, v=v, a=a), 0.0)
         return replace(instants, pairs=tuple(pairs_that_stand(feet.forces, _STAND * self.base.mass * 9.81)))
 
 

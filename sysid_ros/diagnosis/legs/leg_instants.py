@@ -27,6 +27,7 @@ class Instants:
         motion: of the whole robot, the trunk at its IMU; of each moment three samples, by which values change there.
         place: of the IMU, shape (3,) [m]. run: of which stretch each moment is, shape (N,).
         scale: what the torques are of the published ones. gain: what the gyro shows of the angular velocity.
+        force: what the specific force is of the published one.
         pairs: of each two feet whether both stand, shape (N,) each.
     """
 
@@ -35,6 +36,7 @@ class Instants:
     run: NDArray[np.intp]
     scale: float = 1.0
     gain: float = 1.0
+    force: float = 1.0
     pairs: tuple[NDArray[np.bool_], ...] = ()
 
     @classmethod
@@ -80,19 +82,19 @@ class Instants:
         """The same without a fault."""
         m, legs = self.motion, slice(FREE, None)
         q, v, a, tau, scale = np.array(m.q), np.array(m.v), np.array(m.a), np.array(m.tau), self.scale
-        gain = self.gain
+        gain, force = self.gain, self.force
         if isinstance(fault, ImuFault):
             v[:, 3:FREE], a[:, :3] = fault.undo(m.v[:, 3:FREE], m.a[:, :3])
             angular = fault.undo(_turned(m.a[:, 3:FREE], m.v[:, 3:FREE], 1.0), m.a[:, :3])[0]
             a[:, 3:FREE] = _turned(angular, v[:, 3:FREE], -1.0)
-            gain *= fault.gain
+            gain, force = gain * fault.gain, force * fault.force
         else:
             channels = fault.effect.undo(Channels(m.q[:, legs], m.v[:, legs], m.tau[:, legs]))
             assert channels.v is not None
             q[:, legs], v[:, legs], tau[:, legs] = channels.q, channels.v, channels.tau
             a[:, legs] = fault.effect.undo(Channels(m.a[:, legs], m.a[:, legs], m.tau[:, legs])).q
             scale /= float(np.exp(np.mean(np.log(np.abs(fault.effect.publish(np.ones((1, tau.shape[1] - FREE))))))))
-        return replace(self, motion=replace(m, q=q, v=v, a=a, tau=tau), scale=scale, gain=gain)
+        return replace(self, motion=replace(m, q=q, v=v, a=a, tau=tau), scale=scale, gain=gain, force=force)
 
     def every(self, step: int) -> Instants:
         """Each of so many."""

@@ -1,4 +1,5 @@
-"""What the legs say without any dynamics: feet that stand keep their distances and do not pull.
+"""What legs and IMU say without any dynamics: feet that stand keep their distances and do not pull, and a robot that stays where
+it is feels its weight in the mean.
 
 Of two feet that stand, d apart in the axes of the trunk, the joints say ``y = -dJ q'`` and the gyro ``x = w x d``. Both have
 errors::
@@ -22,6 +23,8 @@ from sysid_ros.signals.zero_phase import SmoothMotion
 
 _FEWEST = 10
 """Fewest moments by which anything can be told."""
+_GRAVITY, _SCALE_ERROR = 9.81, 0.03
+"""What an accelerometer shows at rest [m/s^2], and by which part it is off, supposed."""
 
 
 def gyro_likelihood(base: FloatingBase, motion: SmoothMotion, pairs: Sequence[NDArray[np.bool_]], gain: float) -> float:
@@ -41,6 +44,18 @@ def gyro_likelihood(base: FloatingBase, motion: SmoothMotion, pairs: Sequence[ND
         parts.append(np.stack([x, -np.einsum("tij,tj->ti", apart[:, :, FREE:], v[:, FREE:]).ravel()]))
     rows = np.concatenate(parts, axis=1)
     return moments * _likelihood(rows @ rows.T / rows.shape[1] + 1e-12 * np.eye(2), gain)
+
+
+def gravity_likelihood(forces: FloatArray, scale: float) -> float:
+    """Log-likelihood of how large the specific force is in the mean: as gravity is, give or take what shakes across it, whose
+    mean square over twice gravity is at most that of all that shakes.
+
+    Args:
+        forces: specific force, shape (N, 3) [m/s^2]. scale: what it is of the published one.
+    """
+    std = _SCALE_ERROR * _GRAVITY + float(np.sum(np.var(forces, axis=0))) / (2.0 * _GRAVITY)
+    off = (float(np.mean(np.linalg.norm(forces, axis=1))) - _GRAVITY) / std
+    return float(np.log(abs(scale) / std)) - 0.5 * off**2
 
 
 def pairs_that_stand(forces: FloatArray, least: float) -> list[NDArray[np.bool_]]:
