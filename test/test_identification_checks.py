@@ -10,9 +10,11 @@ import pytest
 from arm_recordings import START, hidden_parameters, recorded
 from robots import robot, urdf
 
+from sysid_ros.diagnosis.diagnose import _in_order
+from sysid_ros.diagnosis.fault_findings import message_finding
 from sysid_ros.exceptions import DataError, SettingsError
 from sysid_ros.identification import BagRows, Choices, Recording, collect_rows, free_model, identify_recordings
-from sysid_ros.identification.channel_checks import CheckedRecording, check_channels
+from sysid_ros.identification.channel_checks import CheckedRecording, check_channels, frozen_messages
 from sysid_ros.identification.held_out import Prior
 from sysid_ros.identification.plausibility import check_plausible
 from sysid_ros.identification.spectrum import choose_cutoff
@@ -74,6 +76,35 @@ def test_a_frozen_effort_is_named_and_left_out(sound: Recording) -> None:
     during = (rows.t > START + 4.0) & (rows.t < START + 6.0)
     assert not rows.moving[during, 3].any()
     assert rows.moving[~during, 3].mean() > 0.5
+
+
+def test_messages_of_a_frozen_joint_are_found_and_those_of_a_limited_one_are_not(sound: Recording) -> None:
+    effort, q, v = changed(sound, 3, slice(1000, 1500), 7.25), sound.q.copy(), np.gradient(sound.q, sound.t, axis=0)
+    fast = 2000 + int(np.argmax(np.abs(v[2000:3000, 1])))
+    q[fast : fast + 200, 1] = q[fast, 1]
+    frozen, words = frozen_messages(MODEL, replace(effort, q=q, v=v))
+    assert np.array_equal(np.flatnonzero(frozen), [*range(1000, 1500), *range(fast, fast + 200)])
+    assert [JOINTS[3] in words[1], JOINTS[1] in words[0]] == [True, True]
+    assert all("These messages are not used" in x for x in words)
+    limit = float(np.quantile(np.abs(sound.tau[:, 1]), 0.6))
+    limited = replace(sound, tau=np.clip(sound.tau, -limit, limit))
+    assert "saturated_effort" in {p.kind for p in check_channels(MODEL, limited, 0.1).problems}
+    assert not frozen_messages(MODEL, limited)[0].any()
+    assert not frozen_messages(MODEL, sound)[0].any()
+
+
+def test_a_diagnosis_leaves_out_messages_of_a_frozen_joint_before_it_looks_for_spikes(sound: Recording) -> None:
+    frozen = changed(sound, 3, slice(1000, 1500), 7.25)
+    ((kept,),), ((faults,),), notes, refusal = _in_order(MODEL, [frozen])
+    assert refusal is None
+    assert len(kept.t) == len(sound.t) - 500
+    assert (faults.frozen, faults.spiked) == (500, 0)
+    assert f"effort of {JOINTS[3]} stays at 7.25" in notes[-1]
+    (finding,) = message_finding([faults], JOINTS)
+    (share,) = finding.parameters
+    assert (share.name, share.value) == ("frozen", 500 / len(sound.t))
+    whole = changed(sound, 3, slice(0, 4000), float(np.median(sound.tau[4000:, 3])))
+    assert f"effort of {JOINTS[3]} is constant" in (_in_order(MODEL, [whole])[3] or "")
 
 
 def test_a_constant_effort_is_refused(sound: Recording) -> None:

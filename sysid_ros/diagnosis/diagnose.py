@@ -8,6 +8,8 @@ from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from sysid_ros.diagnosis.channel_faults import Fault, fault_evidence, mount_evidence, undone
 from sysid_ros.diagnosis.claims import Judged
 from sysid_ros.diagnosis.contacts import Contact, contacts_held_out, contacts_in, without
@@ -29,6 +31,7 @@ from sysid_ros.diagnosis.whose.robot_hypotheses import judge
 from sysid_ros.diagnosis.whose.told_mount import with_mount
 from sysid_ros.estimators.one_thread import on_one_thread
 from sysid_ros.exceptions import DataError
+from sysid_ros.identification.channel_checks import frozen_messages
 from sysid_ros.input_gate.message_faults import MessageFaults, despiked, in_order
 from sysid_ros.input_gate.recording_check import broken, only_places, refusal_of
 from sysid_ros.robot.robot_model import RobotModel
@@ -233,6 +236,21 @@ def _in_order(
     ordered = [[in_order(r) for r in group] for group in groups]
     # before spikes are gone: a count of few bits has some where it wraps
     refusal = refusal_of(robot, *([r for r, _ in group] for group in ordered))
+    thawed: list[str] = []
+    if not refusal:  # before spikes are gone, too: what stands has no noise, which others were judged by
+        try:
+            ordered = [[_thawed(robot, *x, thawed) for x in group] for group in ordered]
+        except DataError as error:
+            refusal = str(error)
     found = [[despiked(*x) for x in group] for group in ordered]
-    notes = (*only_places(robot), *(f"{r.name}: {words}" for r, f in chain(*found) if (words := f.in_words())))
-    return [[r for r, _ in group] for group in found], [[f for _, f in group] for group in found], notes, refusal
+    notes = [*only_places(robot), *(f"{r.name}: {words}" for r, f in chain(*found) if (words := f.in_words())), *thawed]
+    return [[r for r, _ in group] for group in found], [[f for _, f in group] for group in found], tuple(notes), refusal
+
+
+def _thawed(robot: RobotModel, recording: Recording, faults: MessageFaults, notes: list[str]) -> tuple[Recording, MessageFaults]:
+    """A recording without messages in which a channel of one joint is frozen, which are noted and counted among the faults."""
+    frozen, words = frozen_messages(robot, recording)
+    if not frozen.any():
+        return recording, faults
+    notes += [f"{recording.name}: {x}" for x in words]
+    return recording.at(np.flatnonzero(~frozen)), replace(faults, frozen=faults.frozen + int(np.sum(frozen)))

@@ -206,8 +206,8 @@ def message_finding(found: Sequence[MessageFaults], joints: Sequence[str]) -> li
     remarks = []
     if any(p.name != "spiked" for p in values):
         remarks.append(
-            "They were put in the order of their stamps, and those that repeat another, are late, hold nothing but zeros or have "
-            "frozen efforts were left out before anything else. Correct the driver; two publishers on one topic look alike."
+            "They were put in the order of their stamps, and those that repeat another, are late, hold nothing but zeros or a "
+            "frozen channel were left out before anything else. Correct the driver; two publishers on one topic look alike."
         )
     if any(f.polled for f in found):
         remarks.append("A driver that polls a slower source should publish when a sample comes, with the sample's own stamp.")

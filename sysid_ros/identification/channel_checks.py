@@ -68,6 +68,26 @@ def check_channels(robot: RobotModel, recording: Recording, max_gap: float) -> C
     return CheckedRecording(recording, tuple(problems), spoiled)
 
 
+def frozen_messages(robot: RobotModel, recording: Recording) -> tuple[BoolArray, tuple[str, ...]]:
+    """Messages in which an effort or a position of a joint stays what it was while the joint moves, shape (N,), and what stands
+    in words. An effort that its drive limits is none of these.
+
+    Raises:
+        DataError: as :func:`check_channels`.
+    """
+    limited: BoolArray = np.zeros(recording.tau.shape, dtype=np.bool_)
+    found = list[Problem]()
+    if not recording.period:
+        return np.any(limited, axis=1), ()
+    for j, joint in enumerate(robot.joint_names):
+        _saturated(recording, j, joint, limited)
+    frozen = limited.copy()
+    for j, joint in enumerate(robot.joint_names):
+        found += _frozen_effort(recording, j, joint, frozen, "These messages are not used")
+        found += _frozen_position(recording, j, joint, frozen, "These messages are not used")
+    return np.any(frozen & ~limited, axis=1), tuple(problem.text for problem in found)
+
+
 def _gaps(recording: Recording, max_gap: float) -> list[Problem]:
     steps = np.diff(recording.t)
     back, gaps = int(np.sum(steps <= 0.0)), steps[steps > max_gap]
@@ -89,7 +109,8 @@ def _runs(values: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return starts, np.diff(np.concatenate([starts, [len(values)]]))
 
 
-def _frozen_effort(recording: Recording, j: int, joint: str, spoiled: BoolArray) -> list[Problem]:
+def _frozen_effort(recording: Recording, j: int, joint: str, spoiled: BoolArray, rows: str = "") -> list[Problem]:
+    """The effort repeats while the joint moves; ``rows``: what becomes of these, in words."""
     period, tau, q = recording.period, recording.tau[:, j], recording.q[:, j]
     starts, lengths = _runs(tau)
     usual = float(np.median(np.repeat(lengths, lengths))) if len(lengths) > 4 else 1.0
@@ -113,7 +134,7 @@ def _frozen_effort(recording: Recording, j: int, joint: str, spoiled: BoolArray)
         )
     text = (
         f"The effort of {joint} stays at {value:g} while the joint moves, {total * period:.1f} s in all, "
-        f"{longest[0] * period:.1f} s from {since:.1f} s on. These rows of {joint} are not used; check its driver."
+        f"{longest[0] * period:.1f} s from {since:.1f} s on. {rows or f'These rows of {joint} are not used'}; check its driver."
     )
     return [Problem(recording.name, joint, "frozen_effort", text)]
 
@@ -126,8 +147,10 @@ def _moving_samples(q: FloatArray, t: FloatArray) -> int:
     return max(sum(len(p) for p in parts if np.ptp(p) > TOL.moved), 1)
 
 
-def _frozen_position(recording: Recording, j: int, joint: str, spoiled: BoolArray) -> list[Problem]:
-    """The position repeats while the message's velocity says that the joint moves."""
+def _frozen_position(
+    recording: Recording, j: int, joint: str, spoiled: BoolArray, rows: str = "These rows are not used on any joint"
+) -> list[Problem]:
+    """The position repeats while the message's velocity says that the joint moves; ``rows``: what becomes of these, in words."""
     if recording.v is None:
         return []
     v, q, period = recording.v[:, j], recording.q[:, j], recording.period
@@ -144,7 +167,7 @@ def _frozen_position(recording: Recording, j: int, joint: str, spoiled: BoolArra
         return []
     text = (
         f"The position of {joint} does not change for {total * period:.1f} s, first at {since:.1f} s, while its velocity says "
-        "that it moves. These rows are not used on any joint; check its encoder."
+        f"that it moves. {rows}; check its encoder."
     )
     return [Problem(recording.name, joint, "frozen_position", text)]
 

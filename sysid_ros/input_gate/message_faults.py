@@ -52,7 +52,7 @@ class MessageFaults:
         repeated: messages with the stamp, or all of the values, of the one before. dropped: messages that are missing.
         late: messages whose values belong to another time than their stamp. delay: largest of these differences [s].
         polled: messages of a driver that polls a slower source, see :mod:`.polled`. age: of the oldest of their values [s].
-        frozen: messages whose efforts have not changed on any joint for a quarter of a second or more while the arm moves.
+        frozen: messages whose efforts have long not changed while the arm moves; a diagnosis counts each joint's channels, too.
         empty: messages that hold nothing but zeros, as of a driver that has no values yet, or has lost them.
         unordered: messages that came after one with a later stamp.
         spiked: messages, of those that are used, with a torque that fits neither the one before nor the one after.

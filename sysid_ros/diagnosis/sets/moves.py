@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations, product
 
 from sysid_ros.diagnosis.term import Term, best_of_each_joint, overlap
 from sysid_ros.effects import forms_of
 
+_USUAL = 3
+"""Most usual terms that come at once in place of an unusual one."""
 Moves = dict[frozenset[int], list[list[int]]]
 """What leaves a set, and each of the groups of terms that may come in its place; terms are indices of a pool."""
 
 
 def several(pool: Sequence[Term], against: Sequence[set[int]], before: Sequence[int], most_pairs: int) -> Moves:
-    """An effect on all joints or on none, one term in place of another or of two, two in place of one, less two.
+    """An effect on all joints or on none, one term in place of another or of two, two in place of one, less two, and what every
+    joint has in place of an unusual term with one beside it.
 
     Args:
         against: of each term of the pool those that can't stand beside it. before: members of the set.
@@ -46,6 +49,8 @@ def several(pool: Sequence[Term], against: Sequence[set[int]], before: Sequence[
         forms = [i for i, t in enumerate(pool) if i != k and t.key == pool[k].key]
         for i, m in product(forms, beside):
             moved({k, m}, {i})
+        for gone, new in _usual_instead(pool, against, members, k, beside):
+            moved(gone, new)
     for k in members:
         apart = [i for i in against[k] if pool[i].row == pool[k].row is not None]
         alone = [i for i in apart if not against[i] & (members - {k})]
@@ -56,6 +61,20 @@ def several(pool: Sequence[Term], against: Sequence[set[int]], before: Sequence[
         if len(few) <= most_pairs and overlap(pool[a], pool[b]):
             moved({a, b}, set())
     return out
+
+
+def _usual_instead(
+    pool: Sequence[Term], against: Sequence[set[int]], members: set[int], k: int, beside: Sequence[int]
+) -> Iterator[tuple[set[int], set[int]]]:
+    """What leaves and what comes where usual terms of a joint are in place of an unusual one and of none or one beside it: it may
+    stand for what another form of these would show."""
+    usual = [i for i, t in enumerate(pool) if t.expected and t.row == pool[k].row is not None and i not in members]
+    for gone in [{k}, *({k, m} for m in beside)]:
+        free = [i for i in usual if not against[i] & (members - gone)]
+        for n in range(2, _USUAL + 1):
+            for new in combinations(free, n):
+                if not any(b in against[a] for a, b in combinations(new, 2)):
+                    yield gone, set(new)
 
 
 def instead_of(pool: Sequence[Term], against: Sequence[set[int]], before: Sequence[int], k: int) -> list[int]:
