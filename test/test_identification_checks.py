@@ -99,7 +99,8 @@ def test_a_diagnosis_leaves_out_messages_of_a_frozen_joint_before_it_looks_for_s
     assert refusal is None
     assert len(kept.t) == len(sound.t) - 500
     assert (faults.frozen, faults.spiked) == (500, 0)
-    assert f"effort of {JOINTS[3]} stays at 7.25" in notes[-1]
+    (note,) = notes
+    assert f"effort of {JOINTS[3]} stays at 7.25" in note
     (finding,) = message_finding([faults], JOINTS)
     (share,) = finding.parameters
     assert (share.name, share.value) == ("frozen", 500 / len(sound.t))

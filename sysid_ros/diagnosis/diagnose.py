@@ -236,15 +236,17 @@ def _in_order(
     ordered = [[in_order(r) for r in group] for group in groups]
     # before spikes are gone: a count of few bits has some where it wraps
     refusal = refusal_of(robot, *([r for r, _ in group] for group in ordered))
-    thawed: list[str] = []
+    thawed, counted = list[str](), [f.frozen for _, f in chain(*ordered)]
     if not refusal:  # before spikes are gone, too: what stands has no noise, which others were judged by
         try:
             ordered = [[_thawed(robot, *x, thawed) for x in group] for group in ordered]
         except DataError as error:
             refusal = str(error)
     found = [[despiked(*x) for x in group] for group in ordered]
-    notes = [*only_places(robot), *(f"{r.name}: {words}" for r, f in chain(*found) if (words := f.in_words())), *thawed]
-    return [[r for r, _ in group] for group in found], [[f for _, f in group] for group in found], tuple(notes), refusal
+    # what single channels add is said by joint, and once
+    said = [(r.name, replace(f, frozen=n).in_words()) for (r, f), n in zip(chain(*found), counted, strict=True)]
+    notes = (*only_places(robot), *(f"{name}: {words}" for name, words in said if words), *thawed)
+    return [[r for r, _ in group] for group in found], [[f for _, f in group] for group in found], notes, refusal
 
 
 def _thawed(robot: RobotModel, recording: Recording, faults: MessageFaults, notes: list[str]) -> tuple[Recording, MessageFaults]:
