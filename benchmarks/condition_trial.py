@@ -49,8 +49,9 @@ class Condition:
         half: half of the payload is dropped at ``DROP``. again: it is picked up at 3 s as well and dropped at 4.5 s.
         duration: of a run without events, from the start with its payload [s]; 0: one with pick and drop.
         pauses: pick-and-place: moves of two seconds with pauses of half a second. slow: factor on the speed.
-        spikes: part of the samples with a torque of three times the joint's limit. frozen: from 8 s on the effort of one joint,
-            or of all (2), keeps its value. compensated: the effort lacks the links' gravity.
+        spikes: part of the samples with a torque of three times the joint's limit. frozen: from 8 s on the effort of one joint
+            (1), of all (2), or the position of one while messages hold velocities (3), stays. compensated: the effort lacks
+            the links' gravity.
         tared: an empty estimate is taken as zero before the pick. wakes: until then every other joint moves by a twentieth only.
     """
 
@@ -114,10 +115,11 @@ CONDITIONS: dict[str, Condition] = {
     "spikes": Condition(spikes=0.002),
     "one effort frozen": Condition(frozen=1),
     "all efforts frozen": Condition(frozen=2),
+    "one position frozen": Condition(frozen=3),
     "gravity compensated": Condition(compensated=True),
 }
 
-FAULTS = ("spikes", "one effort frozen", "all efforts frozen", "gravity compensated")
+FAULTS = ("spikes", "one effort frozen", "all efforts frozen", "one position frozen", "gravity compensated")
 """Conditions in which nothing need be found, but nothing wrong may be said."""
 
 
@@ -312,6 +314,8 @@ def run(name: str, seed: int, settings: OnlineSettings | None = None, keep: bool
     tau += _noise(rng, tau.shape, c, rate)
     tau = _faults(tau, model, rng, t, q, c)
     shown = q + c.encoder * rng.normal(size=q.shape)
+    if c.frozen == 3:
+        _freeze(shown, rng, t)
     stamps = t + c.jitter * rng.normal(size=t.shape)
     kept = rng.uniform(size=t.shape) >= c.lost
     if c.stated:
@@ -322,7 +326,9 @@ def run(name: str, seed: int, settings: OnlineSettings | None = None, keep: bool
         given = stamps = np.arange(0.3 / rate, t[-1], 1.0 / (c.polled * rate))
         newest, kept = np.floor(given * rate).astype(int), np.ones(len(given), dtype=bool)
     data_of = shown[newest], tau[newest]
-    estimates, found, estimation = _estimate(model, settings or OnlineSettings(), given, stamps, *data_of, kept, c)
+    estimates, found, estimation = _estimate(
+        model, settings or OnlineSettings(), given, stamps, *data_of, kept, c, v if c.frozen == 3 else None
+    )
     _score(outcome, c, estimates, found, estimation, carried)
     outcome.bound = _bound(columns, v, t, c, model).tolist()
     outcome.early_bound = float(_bound(columns, v, t, c, model, LATENCIES[0])[0])
@@ -351,23 +357,28 @@ def _faults(
         limit = np.where(np.isfinite(model.effort_limit), model.effort_limit, 50.0)
         hit = rng.uniform(size=tau.shape) < c.spikes
         tau = np.where(hit, 3.0 * limit * rng.choice([-1.0, 1.0], tau.shape), tau)
-    if c.frozen:
-        joints = slice(None) if c.frozen == 2 else slice(model.n // 2, model.n // 2 + 1)
-        since = int(np.searchsorted(t, 8.0))
-        tau[since:, joints] = tau[since, joints]
+    if c.frozen in (1, 2):
+        _freeze(tau, rng, t, slice(None) if c.frozen == 2 else None)
     return tau
+
+
+def _freeze(values: FloatArray, rng: np.random.Generator, t: FloatArray, joints: slice | None = None) -> None:
+    """From 8 s on the values of some joints, of one at random unless they are told, stay what they are."""
+    since = int(np.searchsorted(t, 8.0))
+    chosen = joints if joints is not None else int(rng.integers(values.shape[1]))
+    values[since:, chosen] = values[since, chosen]
 
 
 def _estimate(
     model: RobotModel, settings: OnlineSettings, t: FloatArray, stamps: FloatArray, q: FloatArray, tau: FloatArray,
-    kept: Any, c: Condition,
+    kept: Any, c: Condition, v: FloatArray | None,
 ) -> tuple[list[tuple[float, PayloadEstimate]], list[float], OnlineEstimation]:  # fmt: skip
     gate, estimation = InputGate(model, settings), OnlineEstimation(model, settings)
     estimates: list[tuple[float, PayloadEstimate]] = []
     found: list[float] = []
     for k in np.flatnonzero(kept):
         stamp = 100.0 + stamps[k]
-        measurement = gate.accept(JointStateRecord(stamp, stamp, model.joint_names, q[k], (), tau[k]))
+        measurement = gate.accept(JointStateRecord(stamp, stamp, model.joint_names, q[k], () if v is None else v[k], tau[k]))
         if isinstance(measurement, Rejection):
             continue
         if c.tared and k and t[k - 1] < PICK - 0.2 <= t[k]:

@@ -66,9 +66,8 @@ class InputGate:
         self._mapping: Mapping | Rejection = self.last_rejection
         self._joined = JoinedRecords(robot.joint_names, settings.max_gap)
         self._limits = limit_table(robot, settings)
-        self._state = np.zeros((8, robot.n))
+        self._state, self._held = kernel.nothing_seen(robot.n)
         self._clock = np.zeros(6)
-        self._state[kernel.LAST_EFFORT] = np.nan
         self._clock[kernel.FRESH] = 1.0
         self._last_t = -np.inf
         self._weightless_level = 0.02 * float(largest_gravity_torque(robot).max())
@@ -237,8 +236,8 @@ class InputGate:
             mapping.velocity[:] = velocity
         out = np.empty((3, self.robot.n))
         code = kernel.check(
-            mapping.raw, has_velocity, self._needs_velocity, mapping.index, t, self._may_be_zero, self._standstill,
-            self._limits, self._state, self._clock, out,
+            mapping.raw, has_velocity, self._needs_velocity, self._velocity.proven, mapping.index, t, self._may_be_zero,
+            self._standstill, self._limits, self._state, self._clock, self._held, out,
         )  # fmt: skip
         if code == kernel.EFFORT_ZERO and self._is_weightless(mapping.position[mapping.index]):
             self._may_be_zero = True
@@ -271,8 +270,8 @@ class InputGate:
         """Compile now and not at the first message; NaN is rejected and changes nothing."""
         n = self.robot.n
         kernel.check(
-            np.full((3, n), np.nan), False, False, np.arange(n, dtype=np.intp), 0.0, True, 0.0,
-            self._limits, self._state, self._clock, np.empty((3, n)),
+            np.full((3, n), np.nan), False, False, False, np.arange(n, dtype=np.intp), 0.0, True, 0.0,
+            self._limits, self._state, self._clock, self._held, np.empty((3, n)),
         )  # fmt: skip
 
     def _start_afresh(self) -> None:
@@ -283,8 +282,7 @@ class InputGate:
         self.restarts += 1
         self._events.append((receive_time, health.RESTART))
         self._last_t = self._next_gravity = -np.inf
-        self._state[:] = 0.0
-        self._state[kernel.LAST_EFFORT] = np.nan
+        self._state, self._held = kernel.nothing_seen(self.robot.n)
         self._start_afresh()
 
     def _look_at_gravity(self, t: float, q: FloatArray, tau: FloatArray) -> None:

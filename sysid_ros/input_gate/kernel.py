@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from sysid_ros.input_gate.frozen_kernel import frozen_effort, frozen_position, nothing_held
 from sysid_ros.sample import FloatArray
 
 OK: Final = 0
@@ -23,6 +24,8 @@ EFFORT_RANGE: Final = 8
 EFFORT_ZERO: Final = 9
 EFFORT_STUCK: Final = 10
 VELOCITY_NAN: Final = 11
+EFFORT_FROZEN: Final = 12
+POSITION_FROZEN: Final = 13
 CODES: Final = 16  # what check() returns is code + CODES * joint
 
 # rows of `limits`, shape (8, n)
@@ -40,6 +43,13 @@ VELOCITY_TOLERANCE: Final = 0.25  # of the way travelled
 VELOCITY_FLOOR: Final = 0.02  # rad or m in a window
 
 
+def nothing_seen(n: int) -> tuple[FloatArray, FloatArray]:
+    """``state`` and ``held`` of :func:`check` before the first message of n joints."""
+    state = np.zeros((8, n))
+    state[LAST_EFFORT] = math.nan
+    return state, nothing_held(n)
+
+
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _value_fault(q: float, v: float, effort: float, has_velocity: bool, limits: FloatArray, j: int) -> int:
     """What is wrong with the values of joint j by themselves, or OK."""
@@ -55,6 +65,15 @@ def _value_fault(q: float, v: float, effort: float, has_velocity: bool, limits: 
     if has_velocity and (not math.isfinite(v) or abs(v) > limits[MAX_VELOCITY, j]):
         return VELOCITY_RANGE
     return OK
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _without_velocity(raw: FloatArray, index: NDArray[np.intp]) -> int:
+    """The first joint whose velocity is NaN, or -1."""
+    for j in range(index.size):
+        if math.isnan(raw[1, index[j]]):
+            return j
+    return -1
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
@@ -95,6 +114,29 @@ def _is_stuck(
         moving = moving or abs(out[1, j]) > standstill or abs(out[0, j] - state[STILL_Q, j]) > limits[MOVED, j]
     clock[DOUBTFUL] = 1.0 if moving else 0.0
     return moving and clock[REPEATS] >= STUCK_SAMPLES and t - clock[REPEATS_SINCE] >= STUCK_TIME
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _frozen_channel(
+    raw: FloatArray,
+    proven_velocity: bool,
+    index: NDArray[np.intp],
+    t: float,
+    standstill: float,
+    limits: FloatArray,
+    held: FloatArray,
+    out: FloatArray,
+) -> int:
+    """Take note of which channels of single joints repeat; the first of those that are frozen, or OK."""
+    found: int = OK
+    for j in range(index.size):
+        effort, largest = raw[2, index[j]], limits[MAX_EFFORT, j] / abs(limits[SCALE, j])
+        of_effort = frozen_effort(effort, out[0, j], out[1, j], t, standstill, limits[MOVED, j], largest, held, j)
+        v = out[1, j] if proven_velocity else math.nan
+        of_position = frozen_position(raw[0, index[j]], v, t, standstill, limits[MOVED, j], held, j)
+        if found == OK and (of_effort or of_position):
+            found = (POSITION_FROZEN if of_position else EFFORT_FROZEN) + CODES * j
+    return found
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
@@ -140,6 +182,7 @@ def check(
     raw: FloatArray,
     has_velocity: bool,
     needs_velocity: bool,
+    proven_velocity: bool,
     index: NDArray[np.intp],
     t: float,
     may_be_zero: bool,
@@ -147,32 +190,33 @@ def check(
     limits: FloatArray,
     state: FloatArray,
     clock: FloatArray,
+    held: FloatArray,
     out: FloatArray,
 ) -> int:
     """Puts a message in the model's order, unwraps it and checks it. ``state`` and ``clock`` change only if it is accepted, but
-    for what is remembered of repeated efforts.
+    for what is remembered of values that repeat.
 
     Args:
         raw: position, velocity, effort as received, shape (3, m).
         has_velocity: whether raw[1] holds anything; NaN in it is as good as nothing.
         needs_velocity: whether a sample without velocities is rejected.
-        index: where in the message each joint of the model stands, shape (n,).
-        t: stamp [s], after that of the last accepted sample.
+        proven_velocity: whether velocities were seen to be those of the positions.
+        index: where in the message each joint of the model stands, shape (n,). t: stamp [s], after that of the last accepted.
         may_be_zero: whether an effort of exactly zero on all joints can be true.
         standstill: speed below which a joint stands [rad/s or m/s].
         limits: shape (8, n), rows as named above.
         state: shape (8, n), rows as named above.
         clock: shape (6,), entries as named above.
+        held: shape (13, n), rows as named in :mod:`.frozen_kernel`.
         out: q, v, tau in the model's order, shape (3, n), written; v is NaN where there is none.
 
     Returns:
         One of the codes above plus ``CODES`` times the joint it is about.
     """
-    for j in range(index.size):
-        if has_velocity and math.isnan(raw[1, index[j]]):
-            if needs_velocity:
-                return VELOCITY_NAN + CODES * j
-            has_velocity = False
+    lacks = _without_velocity(raw, index) if has_velocity else -1
+    if lacks >= 0 and needs_velocity:
+        return VELOCITY_NAN + CODES * lacks
+    has_velocity = has_velocity and lacks < 0
     all_zero = True
     for j in range(index.size):
         q, v, effort = raw[0, index[j]], raw[1, index[j]], raw[2, index[j]]
@@ -188,8 +232,9 @@ def check(
         return EFFORT_ZERO
     if _is_stuck(raw, index, t, standstill, limits, state, clock, out):
         return EFFORT_STUCK
+    frozen: int = _frozen_channel(raw, proven_velocity, index, t, standstill, limits, held, out)
+    if frozen != OK and clock[REPEATS] == 0.0:  # where all repeat it is not a channel of one joint
+        return frozen
     _accept(raw, has_velocity, index, t, state, clock, out)
-    if not has_velocity or t - clock[WINDOW_SINCE] < VELOCITY_WINDOW:
-        return OK
-    verdict: int = _compare_velocities(t, state, clock, out)
-    return verdict
+    wait = not has_velocity or t - clock[WINDOW_SINCE] < VELOCITY_WINDOW
+    return OK if wait else int(_compare_velocities(t, state, clock, out))

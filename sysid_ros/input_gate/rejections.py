@@ -125,6 +125,18 @@ def of_check(code: int, joints: Sequence[str], values: FloatArray, limits: Float
                 "The effort is exactly 0 on all joints although gravity pulls at the arm. The driver or the simulator does not "
                 "measure effort: switch it on, or use a controller that does.",
             )
+        case kernel.EFFORT_FROZEN:
+            return Rejection(
+                "effort_frozen",
+                f"The effort of {joint} stays at {effort:g} while the joint moves, the other joints' do not: it is not measured, "
+                "or its driver repeats an old value. Check this drive, or leave the joint out of joint_names.",
+            )
+        case kernel.POSITION_FROZEN:
+            return Rejection(
+                "position_frozen",
+                f"The position of {joint} stays at {q:g} while its velocity says that it moves ({v:g}). Check its encoder and "
+                "driver.",
+            )
         case _:
             return Rejection(
                 STUCK,

@@ -13,11 +13,12 @@ class VelocityAgreement:
     """Counts the windows in which the integral of each velocity was, or was not, the way that its position went.
 
     Attributes:
-        trusted: whether velocities are believed. warning: why they are not, else empty.
+        trusted: whether velocities are believed. warning: why they are not, else empty. proven: whether they are and some window
+            has shown it.
     """
 
     def __init__(self) -> None:
-        self.trusted, self.warning = True, ""
+        self.trusted, self.proven, self.warning = True, False, ""
         self._disagreements = 0
 
     def compare(self, code: int, joint_names: Sequence[str]) -> None:
@@ -25,11 +26,11 @@ class VelocityAgreement:
         if code == kernel.WINDOW_AGREES:
             self._disagreements = max(self._disagreements - 1, 0)
             if self._disagreements == 0:
-                self.trusted, self.warning = True, ""
+                self.trusted, self.proven, self.warning = True, True, ""
             return
         self._disagreements = min(self._disagreements + 1, _WINDOWS_TO_DECIDE)
         if self._disagreements == _WINDOWS_TO_DECIDE:
-            self.trusted = False
+            self.trusted = self.proven = False
             self.warning = (
                 f"The velocity of {joint_names[code // kernel.CODES]} does not agree with how its position changes. "
                 "The velocity from positions is used instead; set velocity_source to 'position', or correct the driver."
