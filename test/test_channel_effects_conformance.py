@@ -17,6 +17,7 @@ MADE: dict[str, ChannelEffect] = {
     "torque_unit": effects.TorqueUnit([1000.0, 1000.0, 0.7376, 8.85, 12.5]),
     "torque_sign": effects.TorqueSign([1, 3]),
     "joint_sign": effects.JointSign([0, 4]),
+    "joint_sign without efforts": effects.JointSign([0, 4], efforts=False),
     "joint_order": effects.JointOrder([2, 0, 1, 3, 4], efforts_only=True),
     "joint_order of all": effects.JointOrder([2, 0, 1, 4, 3], efforts_only=False),
     "velocity_lag": effects.VelocityLag(20.0),

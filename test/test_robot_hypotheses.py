@@ -231,3 +231,17 @@ def test_a_joint_that_shows_friction_alone_tells_no_factor_and_is_no_dead_channe
     assert np.all(off < 2.0 * part)
     assert np.all(part[:3] < 0.25)
     assert part[3] > 0.5
+
+
+def test_a_joint_whose_position_never_changes_is_no_reason_to_fail() -> None:
+    """Its position, hundreds of millions of its spread, had left no digits for how far states are apart."""
+    model, moves = robot(ARM), Path_(robot(ARM), 5)
+    t = np.arange(round(12.0 * RATE)) / RATE
+    q, v, a = moves(t)
+    stands = np.arange(model.n) == 2
+    q, v, a = np.where(stands, q[0], q), np.where(stands, 0.0, v), np.where(stands, 0.0, a)
+    tau = model.rnea_along(q, v, a) + 0.02 * np.random.default_rng(5).normal(size=q.shape)
+    found = judge(model, [Recording("stands", t, q, None, tau)])
+    assert found is not None
+    assert not found.faults
+    assert found.probability > 0.95

@@ -123,6 +123,8 @@ def command(
 
     Exit codes: 0 done; 2 bad input or usage.
     """
+    from sysid_ros.diagnosis.whose.as_named import as_named
+
     check_outputs(force, out=out_path, urdf_out=urdf_out, report=report_path, json=json_path, rerun=rerun_path)
     check_plot_paths(None, rerun_path)
     settings = settings_from(read_config(config_path), joint_names=joint_names, effort_preset=effort_preset)
@@ -131,13 +133,11 @@ def command(
     base = floating_base_of(robot, settings)
     origin = provenance(bags)
     first, second = len(bags), len(bags) + len(validate)
-    if base is None:
-        from sysid_ros.diagnosis.whose.told_mount import require_gravity
-
-        require_gravity(robot, read[:first])
     measured = settings.velocity_source == "message"
     try:
-        with progress_bar("identifying", 2 * len(read) + 1) as advance:
+        with progress_bar("identifying", 2 * len(read) + 2) as advance:
+            problems = [*problems, *as_named(robot, base, read[:first], settings.max_gap, choices["accept_doubts"])]
+            advance(1)
             result = identify_recordings(
                 robot, read[:first], read[first:second], origin, Choices(**choices), cutoff or 0.0, settings.max_gap, measured,
                 problems, read[second:], lambda what: advance(1), base, math.hypot(*settings.gravity),

@@ -81,11 +81,9 @@ def undone(recording: Recording, faults: Sequence[Fault]) -> Recording:
 
 
 def faults_to_try(names: Sequence[str]) -> Iterator[tuple[str, Fault]]:
-    """With the kind of each: one effort, or joint, with the wrong sign; efforts, or all channels, of two swapped; one unit."""
+    """With the kind of each: signs of one joint; efforts, or all channels, of two swapped; one unit."""
     n = len(names)
-    for j in range(n):
-        yield "effort", Fault(TorqueSign([j]), (j,), (("gain", j, -1.0, "1"),))
-        yield "joint", Fault(JointSign([j]), (j,), (("sign", j, -1.0, "1"),))
+    yield from faults_of_signs(n)
     for i, j in combinations(range(n), 2):
         source = np.arange(n)
         source[[i, j]] = j, i
@@ -93,6 +91,15 @@ def faults_to_try(names: Sequence[str]) -> Iterator[tuple[str, Fault]]:
         yield "efforts' order", Fault(JointOrder(source.tolist(), True), (i, j), values)
         yield "order", Fault(JointOrder(source.tolist(), False), (i, j), values)
     yield from faults_of_units(n)
+
+
+def faults_of_signs(n: int) -> Iterator[tuple[str, Fault]]:
+    """Of one joint: its effort, its position, or both with the wrong sign."""
+    for j in range(n):
+        yield "effort", Fault(TorqueSign([j]), (j,), (("gain", j, -1.0, "1"),))
+        yield "joint", Fault(JointSign([j]), (j,), (("sign", j, -1.0, "1"),))
+        position = (("sign", j, -1.0, "1"), ("sign_of_effort", j, 1.0, "1"))
+        yield "joint", Fault(JointSign([j], efforts=False), (j,), position)
 
 
 def all_signs(n: int) -> Fault:

@@ -234,7 +234,7 @@ def _finding(
         values,
         **evidence.figures(),
         cannot_be_told_from=(),
-        words=phrase(effect.words, effect.label, values, of_joints(joints, of)),
+        words=phrase(effect.told_as, effect.label, values, of_joints(joints, of)),
         signature=effect.signature,
         separated_by=effect.separated_by,
         of_data=True,

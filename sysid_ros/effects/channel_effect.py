@@ -40,6 +40,11 @@ class ChannelEffect(ABC):
     scales: ClassVar[bool] = False
     absorbs: ClassVar[str] = ""
 
+    @property
+    def told_as(self) -> str:
+        """``words`` of this one, with what it is set to."""
+        return self.words
+
     def publish(self, tau: FloatArray) -> FloatArray:
         """True torques as this fault publishes them, shape (N, n)."""
         return tau

@@ -9,10 +9,10 @@ from sysid_ros.sample import FloatArray
 
 
 class JointSign(ChannelEffect):
-    """Published position, velocity and effort of some joints = -1 x the URDF's.
+    """Published position and velocity, and as a rule effort, of some joints = -1 x the URDF's.
 
     Args:
-        joints: indices of the joints.
+        joints: indices of the joints. efforts: False where their efforts have the URDF's sign.
     """
 
     id = "joint_sign"
@@ -22,14 +22,22 @@ class JointSign(ChannelEffect):
     look_alikes = ("torque_sign", "joint_offset")
     separated_by = "any motion with gravity on the joints around it"
 
-    def __init__(self, joints: Sequence[int]) -> None:
+    def __init__(self, joints: Sequence[int], efforts: bool = True) -> None:
         self.joints = list(joints)
+        self.efforts = efforts
+
+    @property
+    def told_as(self) -> str:
+        return self.words if self.efforts else f"{self.words}, while the efforts there do not"
 
     def publish(self, tau: FloatArray) -> FloatArray:
-        out = np.array(tau)
-        out[:, self.joints] *= -1.0
-        return out
+        return self._turned(tau) if self.efforts else tau
 
     def undo(self, channels: Channels) -> Channels:
-        v = None if channels.v is None else self.publish(channels.v)
-        return Channels(self.publish(channels.q), v, self.publish(channels.tau))
+        v = None if channels.v is None else self._turned(channels.v)
+        return Channels(self._turned(channels.q), v, self.publish(channels.tau))
+
+    def _turned(self, values: FloatArray) -> FloatArray:
+        out = np.array(values)
+        out[:, self.joints] *= -1.0
+        return out

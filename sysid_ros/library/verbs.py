@@ -81,6 +81,7 @@ def identify(
         settings: of the node, such as ``effort_scale``. cutoff_hz: of the low-pass [Hz]; 0 to choose it.
         choices: fields of :class:`.Choices`, such as ``friction="auto"``, ``effects=("cogging",)``.
     """
+    from sysid_ros.diagnosis.whose.as_named import as_named
     from sysid_ros.identification import Choices, identify_recordings
     from sysid_ros.identification.result import Problem
 
@@ -102,8 +103,10 @@ def identify(
     assert own is not None
     first, second = len(fitted), len(fitted) + len(judged)
     origin = _origin(fitted, "identify", robot)
+    asked = Choices(**choices)
+    problems += as_named(own, base, channels[:first], chosen.max_gap, asked.accept_doubts)
     result = identify_recordings(
-        own, channels[:first], channels[first:second], origin, Choices(**choices), cutoff_hz, chosen.max_gap,
+        own, channels[:first], channels[first:second], origin, asked, cutoff_hz, chosen.max_gap,
         chosen.velocity_source == "message", problems, channels[second:], base=base, gravity=math.hypot(*chosen.gravity),
     )  # fmt: skip
     _warn([f"{p.bag}: {p.text}" if p.bag else p.text for p in result.problems])

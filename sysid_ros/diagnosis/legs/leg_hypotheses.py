@@ -10,8 +10,8 @@ from itertools import combinations, permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_ros.diagnosis.channel_faults import Fault, all_signs, faults_of_units
-from sysid_ros.effects import JointOrder, JointSign, TorqueSign
+from sysid_ros.diagnosis.channel_faults import Fault, all_signs, faults_of_signs, faults_of_units
+from sysid_ros.effects import JointOrder
 from sysid_ros.floating.floating_base import FloatingBase
 from sysid_ros.sample import FREE, FloatArray
 
@@ -51,9 +51,7 @@ def hypotheses(base: FloatingBase) -> Iterator[tuple[str, Hypothesis]]:
     """With the kind of each."""
     names, n = base.legs.joint_names, base.legs.n
     legs = [np.flatnonzero(row) for row in base.contacts.carriers[:, FREE:]]
-    for j in range(n):
-        yield "effort", Fault(TorqueSign([j]), (j,), (("gain", j, -1.0, "1"),))
-        yield "joint", Fault(JointSign([j]), (j,), (("sign", j, -1.0, "1"),))
+    yield from faults_of_signs(n)
     for source in dict.fromkeys([*_orders_of_legs(legs, n), *_orders_in_legs(legs, n)]):
         moved = [j for j in range(n) if source[j] != j]
         values = tuple(("takes_from", j, names[source[j]], "") for j in moved)

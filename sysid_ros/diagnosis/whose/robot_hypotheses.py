@@ -6,25 +6,21 @@ undone, or why the recordings are refused.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial, reduce
+from functools import reduce
 
 import numpy as np
 
 from sysid_ros.diagnosis.channel_faults import (
     FAULT,
-    OWN_FACTORS,
     EffortFactors,
     Fault,
     all_signs,
-    effort_factors,
-    fault_of_factors,
-    faults_to_try,
     one_factor,
 )
 from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
+from sysid_ros.diagnosis.whose.first_choice import COARSE, first_choice
 from sysid_ros.diagnosis.whose.mount import Mount, mounted_otherwise, turned
 from sysid_ros.diagnosis.whose.robot_kernels import Carried
 from sysid_ros.diagnosis.whose.robot_likelihood import likeliest, probabilities
@@ -49,8 +45,6 @@ _HOPELESS = 0.001
 """Probability below which nothing that is found later is waited for."""
 _FAULTS = 3
 """Most faults that are looked for beside one another."""
-_COARSE, _TRIED = 3, 2
-"""Each of so many rows for a first comparison, and how many hypotheses are compared on all of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +184,7 @@ def _judged(robot: RobotModel, rows: CoarseRows, sure: float, sure_of_units: flo
     urdf, faults, before, doubtful = trial.likelihood(), list[Fault](), list[Trial](), False
     factors: EffortFactors | None = None
     while len(faults) < _FAULTS:
-        weighed = [(urdf, trial), *((x.likelihood(), x) for x in _first_choice(robot, trial, any(map(_of_units, faults))))]
+        weighed = [(urdf, trial), *((x.likelihood(), x) for x in first_choice(robot, trial, any(map(_of_units, faults))))]
         factors = factors or next((x.factors for _, x in weighed if x.factors), None)
         share = probabilities([likeliest(x) for x, _ in weighed])
         if share[0] < 1.0 - _DOUBTFUL:
@@ -255,7 +249,7 @@ def _with_exact_links(trial: Trial) -> FloatArray:
 
     One link that is far off is more usual than any fault of the channels, and looks like one of them to inexact links.
     """
-    few, wrong = trial.every(_COARSE), [None, *range(trial.kernels.robot.n)]
+    few, wrong = trial.every(COARSE), [None, *range(trial.kernels.robot.n)]
     return trial.exact(max(wrong, key=lambda link: few.exact(link).roughly())).likelihood()
 
 
@@ -270,25 +264,3 @@ def _of_another_size(published: Trial, factors: EffortFactors) -> list[Trial]:
     fault, log_prior = one_factor(factors)
     sized = published.without(fault, float(np.log(_SIZED)) + log_prior)
     return [replace(sized, silent=~factors.seen, of_another_size=True)]
-
-
-def _first_choice(robot: RobotModel, trial: Trial, scaled: bool) -> list[Trial]:
-    """The likeliest faults on a few rows, roughly compared; ``scaled``: another unit was undone, and is none of them."""
-    few, listed = trial.every(_COARSE), [x for x in faults_to_try(robot.joint_names) if not (scaled and x[0] == "unit")]
-    kinds = Counter(kind for kind, _ in listed)
-    tried: list[tuple[float, Callable[[Trial], Trial]]] = []
-    for kind, fault in listed:
-        fault, prior = replace(fault, candidates=len(listed) + 1), float(np.log(FAULT / kinds[kind]))
-        undone = partial(Trial.without, fault=fault, log_prior=prior)
-        tried.append((undone(few).roughly(), undone))
-    chosen = [undone for _, undone in sorted(tried, key=lambda x: -x[0])[:_TRIED]]
-    if not scaled:
-        # found by a search of its own, on all rows
-        chosen.append(partial(_with_factors, candidates=len(listed) + 1))
-    return [undone(trial) for undone in chosen]
-
-
-def _with_factors(trial: Trial, candidates: int) -> Trial:
-    """The same with a factor of its own on each effort undone."""
-    factors = effort_factors(trial.kernels, trial.rows.tau)
-    return trial.without(fault_of_factors(factors, candidates), float(np.log(OWN_FACTORS)) + factors.log_prior, factors)

@@ -214,7 +214,7 @@ def _waves(q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
 
 def _distance(q: FloatArray, v: FloatArray) -> FloatArray:
     """Between states, over their usual spread, shape (N, N)."""
-    X = np.concatenate([x / np.maximum(x.std(axis=0), 1e-9) for x in (q, v)], axis=1)
+    X = np.concatenate([(x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-9) for x in (q, v)], axis=1)
     size = np.sum(X**2, axis=1)
     return np.asarray(np.sqrt(np.maximum(size[:, None] + size - 2.0 * X @ X.T, 0.0) / X.shape[1]))
 

@@ -15,10 +15,8 @@ from sysid_ros.diagnosis.prepare import links_changed
 from sysid_ros.diagnosis.result import Diagnosis, Finding
 from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
 from sysid_ros.diagnosis.whose.mount import Mount, mounted_otherwise
-from sysid_ros.diagnosis.whose.robot_hypotheses import judge
 from sysid_ros.effects import EFFECTS, BaseTilt, Parameter, named
 from sysid_ros.effects.base_tilt import tilt_of, tilted_gravity
-from sysid_ros.exceptions import DataError
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.recording import Recording
@@ -90,21 +88,17 @@ class ToldMount(NamedTuple):
         return replace(model, effects=(*others, block))
 
 
-def require_gravity(robot: RobotModel, recordings: Sequence[Recording]) -> None:
-    """Check that gravity comes from where it is set to come from, as far as recordings tell.
-
-    Raises:
-        DataError: the robot is mounted otherwise.
-    """
+def seems_mounted_otherwise(robot: RobotModel, recordings: Sequence[Recording]) -> bool:
+    """Whether recordings are to be asked where gravity comes from: a quick look at them says that it may not be as it is set."""
     rows = CoarseRows.of(robot, recordings)
-    if rows is None or mounted_otherwise(robot, rows) is None:
-        return
-    found = judge(robot, recordings)
-    if found is None or found.mount is None:
-        return
-    was, now = (_in_words(g) for g in (robot.gravity, found.mount.gravity))
-    raise DataError(
-        f"the torques are those of a robot that is mounted otherwise than it is set (probability {found.mount.probability:.2g}): "
+    return rows is not None and mounted_otherwise(robot, rows) is not None
+
+
+def otherwise(robot: RobotModel, mount: Mount) -> str:
+    """That a robot is not mounted as its gravity is set, with the cure."""
+    was, now = (_in_words(g) for g in (robot.gravity, mount.gravity))
+    return (
+        f"the torques are those of a robot that is mounted otherwise than it is set (probability {mount.probability:.2g}): "
         f"in the axes of its base gravity is about [{now}] m/s^2, and [{was}] is set. Set the parameter gravity in a file for "
         "--config; 'sysid diagnose' tells it exactly."
     )
