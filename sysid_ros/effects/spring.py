@@ -12,6 +12,9 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
 from sysid_ros.signals.motion import Motion
 
+_REST = 2.0 * np.pi
+"""Furthest from a joint's zero that a spring along a line rests [rad or m]: what is as large further on is an offset."""
+
 
 class Spring(JointCurves):
     """``tau_j = k (q - q0)`` for a cable ("line"), ``tau_j = k sin(q - q0)`` for a balancer ("sine") [N m].
@@ -49,13 +52,18 @@ class Spring(JointCurves):
         """A spring that the motor could not hold, a radian from where it rests, would move the joint."""
         return np.repeat(self.robot.effort_limit[self.joints], len(self.symbols))
 
+    def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
+        slope, level = np.abs(theta) + 2.0 * std * np.array([1.0, -1.0])
+        return self.shape != "line" or bool(level <= _REST * slope)
+
     @property
     def form(self) -> str:
         return self.shape
 
     @classmethod
     def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
-        return [Candidate({"shape": "line"}), Candidate({"shape": "sine"})]
+        slides = joint is not None and bool(motions) and bool(motions[0].robot.is_prismatic[joint])
+        return [Candidate({"shape": shape}) for shape in (("line",) if slides else ("line", "sine"))]
 
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         (joint,) = self.joint_names

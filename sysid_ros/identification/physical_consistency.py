@@ -18,6 +18,8 @@ from sysid_ros.torque.torque_model import TorqueModel
 _BLIND = 1e-13
 """Part of the information, each parameter in its own unit of it, under which a direction counts as unseen."""
 
+_ROUNDED = 1e-14
+"""Part of the largest entry of the information that sums of products lose in double precision."""
 _MARGIN = 1e-10
 """Least eigenvalue of a pseudo-inertia over its greatest, in units of the URDF's."""
 
@@ -100,8 +102,8 @@ class PhysicalProblem:
         """R (r, p) and z (r,) with ``theta' A theta / 2 - b' theta = |R x - z|^2 / 2 + constant``, theta = T x."""
         information = self._to_theta.T @ self._information @ self._to_theta
         score = self._to_theta.T @ self._score
-        size = np.sqrt(np.maximum(np.diag(information), 0.0))
-        size[size == 0.0] = 1.0
+        # what is below the rounding of the largest entry is nothing, whatever its sign: a joint that stood in all of these rows
+        size = np.sqrt(np.maximum(np.diag(information), max(_ROUNDED * float(np.diag(information).max()), 1e-300)))
         values, vectors = np.linalg.eigh(information / np.outer(size, size))
         if values[0] < -1e-8 * max(values[-1], 1e-300):
             raise DataError(
