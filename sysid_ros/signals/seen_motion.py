@@ -67,10 +67,11 @@ def seen_band(q: FloatArray, rate: float) -> FloatArray:
     Args:
         q: raw positions, shape (N, n). rate: of the grid [Hz].
     """
-    f, mean, noise = spectrum = _spectrum(q, rate)
+    f, power, noise = _spectrum(q, rate)
     twice = np.where(f < _BAND, (2.0 * np.pi * f) ** 4, 0.0)
-    coarse = twice.sum() * noise > _COARSE * (twice @ mean)
-    kept = _SEEN * np.maximum(_clear(*spectrum, rate), f[1])  # no stretch tells more of a joint at rest
+    # a mean over a hertz would lift a slow motion to frequencies where it has no acceleration
+    coarse = twice.sum() * noise > _COARSE * (twice @ power)
+    kept = _SEEN * np.maximum(_clear(f, power, noise, rate), f[1])  # no stretch tells more of a joint at rest
     return np.where(coarse & (kept < _SEEN * _BAND), kept, np.inf)
 
 
@@ -85,7 +86,9 @@ def clear_band(q: FloatArray, rate: float) -> FloatArray:
     return _clear(*_spectrum(q, rate), rate)
 
 
-def _clear(f: FloatArray, mean: FloatArray, noise: FloatArray, rate: float) -> FloatArray:
+def _clear(f: FloatArray, power: FloatArray, noise: FloatArray, rate: float) -> FloatArray:
+    width = max(1, int(np.searchsorted(f, 1.0)))
+    mean = np.apply_along_axis(np.convolve, 0, power, np.ones(width) / width, "same")
     out = np.full(len(noise), 0.5 * rate)
     for j in range(len(noise)):
         above = np.flatnonzero(mean[:, j] > _CLEARLY * noise[j])
@@ -94,12 +97,9 @@ def _clear(f: FloatArray, mean: FloatArray, noise: FloatArray, rate: float) -> F
 
 
 def _spectrum(q: FloatArray, rate: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Frequencies, shape (F,) [Hz], power of each position in a hertz about them, shape (F, n), and that of its noise, (n,)."""
+    """Frequencies, shape (F,) [Hz], power of each position at them, shape (F, n), and that of its noise, shape (n,)."""
     # a record that does not begin and end at rest would spread over all frequencies
     rest = signal.detrend(q, axis=0) * signal.windows.hann(len(q))[:, None]
     power = np.abs(fft.rfft(rest, axis=0)) ** 2
     f = fft.rfftfreq(len(q), 1.0 / rate)
-    noise = np.mean(power[f > _NOISE_ONLY * 0.5 * rate], axis=0)
-    width = max(1, int(np.searchsorted(f, 1.0)))
-    mean = np.apply_along_axis(np.convolve, 0, power, np.ones(width) / width, "same")
-    return f, mean, noise
+    return f, power, np.mean(power[f > _NOISE_ONLY * 0.5 * rate], axis=0)

@@ -21,7 +21,8 @@ _ROUNDED: Final = 0.29  # that mean of values that are rounded, in their steps: 
 def remove_spikes(window: FloatArray, first: int, usual: FloatArray, alone: bool) -> int:
     """Put the middle of its neighbours in place of a torque in the third of four measurements that is a spike; how many were.
 
-    A step, as of a load that is picked up, is none: its neighbours differ by more than it does from their middle.
+    A step, as of a load that is picked up, is none: its neighbours differ by more than it does from their middle. Nor is the top
+    of a curve, as of a torque without noise: the one before a spike bends the other way.
 
     Args:
         window: the newest measurements, a row each, shape (4, c). first: column of the first torque.
@@ -43,7 +44,9 @@ def remove_spikes(window: FloatArray, first: int, usual: FloatArray, alone: bool
         before, at, after = window[1, first + j], window[2, first + j], window[3, first + j]
         middle = 0.5 * (before + after)
         far, mean = abs(at - middle), max(usual[j], _ROUNDED * steps[j])
-        if stirred <= 1 and count > _FIRST and usual[j] > 0.0 and far > _TIMES * mean and abs(after - before) < 0.5 * far:
+        bent = (window[0, first + j] - before + at - before) * (at - middle)  # the one before is off the other way, by half
+        sticks_out = abs(after - before) < 0.5 * far and bent > 0.5 * far * far
+        if stirred <= 1 and count > _FIRST and usual[j] > 0.0 and far > _TIMES * mean and sticks_out:
             window[2, first + j] = middle
             found += 1
         elif np.isfinite(far):
