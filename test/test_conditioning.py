@@ -81,3 +81,18 @@ def test_a_motion_far_below_the_cut_off_passes_at_any_rate(rate: float, cutoff: 
     t = np.arange(round(20.0 * rate)) / rate
     q = np.sin(0.4 * np.pi * cutoff * t)[:, None]
     np.testing.assert_allclose(what_is_seen(q, rate, np.array([cutoff])), q, atol=3e-3)
+
+
+@pytest.mark.parametrize("slower", [10.0, 20.0, 40.0])
+def test_a_slow_motion_is_seen_as_far_as_its_own_acceleration(slower: float) -> None:
+    """A fine encoder whose noise is far above a slow joint's acceleration: a mean over a hertz had made that look large."""
+    omega = 2.0 * np.pi * np.array([0.2, 0.5]) / slower
+    t = np.arange(round(40.0 * RATE)) / RATE
+    q = (np.sin(np.outer(t, omega)) @ [0.8, 0.3])[:, None]
+    a = -(np.sin(np.outer(t, omega)) @ (np.array([0.8, 0.3]) * omega**2))
+    noisy = q + 1e-5 * np.random.default_rng(3).normal(size=q.shape)
+    seen = seen_band(noisy, RATE)
+    assert seen[0] < 5.0
+    smooth = what_is_seen(low_passed(noisy, SMOOTHING, 1.0 / RATE), RATE, seen)
+    found = np.gradient(np.gradient(smooth[:, 0], 1.0 / RATE), 1.0 / RATE)[250:-250]
+    assert np.std(found - a[250:-250]) < 0.5 * np.std(a)

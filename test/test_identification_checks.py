@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from arm_recordings import START, hidden_parameters, recorded
+from motions import Motion
 from robots import robot, urdf
 
 from sysid_ros.diagnosis.diagnose import _in_order
@@ -243,3 +244,21 @@ def test_noisy_positions_ask_for_a_lower_cut_off() -> None:
     cutoffs = [choose_cutoff([recorded(MODEL, TRUTH, 1, seconds=20.0, encoder_noise=e)], JOINTS) for e in noise]
     assert cutoffs[0].hz > cutoffs[1].hz > cutoffs[2].hz
     assert "noise of the position" in cutoffs[1].reason
+
+
+def test_joints_that_stand_in_one_recording_each_are_identified_from_the_others() -> None:
+    """What a joint that never changes shows of its drive is rounding, which is no information of either sign."""
+    model, recordings = robot("small_arm"), []
+    for seed, stands in enumerate((2, 0)):
+        t = np.arange(3000) / 200.0
+        q, v, a = Motion(model, seed, speed=1.0)(t)
+        here = np.arange(model.n) == stands
+        q, v, a = np.where(here, q[0], q), np.where(here, 0.0, v), np.where(here, 0.0, a)
+        rng = np.random.default_rng(seed)
+        tau = model.rnea_along(q, v, a) + 0.1 * np.sign(v) + 0.02 * rng.normal(size=q.shape)
+        q = np.where(here, q, q + 1e-5 * rng.normal(size=q.shape))
+        recordings.append(Recording(f"r{seed}", t, q, None, tau))
+    found = identify_recordings(model, recordings, [], {})
+    told = {p.name: p for p in found.parameters}
+    for joint in model.joint_names:
+        assert told[f"Fc[{joint}]"].value == pytest.approx(0.1, abs=0.02)

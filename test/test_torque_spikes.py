@@ -54,6 +54,14 @@ def test_a_step_an_impact_and_a_torque_that_is_missing_are_no_spikes() -> None:
     np.testing.assert_array_equal(out, tau)
 
 
+def test_the_top_of_a_curve_without_noise_is_no_spike() -> None:
+    """Torques of a simulation turn over within a few samples, where most of the time they hardly bend."""
+    t = np.arange(4000) / 200.0
+    tau = np.column_stack([np.sin(t) + 0.03 * np.exp(-0.5 * ((t % 4.0 - 2.0) / w) ** 2) for w in (0.004, 0.01, 0.03)])
+    kinked = np.abs(np.sin(0.7 * t))[:, None]
+    assert not without_spikes(np.hstack([tau[:, 1:], kinked]))[1].any()
+
+
 def test_a_recording_without_spikes_is_left_as_it_is() -> None:
     whole = recording()
     ordered, faults = despiked(*in_order(whole))
