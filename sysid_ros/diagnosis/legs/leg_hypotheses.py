@@ -51,7 +51,7 @@ def hypotheses(base: FloatingBase) -> Iterator[tuple[str, Hypothesis]]:
     """With the kind of each."""
     names, n = base.legs.joint_names, base.legs.n
     legs = [np.flatnonzero(row) for row in base.contacts.carriers[:, FREE:]]
-    yield from faults_of_signs(n)
+    yield from faults_of_signs(n, positions=True)
     for source in dict.fromkeys([*_orders_of_legs(legs, n), *_orders_in_legs(legs, n)]):
         moved = [j for j in range(n) if source[j] != j]
         values = tuple(("takes_from", j, names[source[j]], "") for j in moved)
