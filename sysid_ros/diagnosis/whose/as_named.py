@@ -10,9 +10,11 @@ from collections.abc import Sequence
 
 from sysid_ros.diagnosis.channel_faults import Fault
 from sysid_ros.diagnosis.legs.leg_channels import channels_on_legs
+from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
 from sysid_ros.diagnosis.whose.first_choice import channel_is_likelier
+from sysid_ros.diagnosis.whose.mount import mounted_otherwise
 from sysid_ros.diagnosis.whose.robot_hypotheses import judge
-from sysid_ros.diagnosis.whose.told_mount import otherwise, seems_mounted_otherwise
+from sysid_ros.diagnosis.whose.told_mount import otherwise
 from sysid_ros.effects.wording import of_joints
 from sysid_ros.exceptions import DataError
 from sysid_ros.floating.floating_base import FloatingBase
@@ -52,7 +54,8 @@ def as_named(
 
 def _of_arm(robot: RobotModel, recordings: Sequence[Recording]) -> str:
     """In words; empty where all is as it is named, or units alone are doubtful, which the fit itself judges."""
-    if not seems_mounted_otherwise(robot, recordings) and not channel_is_likelier(robot, recordings):
+    rows = CoarseRows.of(robot, recordings)
+    if rows is None or (mounted_otherwise(robot, rows) is None and not channel_is_likelier(robot, rows)):
         return ""
     found = judge(robot, recordings)
     if found is None:

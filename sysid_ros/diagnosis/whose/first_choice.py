@@ -20,18 +20,14 @@ from sysid_ros.diagnosis.channel_faults import (
 from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
 from sysid_ros.diagnosis.whose.robot_trial import Trial
 from sysid_ros.robot.robot_model import RobotModel
-from sysid_ros.signals.recording import Recording
 
 COARSE, _TRIED = 3, 2
 """Each of so many rows for a first comparison, and how many hypotheses are compared on all of them."""
 
 
-def channel_is_likelier(robot: RobotModel, recordings: Sequence[Recording]) -> bool:
-    """Whether recordings are to be judged: on a few rows, roughly, a wrong sign or order of channels is likelier than none,
-    or than another unit."""
-    rows = CoarseRows.of(robot, recordings)
-    if rows is None:
-        return False
+def channel_is_likelier(robot: RobotModel, rows: CoarseRows) -> bool:
+    """Whether recordings are to be judged: on a few of their rows, roughly, a wrong sign or order of channels is likelier than
+    none, or than another unit."""
     few, listed = Trial.of(robot, rows).every(COARSE), list(faults_to_try(robot.joint_names))
     units, others = ([x for x in listed if (x[0] == "unit") is unit] for unit in (True, False))
     best = [max((score for score, _ in _roughly(few, some)), default=-np.inf) for some in (units, others)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -13,13 +13,11 @@ from sysid_ros.diagnosis.evidence import Evidence, interval
 from sysid_ros.diagnosis.fault_findings import with_findings
 from sysid_ros.diagnosis.prepare import links_changed
 from sysid_ros.diagnosis.result import Diagnosis, Finding
-from sysid_ros.diagnosis.whose.coarse_rows import CoarseRows
-from sysid_ros.diagnosis.whose.mount import Mount, mounted_otherwise
+from sysid_ros.diagnosis.whose.mount import Mount
 from sysid_ros.effects import EFFECTS, BaseTilt, Parameter, named
 from sysid_ros.effects.base_tilt import tilt_of, tilted_gravity
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
-from sysid_ros.signals.recording import Recording
 from sysid_ros.torque.model_file import EffectBlock, ModelFile
 
 _STEP = 1e-5
@@ -86,12 +84,6 @@ class ToldMount(NamedTuple):
             effect.id, effect.joint_names, effect.settings, self.tilt, effect.parameter_names, effect.units, self.of_tilt
         )
         return replace(model, effects=(*others, block))
-
-
-def seems_mounted_otherwise(robot: RobotModel, recordings: Sequence[Recording]) -> bool:
-    """Whether recordings are to be asked where gravity comes from: a quick look at them says that it may not be as it is set."""
-    rows = CoarseRows.of(robot, recordings)
-    return rows is not None and mounted_otherwise(robot, rows) is not None
 
 
 def otherwise(robot: RobotModel, mount: Mount) -> str:
