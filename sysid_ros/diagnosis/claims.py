@@ -20,6 +20,7 @@ from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.result import Finding
 from sysid_ros.diagnosis.sets.posterior import Posterior, rivals
 from sysid_ros.diagnosis.sets.set_prior import SetPrior
+from sysid_ros.diagnosis.sets.taken_away import TakenAway
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects import Parameter, named
 from sysid_ros.effects.parameter import by_delta_method
@@ -91,8 +92,14 @@ class Judged:
             found, own = self.values.of[term], slice(0, term.p)
             others = [t for t in terms if t is not term]
             surely = self.selection.prior.surely(term, others, found.values[own], found.covariance[own, own])
-            out[term] = min(self.posterior.probability[term], surely)
+            out[term] = min(self.posterior.probability[term], surely, self.not_unknown.get(term, 1.0))
         return out
+
+    @cached_property
+    def not_unknown(self) -> dict[Term, float]:
+        """Of each term that takes measured torque away: that it does, and that torque is not of what no effect describes."""
+        away = TakenAway(self.train, self.held, self.fit, self.selection.prior)
+        return {t: away.probability(t, t.row) for t in self.fit.terms if t.effect.from_measured and t.row is not None}
 
     @property
     def robot(self) -> RobotModel:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sysid_ros.diagnosis.channel_faults import Fault, fault_evidence, mount_evidence, undone
-from sysid_ros.diagnosis.claims import Judged
+from sysid_ros.diagnosis.claims import LIKELIER, Judged
 from sysid_ros.diagnosis.contacts import Contact, contacts_held_out, contacts_in, without
 from sysid_ros.diagnosis.extended_model import extended_model, urdf_part
 from sysid_ros.diagnosis.fault_findings import contact_findings, message_finding, refuted, signal_findings, with_faults
@@ -147,15 +147,21 @@ def _told(
     effects: Sequence[KnownEffect],
     progress: Progress,
 ) -> _Told:
-    """What is told with some faults undone, without those that all that was found refutes."""
+    """What is told with some faults undone, without those that all that was found refutes, and without what takes torques away
+    that are likelier of a kind that no effect describes."""
+    not_away = set[tuple[str, int]]()
     while True:
         own = [j for f in faults for j in f.own_factors]
         prepared = partial(prepare, robot, known=effects, silent=silent, gains=own)
-        train, selection, contacts = _search(robot, [undone(r, faults) for r in fitted], prepared, progress)
+        train, selection, contacts = _search(robot, [undone(r, faults) for r in fitted], prepared, progress, not_away)
         corrected = [undone(r, faults) for r in judged]
         carried = None if faults else partial(other_loads, robot, train, selection)
         held, later, loads = _held_out(robot, corrected, partial(prepared, turns=train.turns), carried, selection.fit, progress)
         told = Judged(train, selection, selection.judged_with(held), held)
+        if unknown := {(t.id, t.joints[0]) for t, p in told.not_unknown.items() if p < LIKELIER} - not_away:
+            progress("a torque is of a kind that no effect describes: once more without what takes it away")
+            not_away |= unknown
+            continue
         found = report(told)
         wrong = refuted(faults, told)
         if faults:
@@ -174,7 +180,11 @@ def _told(
 
 
 def _search(
-    robot: RobotModel, fitted: Sequence[Recording], prepared: Callable[..., Prepared], progress: Progress
+    robot: RobotModel,
+    fitted: Sequence[Recording],
+    prepared: Callable[..., Prepared],
+    progress: Progress,
+    not_away: Collection[tuple[str, int]] = (),
 ) -> tuple[Prepared, Selection, list[Contact]]:
     """The rows to fit, the causes that were found in them, and the contacts that were left out of them."""
     progress("filtering")
@@ -184,7 +194,7 @@ def _search(
     while True:
         train = prepared([without(r, contacts) for r in fitted]) if contacts else whole
         progress("computing what each effect would do")
-        selection = searched(robot, train, progress)
+        selection = searched(robot, train, progress, not_away)
         # a strong contact hides a weaker one
         if more := contacts_in(robot, train, selection) if len(contacts) < _MOST_CONTACTS else []:
             contacts = [*contacts, *more]

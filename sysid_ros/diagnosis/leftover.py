@@ -53,7 +53,7 @@ def leftovers(train: Prepared, fit: Fit, held: Prepared, residual: FloatArray) -
         Z = held.band.joint_curves(j, [np.stack(list(f.values())) for f in there])
         root = 1.0 / np.sqrt(fit.variance[:, j])
         root_there = 1.0 / np.sqrt(fit.noise.along(held.band)[:, j])
-        found = _greedy(X * root[:, None], fit.residual[:, j] * root, len(root) * float(train.band.moves[j]))
+        found = greedy(X * root[:, None], fit.residual[:, j] * root, len(root) * float(train.band.moves[j]))
         if not found:
             continue
         theta = np.linalg.lstsq(X[:, found] * root[:, None], fit.residual[:, j] * root, rcond=1e-9)[0]
@@ -115,7 +115,7 @@ def features(motion: Motion, names: Sequence[str], warm: Mapping[int, float] | N
     return out
 
 
-def _greedy(X: FloatArray, r: FloatArray, count: float) -> list[int]:
+def greedy(X: FloatArray, r: FloatArray, count: float) -> list[int]:
     """Columns that gain enough, one after the other.
 
     Args:

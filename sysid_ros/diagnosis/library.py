@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ class Library:
     Args:
         band: the frequency domain, with its motions.
         inside: a change lies inside of a recording by so much [s]; below 0 it may have been before it, or never.
+        not_away: effects, with a joint each, of which no form is a candidate that takes measured torque away.
 
     Attributes:
         free: what effects of single joints have in the drive torque, shape (N, n) a motion; empty for none.
@@ -30,8 +31,10 @@ class Library:
             one, and then its torque is nothing that has a gain; what stays has taken the gain into its own size.
     """
 
-    def __init__(self, robot: RobotModel, band: Band, inside: float = _INSIDE) -> None:
-        self.robot, self.band, self.inside = robot, band, inside
+    def __init__(
+        self, robot: RobotModel, band: Band, inside: float = _INSIDE, not_away: Collection[tuple[str, int]] = ()
+    ) -> None:
+        self.robot, self.band, self.inside, self._not_away = robot, band, inside, frozenset(not_away)
         self.free: tuple[FloatArray, ...] = ()
         self.apart = True
         self._curves: dict[tuple[str, str], FloatArray] = {}
@@ -211,7 +214,8 @@ class Library:
         key = effect_id, joint
         if key not in self._options:
             candidates = EFFECTS[effect_id].candidates(self.motions, joint)
-            self._options[key] = [self.local(effect_id, joint, **c.settings) for c in candidates]
+            terms = [self.local(effect_id, joint, **c.settings) for c in candidates]
+            self._options[key] = [t for t in terms if not (t.effect.from_measured and key in self._not_away)]
         return self._options[key]
 
     def with_companion(self, term: Term, present: Sequence[Term]) -> list[Term]:

@@ -9,7 +9,7 @@ design, Fedorov 1972).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 import numpy as np
@@ -31,14 +31,20 @@ _TURNS = 0.03
 """Speed at which dry friction turns, for the choice of stretches [rad/s]."""
 
 
-def searched(robot: RobotModel, train: Prepared, progress: Callable[[str], None]) -> Selection:
-    """The most probable set of causes; the library and the rows of the selection are those of all recordings."""
-    library = Library(robot, train.band)
+def searched(
+    robot: RobotModel, train: Prepared, progress: Callable[[str], None], not_away: Collection[tuple[str, int]] = ()
+) -> Selection:
+    """The most probable set of causes; the library and the rows of the selection are those of all recordings.
+
+    Args:
+        not_away: as :class:`Library` has it.
+    """
+    library = Library(robot, train.band, not_away=not_away)
     if not too_long(train):
         return most_probable(train, library, progress)
     part = thinned(robot, train)
     progress(f"searching {part.band.seconds:.0f} s of {train.band.seconds:.0f} s")
-    first = most_probable(part, Library(robot, part.band), progress)
+    first = most_probable(part, Library(robot, part.band, not_away=not_away), progress)
     progress("what was found, in all of the recordings")
     selection = first.on(train.problem, library, train.nominal)
     selection.settle()
