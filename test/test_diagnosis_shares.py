@@ -215,7 +215,7 @@ def test_words_hold_the_sizes_and_which_way_they_are_off() -> None:
 
     assert told(2.0) == "unmodelled friction on j (2.000 ± 0.020 N m s/rad)"
     assert told(1.0, 3.5) == "unmodelled friction on j (1 to 3.5 N m s/rad)"
-    assert told(-1.0, -2.0) == "too much modelled friction on j (-2 to -1 N m s/rad)"
+    assert told(-1.0, -2.0) == "overestimated friction on j (-2 to -1 N m s/rad)"
     assert told(-1.0, 2.0).startswith("wrongly modelled")
     assert one(Parameter("delay", None, 0.004, "s", 1e-5)) == "4.000 ± 0.020 ms"
     assert one(Parameter("com", None, [0.02, -0.05, 0.3], "m")) == "(0.020, -0.050, 0.300) m"

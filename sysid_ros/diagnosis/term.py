@@ -142,8 +142,10 @@ class Term:
         return theta if self.basis is None else self.basis @ theta
 
     def possible(self, theta: FloatArray, std: FloatArray) -> bool:
-        """True where physics allows parameters of its columns, shape (p,), within twice their standard deviation."""
-        return self.effect.possible(theta, std, self.form, self.load)
+        """True where physics allows parameters of its columns, shape (p,), within twice their standard deviation, with what the
+        URDF has of them already."""
+        own = theta if self.row is None or self.basis is not None else theta + self.effect.stated
+        return self.effect.possible(own, std, self.form, self.load)
 
     @cached_property
     def exact_key(self) -> tuple[tuple[str, tuple[int, ...]], str]:

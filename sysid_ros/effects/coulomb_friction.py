@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
+import numpy as np
+
 from sysid_ros.effects.effect import Effect, JointEffect, Knob, positive
 from sysid_ros.effects.traits import Curve
 from sysid_ros.robot.robot_model import RobotModel
@@ -32,6 +34,10 @@ class DryFriction(Effect):
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), width: float = TURNS) -> None:
         super().__init__(robot, joints)
         self.width = positive(width, "width", self.id)
+
+    @property
+    def stated(self) -> FloatArray:
+        return np.full(self.p, self.robot.friction[self.joints[0]])
 
     def sign(self, state: Sample | Motion) -> FloatArray:
         """s of every joint, as ``state.v``."""

@@ -96,6 +96,12 @@ class Effect(Described, Searched, OnLegs):
         return np.zeros(self.p)
 
     @property
+    def stated(self) -> FloatArray:
+        """For an effect of one joint: how much of its parameters the torque of the URDF holds already, shape (p,). Less than that
+        there may be."""
+        return np.zeros(self.p)
+
+    @property
     def nonnegative_rows(self) -> FloatArray:
         """What must not be negative, as rows times the parameters, shape (m, p): each of them where physics forbids it."""
         return np.eye(self.p) if self.nonnegative else np.zeros((0, self.p))

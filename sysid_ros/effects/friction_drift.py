@@ -115,6 +115,11 @@ class FrictionDrift(DryFriction, JointCurves):
         over_temperature = [] if usual is None else [Candidate({"over": "temperature", "reference": usual})]
         return [Candidate(), *over_temperature]
 
+    @property
+    def stated(self) -> FloatArray:
+        (joint,) = self.joints
+        return np.array([self.robot.friction[joint], 0.0, self.robot.damping[joint], 0.0])
+
     def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
         high = theta + 2.0 * std
         drifts = np.abs(theta[[1, 3]]) > _DRIFTS * np.maximum(std[[1, 3]], 1e-12)

@@ -89,5 +89,9 @@ class LoadDependentFriction(DryFriction, JointCurves):
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:
         return self.of_symbol("Fc", theta) if self.level else np.zeros(self.robot.n)
 
+    @property
+    def stated(self) -> FloatArray:
+        return super().stated * [s != "mu" for s in self.symbols]
+
     def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
         return bool(np.all(theta + 2.0 * std > 0.0))

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from sysid_ros.effects.effect import JointCurves, Knob, positive
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign
@@ -43,6 +45,10 @@ class PreslidingHysteresis(JointCurves):
         if isinstance(state, Motion):
             return bristle(state.q, self.z_s, state.period)[None]
         return smoothed_sign(state.v)[None]
+
+    @property
+    def stated(self) -> FloatArray:
+        return np.full(self.p, self.robot.friction[self.joints[0]])
 
     def as_dry_friction(self, theta: FloatArray) -> FloatArray:
         return self.of_symbol("Fc", theta)

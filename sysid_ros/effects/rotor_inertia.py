@@ -29,6 +29,10 @@ class RotorInertia(JointEffect):
     def curve(self, sample: Sample | Motion) -> FloatArray:
         return sample.a
 
+    @property
+    def stated(self) -> FloatArray:
+        return np.full(self.p, self.robot.model.armature[self.joints[0]])
+
     def as_armature(self, theta: FloatArray) -> FloatArray:
         return self.per_joint(theta)
 

@@ -1,5 +1,7 @@
 """Friction in proportion to speed."""
 
+import numpy as np
+
 from sysid_ros.effects.effect import JointEffect
 from sysid_ros.effects.traits import Curve
 from sysid_ros.sample import FloatArray, Sample
@@ -26,6 +28,10 @@ class ViscousFriction(JointEffect):
 
     def curve(self, sample: Sample | Motion) -> FloatArray:
         return sample.v
+
+    @property
+    def stated(self) -> FloatArray:
+        return np.full(self.p, self.robot.damping[self.joints[0]])
 
     def as_damping(self, theta: FloatArray) -> FloatArray:
         return self.per_joint(theta)

@@ -26,7 +26,7 @@ def phrase(words: str, label: str, parameters: Sequence[Parameter], where: str) 
     for p in parameters:
         by_name.setdefault(p.name, []).append(p)
     signs = {float(np.sign(p.value)) for p in parameters if isinstance(p.value, float | int)}
-    unmodelled = "unmodelled" if signs <= {1.0} else "too much modelled" if signs <= {-1.0} else "wrongly modelled"
+    unmodelled = "unmodelled" if signs <= {1.0} else "overestimated" if signs <= {-1.0} else "wrongly modelled"
     values = {name: size(group) for name, group in by_name.items()}
     sizes = ", ".join(f"{name} {text}" for name, text in values.items())
     return words.format_map({**values, "label": label, "where": where, "sizes": sizes, "unmodelled": unmodelled})
