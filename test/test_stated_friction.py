@@ -27,6 +27,7 @@ def stating() -> RobotModel:
 def test_friction_that_is_less_than_stated_is_told_by_how_much() -> None:
     """Placeholders of a URDF, as 1 N m and 1 N m s/rad on every joint, had left it unexplained, after four times the time."""
     recording = record(None, 3, seconds=20.0)
+    assert recording.v is not None
     tau = recording.tau + TRUE * np.tanh(recording.v / 0.01)
     d = diagnose(stating(), [replace(recording, tau=tau)]).as_dict()
     assert d["verdict"] == "explained"
