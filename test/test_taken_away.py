@@ -22,7 +22,7 @@ def told(case: Case, joint: int, limit: float) -> float:
     limited = library.local("torque_saturation", joint, limit=limit, kind="motor")
     fit = train.problem.fit([library.local("coulomb_friction", joint), limited], inexact=True)
     held, prior = HeldOut.of(robot, later, fit), SetPrior(library, train.problem.active.tolist())
-    return TakenAway(train, held, fit, prior).probability(limited, joint)
+    return TakenAway(train, held, library, fit, prior).probability(limited, joint)
 
 
 @pytest.mark.parametrize("seed", [17, 19, 22])

@@ -98,7 +98,7 @@ class Judged:
     @cached_property
     def not_unknown(self) -> dict[Term, float]:
         """Of each term that takes measured torque away: that it does, and that torque is not of what no effect describes."""
-        away = TakenAway(self.train, self.held, self.fit, self.selection.prior)
+        away = TakenAway(self.train, self.held, self.selection.library, self.fit, self.selection.prior)
         return {t: away.probability(t, t.row) for t in self.fit.terms if t.effect.from_measured and t.row is not None}
 
     @property

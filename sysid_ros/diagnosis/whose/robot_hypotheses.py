@@ -235,13 +235,25 @@ def _of_one_kind(best: int, faults: Sequence[Fault | None], share: FloatArray) -
 
 
 def _weighed_again(weighed: Sequence[tuple[FloatArray, Trial]], share: FloatArray) -> FloatArray:
-    """Probability of each fault, and of none first, with exact links among the forms of those that have some probability. Whose
-    robot it is they do not decide: a link that may be anything is a part of another robot."""
+    """Probability of each fault, and of none first, with exact links and with nothing carried among the forms of those that have
+    some probability. Whose robot it is exact links do not decide: a link that may be anything is a part of another robot."""
     again = [i for i, p in enumerate(share) if p > _WEIGHED_AGAIN or i == 0]
-    rows = [likeliest(np.concatenate([weighed[i][0], _with_exact_links(weighed[i][1])])) for i in again]
     out = np.zeros_like(share)
-    out[again] = probabilities(rows)
+    out[again] = probabilities([likeliest(_every_form(*weighed[i])) for i in again])
     return out
+
+
+def _every_form(urdf: FloatArray, trial: Trial) -> FloatArray:
+    """Rows of a trial that carries something, which are given, or nothing, each with inexact and with exact links.
+
+    What a payload explains of torques in another unit, the links explain of them as they are, without one: a fault that needs a
+    payload is to be no likelier for what a payload that nobody needs costs.
+    """
+    each = [(urdf, trial, Carried.SOMETHING)]
+    nothing = trial.carrying(Carried.NOTHING)
+    each.append((nothing.likelihood(), nothing, Carried.NOTHING))
+    forms = [np.concatenate([rows, _with_exact_links(x)]) + np.log(_CARRIED[c]) / rows.shape[1] for rows, x, c in each]
+    return np.concatenate(forms)
 
 
 def _with_exact_links(trial: Trial) -> FloatArray:
