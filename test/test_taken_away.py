@@ -6,18 +6,27 @@ import numpy as np
 import pytest
 from exam.candidate import recording_of
 from exam.case import Case, draw_case
+from motions import Motion
+from robots import robot as named_robot
 
-from sysid_ros.diagnosis.heldout import HeldOut
+from sysid_ros.diagnosis.heldout import HeldOut, split
 from sysid_ros.diagnosis.library import Library
-from sysid_ros.diagnosis.prepare import prepare
+from sysid_ros.diagnosis.prepare import Prepared, prepare
 from sysid_ros.diagnosis.sets.set_prior import SetPrior
 from sysid_ros.diagnosis.sets.taken_away import TakenAway
+from sysid_ros.robot.robot_model import RobotModel
+from sysid_ros.signals.recording import Recording
 
 
 def told(case: Case, joint: int, limit: float) -> float:
     """Probability of a motor's limit beside dry friction."""
     robot = case.nominal.model()
     train, later = (prepare(robot, [recording_of(r) for r in x], []) for x in (case.train, case.validate))
+    return told_of(robot, train, later, joint, limit)
+
+
+def told_of(robot: RobotModel, train: Prepared, later: Prepared, joint: int, limit: float) -> float:
+    """The same of rows to fit and to judge on."""
     library = Library(robot, train.band)
     limited = library.local("torque_saturation", joint, limit=limit, kind="motor")
     fit = train.problem.fit([library.local("coulomb_friction", joint), limited], inexact=True)
@@ -40,6 +49,20 @@ def test_a_friction_that_no_effect_describes_is_likelier_than_a_limit_that_takes
     joint = case.nominal.joint_names.index(case.truth["effects"][0]["joints"][0])
     limit = float(np.quantile(np.abs(case.train[0].tau[:, joint]), 0.8))
     assert told(case, joint, limit) < 0.01
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_noise_beyond_a_torque_that_is_flat_is_no_limit(seed: int) -> None:
+    """On a wrist whose torque is nearly all dry friction, noise of a tenth of that is what exceeds a limit."""
+    robot, rng = named_robot("iiwa"), np.random.default_rng(seed)
+    t = np.arange(6000) / 200.0
+    q, v, a = Motion(robot, seed)(t)
+    tau = robot.rnea_along(q, v, a) + 6.0 * np.tanh(v / 5e-4) + 0.6 * rng.normal(size=q.shape)
+    whole = Recording("flat", t, q + 1e-5 * rng.normal(size=q.shape), None, tau)
+    train, later = (prepare(robot, x, []) for x in split([whole]))
+    wrists, limits = (4, 5, 6), (6.2, 6.3, 6.6)
+    odds = [told_of(robot, train, later, j, limit) for j in wrists for limit in limits]
+    assert max(odds) < 0.5
 
 
 def test_no_form_that_takes_torque_away_is_a_candidate_where_it_is_not_to_be() -> None:

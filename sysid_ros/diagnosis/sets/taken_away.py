@@ -3,11 +3,13 @@
 A motor at its limit leaves what it was asked for beyond the limit unsaid, and so explains any torque that is large: that of a
 friction that the library lacks, too. Its rival is a function of the motion that no effect describes, of the net of
 :mod:`..leftover`. Both have that net, each with the noise that makes it the likeliest, and what is taken away pays as a signal of
-its own: beside little noise it pays much.
+its own: beside little noise it pays much. A motor gives nothing beyond its limit: all of what was asked beyond it is taken away,
+no part of it and not more.
 
 The torque of a joint that hardly changes, as where dry friction is most of it, is near its largest all the time. What exceeds a
 limit there is noise, and less of it is left without its tops. How much likelier that makes noise is seen where there is no limit:
-in the same recordings with what the rival leaves turned over, which is noise as likely as that. So much more must a limit bring.
+in the same recordings with what the rival leaves turned over, which is noise as likely as that. By how much the two differ where
+all is noise is seen with it turned over in stretches of time, and in the others (the wild bootstrap; Wu 1986).
 """
 
 from __future__ import annotations
@@ -33,6 +35,10 @@ from sysid_ros.sample import FloatArray
 _TURNS = 3
 """How often noise and functions of the motion are found anew, each with the other."""
 
+_DRAWS, _STRETCH = 8, 0.1
+"""How often noise is turned over in stretches of time, and how long they are [s]."""
+_Taken = tuple[Term, Term]
+
 
 class TakenAway:
     """What takes measured torque away, against functions of the motion that no effect describes.
@@ -48,47 +54,76 @@ class TakenAway:
         """Of a term that takes a part of the measured torque of its joint away; before any data both are as likely."""
         others = [t for t in self._fit.terms if t is not term]
         without = self._train.problem.fit(others, self._fit.noise, inexact=self._fit.inexact)
-        rival, cost = self._beside_functions(without, self._held, joint), self._prior.cost(term)
-        gained = self._beside_functions(self._fit, self._held, joint, term) - cost - rival
+        rows, motions = len(self._train.problem.y), [*self._library.motions, *self._held.library.motions]
+        measured = [np.ones(len(m.t)) for m in motions]
+        rival = self._beside_functions(*self._fitted(without, self._rows(without, term, joint, measured)[0]), joint)
+        own = self._own(without, term, joint, measured)
+        gained = own - self._prior.cost(term) - rival
         if gained > 0.0:
-            fit, held, turned = self._turned_over(without, term, joint)
-            gained -= max(self._beside_functions(fit, held, joint, turned) - cost - rival, 0.0)
+            turned, rng = own - self._own(without, term, joint, [-x for x in measured]), np.random.default_rng(0)
+            noise = []
+            for _ in range(_DRAWS):
+                signs = [_signs(m.t, rng) for m in motions]
+                both = (self._own(without, term, joint, x) for x in (signs, [-x for x in signs]))
+                noise.append(next(both) - next(both))
+            gained = min(gained, _over_noise(turned, np.array(noise), rows))
         return float(special.expit(gained))
 
-    def _turned_over(self, without: Fit, term: Term, joint: int) -> tuple[Fit, HeldOut, Term]:
-        """A fit with the term, and what it is judged on, of recordings with the other sign of what a fit without the term leaves
-        of its joint; and the term there."""
-        here = HeldOut(self._train, self._library, {t: t for t in without.terms})
-        terms, rows = list[Term](), list[Prepared]()
-        for x, of_term in ((here, term), (self._held, self._held.terms[term])):
-            left = [m.tau - tau for m, tau in zip(x.library.motions, x.predictions(without), strict=True)]
-            own = [m.less(2.0 * r) for m, r in zip(x.library.motions, left, strict=True)]
-            curves = [np.asarray(term.effect.curves_along(m))[:, :, joint] for m in own]
-            terms.append(replace(of_term, columns=np.ascontiguousarray(x.prepared.band.joint_curves(joint, curves))))
-            problem = copy(x.prepared.problem)
+    def _own(self, without: Fit, term: Term, joint: int, signs: Sequence[FloatArray]) -> float:
+        """Log-likelihood with a term of the rows of its joint; the arguments are those of :meth:`_rows`."""
+        rows, taken = self._rows(without, term, joint, signs)
+        for x, own in zip(rows, taken, strict=True):
+            x.problem.y[:, joint] -= own.columns.sum(axis=1)
+        return self._beside_functions(*self._fitted(without, rows), joint, taken)
+
+    def _fitted(self, without: Fit, rows: Sequence[Prepared]) -> tuple[Fit, HeldOut]:
+        """The terms of a fit on other rows, to fit and to judge on."""
+        fit = rows[0].problem.fit(without.terms, self._fit.noise, inexact=without.inexact)
+        return fit, HeldOut(rows[1], self._held.library, self._held.terms)
+
+    def _rows(
+        self, without: Fit, term: Term, joint: int, signs: Sequence[FloatArray]
+    ) -> tuple[tuple[Prepared, Prepared], _Taken]:
+        """Rows to fit and to judge on, and the term there.
+
+        Args:
+            without: a fit without the term. signs: times which what that leaves is taken, shape (N,) a motion.
+        """
+        here, out, signs = HeldOut(self._train, self._library, {t: t for t in without.terms}), [], list(signs)
+        for x, own in ((here, term), (self._held, self._held.terms[term])):
+            problem, band, motions = copy(x.prepared.problem), x.prepared.band, x.library.motions
             problem.y = problem.y.copy()
-            problem.y[:, joint] -= 2.0 * x.residual(without)[:, joint]
-            rows.append(replace(x.prepared, problem=problem))
-        turned, there = terms
-        fit = rows[0].problem.fit([*without.terms, turned], self._fit.noise, inexact=without.inexact)
-        return fit, HeldOut(rows[1], self._held.library, {**self._held.terms, turned: there}), turned
+            of_each, signs = signs[: len(motions)], signs[len(motions) :]
+            if any(np.any(sign < 0.0) for sign in of_each):
+                left = [m.tau - tau for m, tau in zip(motions, x.predictions(without), strict=True)]
+                less = [(1.0 - sign)[:, None] * r for sign, r in zip(of_each, left, strict=True)]
+                each = [m.less(r) for m, r in zip(motions, less, strict=True)]
+                curves = [np.asarray(term.effect.curves_along(m))[:, :, joint] for m in each]
+                own = replace(own, columns=np.ascontiguousarray(band.joint_curves(joint, curves)))
+                problem.y[:, joint] -= band.joint_curves(joint, [r[None, :, joint] for r in less])[:, 0]
+            out.append((replace(x.prepared, problem=problem), own))
+        (fitted, own), (judged, later) = out
+        return (fitted, judged), (own, later)
 
     @cached_property
     def _features(self) -> list[list[FloatArray]]:
         names = self._train.motions[0].robot.joint_names
         return [[np.stack(list(features(m, names).values())) for m in x.motions] for x in (self._train, self._held.prepared)]
 
-    def _beside_functions(self, fit: Fit, held: HeldOut, joint: int, term: Term | None = None) -> float:
-        """Log-likelihood of all rows of a joint beside functions of the motion, with what a term leaves unsaid."""
+    def _beside_functions(self, fit: Fit, held: HeldOut, joint: int, taken: _Taken | None = None) -> float:
+        """Log-likelihood of all rows of a joint beside functions of the motion, with what a term leaves unsaid.
+
+        Args:
+            taken: the term on the fitted rows, and on the held-out ones.
+        """
         bands = self._train.band, self._held.prepared.band
         X = np.concatenate([band.joint_curves(joint, x) for band, x in zip(bands, self._features, strict=True)])
         left = [fit.residual, held.residual(fit)]
         coloured = np.concatenate([fit.noise.along(band)[:, joint] for band in bands])
         # what a fit leaves is noise to it: beside white noise other functions are found than beside that
-        taken = () if term is None else (term, held.terms[term])
         return max(self._from(v, X, left, joint, taken) for v in (coloured, np.full_like(coloured, np.mean(coloured))))
 
-    def _from(self, variance: FloatArray, X: FloatArray, left: Sequence[FloatArray], joint: int, taken: Sequence[Term]) -> float:
+    def _from(self, variance: FloatArray, X: FloatArray, left: Sequence[FloatArray], joint: int, taken: _Taken | None) -> float:
         """The same from a noise of this variance on, shape (K,)."""
         bands = self._train.band, self._held.prepared.band
         y, moves, found, noises = (
@@ -118,3 +153,19 @@ class TakenAway:
         later = SetPrior(self._held.library, self._held.prepared.problem.active.tolist())
         fitted = self._prior.unsaid(term, here.along(self._train.band))
         return fitted + later.unsaid(later_term, there.along(self._held.prepared.band))
+
+
+def _signs(t: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """A sign for each stretch of time, shape (N,)."""
+    stretch = ((t - t[0]) / _STRETCH).astype(np.intp)
+    return np.asarray(rng.choice([-1.0, 1.0], size=int(stretch[-1]) + 1)[stretch])
+
+
+def _over_noise(gained: float, noise: FloatArray, rows: int) -> float:
+    """Log-odds that a term is more than noise, by what it gains over what it gains with the noise turned over. With noise alone
+    that is normal about 0, and some draws of it are known, shape (k,), so that it is Student's t, but for what any log-likelihood
+    scatters by; with a term that is there it is anything from what noise scatters by up to one a row, in equal ratios."""
+    k, scale = len(noise), float(np.hypot(np.sqrt(np.mean(noise**2)), 1.0))
+    student = special.gammaln(0.5 * (k + 1)) - special.gammaln(0.5 * k) - 0.5 * np.log(k * np.pi) - np.log(scale)
+    student -= 0.5 * (k + 1) * np.log1p((max(gained, 0.0) / scale) ** 2 / k)
+    return float(-np.log(max(gained, scale) * np.log(max(rows, 3))) - student)
