@@ -35,7 +35,7 @@ from sysid_ros.sample import FloatArray
 _TURNS = 3
 """How often noise and functions of the motion are found anew, each with the other."""
 
-_DRAWS, _STRETCH = 8, 0.1
+_DRAWS, _STRETCH = 16, 0.05
 """How often noise is turned over in stretches of time, and how long they are [s]."""
 _Taken = tuple[Term, Term]
 
