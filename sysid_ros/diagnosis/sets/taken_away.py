@@ -49,66 +49,68 @@ class TakenAway:
 
     def __init__(self, train: Prepared, held: HeldOut, library: Library, fit: Fit, prior: SetPrior) -> None:
         self._train, self._held, self._library, self._fit, self._prior = train, held, library, fit, prior
+        self._made: dict[int, FloatArray] = {}
 
     def probability(self, term: Term, joint: int) -> float:
         """Of a term that takes a part of the measured torque of its joint away; before any data both are as likely."""
         others = [t for t in self._fit.terms if t is not term]
         without = self._train.problem.fit(others, self._fit.noise, inexact=self._fit.inexact)
-        rows, motions = len(self._train.problem.y), [*self._library.motions, *self._held.library.motions]
-        measured = [np.ones(len(m.t)) for m in motions]
-        rival = self._beside_functions(*self._fitted(without, self._rows(without, term, joint, measured)[0]), joint)
-        own = self._own(without, term, joint, measured)
+        rival, own = self._beside_functions(without, self._held, joint), self._own(without, term, joint)
         gained = own - self._prior.cost(term) - rival
         if gained > 0.0:
-            turned, rng = own - self._own(without, term, joint, [-x for x in measured]), np.random.default_rng(0)
-            noise = []
-            for _ in range(_DRAWS):
-                signs = [_signs(m.t, rng) for m in motions]
-                both = (self._own(without, term, joint, x) for x in (signs, [-x for x in signs]))
-                noise.append(next(both) - next(both))
-            gained = min(gained, _over_noise(turned, np.array(noise), rows))
+            here, rng = HeldOut(self._train, self._library, {t: t for t in others}), np.random.default_rng(0)
+            each = [(m, r) for x in (here, self._held) for m, r in zip(x.library.motions, x.predictions(without), strict=True)]
+            left, times = [m.tau - predicted for m, predicted in each], [m.t for m, _ in each]
+
+            def turned(signs: Sequence[FloatArray]) -> float:
+                return self._own(without, term, joint, [(1.0 - s)[:, None] * x for s, x in zip(signs, left, strict=True)])
+
+            draws = [[_signs(t, rng) for t in times] for _ in range(_DRAWS)]
+            noise = np.array([turned(signs) - turned([-s for s in signs]) for signs in draws])
+            over = own - turned([-np.ones(len(t)) for t in times])
+            gained = min(gained, _over_noise(over, noise, len(self._train.problem.y)))
         return float(special.expit(gained))
 
-    def _own(self, without: Fit, term: Term, joint: int, signs: Sequence[FloatArray]) -> float:
-        """Log-likelihood with a term of the rows of its joint; the arguments are those of :meth:`_rows`."""
-        rows, taken = self._rows(without, term, joint, signs)
-        for x, own in zip(rows, taken, strict=True):
-            x.problem.y[:, joint] -= own.columns.sum(axis=1)
-        return self._beside_functions(*self._fitted(without, rows), joint, taken)
-
-    def _fitted(self, without: Fit, rows: Sequence[Prepared]) -> tuple[Fit, HeldOut]:
-        """The terms of a fit on other rows, to fit and to judge on."""
-        fit = rows[0].problem.fit(without.terms, self._fit.noise, inexact=without.inexact)
-        return fit, HeldOut(rows[1], self._held.library, self._held.terms)
-
-    def _rows(
-        self, without: Fit, term: Term, joint: int, signs: Sequence[FloatArray]
-    ) -> tuple[tuple[Prepared, Prepared], _Taken]:
-        """Rows to fit and to judge on, and the term there.
+    def _own(self, without: Fit, term: Term, joint: int, less: Sequence[FloatArray] = ()) -> float:
+        """Log-likelihood of all rows of a joint without all that a term takes away.
 
         Args:
-            without: a fit without the term. signs: times which what that leaves is taken, shape (N,) a motion.
+            without: a fit without the term. less: so much less was measured, shape (N, n) a motion, the held-out ones last.
         """
-        here, out, signs = HeldOut(self._train, self._library, {t: t for t in without.terms}), [], list(signs)
-        for x, own in ((here, term), (self._held, self._held.terms[term])):
-            problem, band, motions = copy(x.prepared.problem), x.prepared.band, x.library.motions
-            problem.y = problem.y.copy()
-            of_each, signs = signs[: len(motions)], signs[len(motions) :]
-            if any(np.any(sign < 0.0) for sign in of_each):
-                left = [m.tau - tau for m, tau in zip(motions, x.predictions(without), strict=True)]
-                less = [(1.0 - sign)[:, None] * r for sign, r in zip(of_each, left, strict=True)]
-                each = [m.less(r) for m, r in zip(motions, less, strict=True)]
-                curves = [np.asarray(term.effect.curves_along(m))[:, :, joint] for m in each]
-                own = replace(own, columns=np.ascontiguousarray(band.joint_curves(joint, curves)))
-                problem.y[:, joint] -= band.joint_curves(joint, [r[None, :, joint] for r in less])[:, 0]
-            out.append((replace(x.prepared, problem=problem), own))
-        (fitted, own), (judged, later) = out
-        return (fitted, judged), (own, later)
+        rows, taken = list[Prepared](), list[Term]()
+        for x, library, own in (
+            (self._train, self._library, term),
+            (self._held.prepared, self._held.library, self._held.terms[term]),
+        ):
+            problem, of_each = copy(x.problem), less[: len(library.motions)]
+            problem.y, less = problem.y.copy(), less[len(of_each) :]
+            if of_each:
+                motions = [m.less(r) for m, r in zip(library.motions, of_each, strict=True)]
+                curves = [np.asarray(term.effect.curves_along(m))[:, :, joint] for m in motions]
+                own = replace(own, columns=np.ascontiguousarray(x.band.joint_curves(joint, curves)))
+                problem.y[:, joint] -= x.band.joint_curves(joint, [r[None, :, joint] for r in of_each])[:, 0]
+            problem.y[:, joint] -= own.columns.sum(axis=1)
+            rows.append(replace(x, problem=problem))
+            taken.append(own)
+        fit = rows[0].problem.fit(without.terms, self._fit.noise, inexact=without.inexact)
+        held = HeldOut(rows[1], self._held.library, self._held.terms)
+        return self._beside_functions(fit, held, joint, (taken[0], taken[1]))
 
     @cached_property
     def _features(self) -> list[list[FloatArray]]:
         names = self._train.motions[0].robot.joint_names
         return [[np.stack(list(features(m, names).values())) for m in x.motions] for x in (self._train, self._held.prepared)]
+
+    @cached_property
+    def _later(self) -> SetPrior:
+        return SetPrior(self._held.library, self._held.prepared.problem.active.tolist())
+
+    def _functions(self, joint: int) -> FloatArray:
+        """Rows of a joint that functions of the motion make, shape (K, c)."""
+        if joint not in self._made:
+            bands = self._train.band, self._held.prepared.band
+            self._made[joint] = np.concatenate([b.joint_curves(joint, x) for b, x in zip(bands, self._features, strict=True)])
+        return self._made[joint]
 
     def _beside_functions(self, fit: Fit, held: HeldOut, joint: int, taken: _Taken | None = None) -> float:
         """Log-likelihood of all rows of a joint beside functions of the motion, with what a term leaves unsaid.
@@ -117,7 +119,7 @@ class TakenAway:
             taken: the term on the fitted rows, and on the held-out ones.
         """
         bands = self._train.band, self._held.prepared.band
-        X = np.concatenate([band.joint_curves(joint, x) for band, x in zip(bands, self._features, strict=True)])
+        X = self._functions(joint)
         left = [fit.residual, held.residual(fit)]
         coloured = np.concatenate([fit.noise.along(band)[:, joint] for band in bands])
         # what a fit leaves is noise to it: beside white noise other functions are found than beside that
@@ -150,9 +152,8 @@ class TakenAway:
         return likelihood - chosen - (self._unsaid(*taken, *noises) if taken else 0.0)
 
     def _unsaid(self, term: Term, later_term: Term, here: RowNoise, there: RowNoise) -> float:
-        later = SetPrior(self._held.library, self._held.prepared.problem.active.tolist())
         fitted = self._prior.unsaid(term, here.along(self._train.band))
-        return fitted + later.unsaid(later_term, there.along(self._held.prepared.band))
+        return fitted + self._later.unsaid(later_term, there.along(self._held.prepared.band))
 
 
 def _signs(t: FloatArray, rng: np.random.Generator) -> FloatArray:

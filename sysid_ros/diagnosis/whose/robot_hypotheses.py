@@ -249,10 +249,9 @@ def _every_form(urdf: FloatArray, trial: Trial) -> FloatArray:
     What a payload explains of torques in another unit, the links explain of them as they are, without one: a fault that needs a
     payload is to be no likelier for what a payload that nobody needs costs.
     """
-    each = [(urdf, trial, Carried.SOMETHING)]
     nothing = trial.carrying(Carried.NOTHING)
-    each.append((nothing.likelihood(), nothing, Carried.NOTHING))
-    forms = [np.concatenate([rows, _with_exact_links(x)]) + np.log(_CARRIED[c]) / rows.shape[1] for rows, x, c in each]
+    each = ((Carried.SOMETHING, trial, urdf), (Carried.NOTHING, nothing, nothing.likelihood()))
+    forms = [np.concatenate([rows, _with_exact_links(x)]) + np.log(_CARRIED[c]) / rows.shape[1] for c, x, rows in each]
     return np.concatenate(forms)
 
 
