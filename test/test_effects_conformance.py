@@ -20,7 +20,7 @@ from sysid_ros.sample import Sample
 every_effect = pytest.mark.parametrize("effect_id", EFFECTS)
 every_robot = pytest.mark.parametrize("robot_name", ROBOTS)
 FRICTION = [name for name in EFFECTS if "friction" in name]
-WITH_MEMORY = ("presliding_hysteresis", "time_delay", "joint_elasticity")
+WITH_MEMORY = ("presliding_hysteresis", "time_delay", "effort_lag", "joint_elasticity")
 """What these do to a sample depends on the samples before it."""
 
 

@@ -56,6 +56,7 @@ PARAMETERS = {
     "base_tilt": {"roll", "pitch"},
     "gravity_compensated_effort": {"coef"},
     "time_delay": {"delay"},
+    "effort_lag": {"lag"},
     "velocity_lag": {"cutoff"},
     "joint_elasticity": {"stiffness"},
     "backlash": {"gap"},

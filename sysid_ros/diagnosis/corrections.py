@@ -24,10 +24,10 @@ def correct(problem: Problem, library: Library, terms: Sequence[Term]) -> None:
     stands in the columns of what changes links, with the present tilt (:meth:`.Library.lean`); what the columns of the tilt have
     of it, with the present links, goes to the rows, so that it counts once.
     """
-    rows = library.correction(terms)
+    rows = library.correction(terms, problem.nominal)
     for term in terms:
         carried = term.effect.settings.get("links")
         if carried and term.effect.leans and library.leans:
             twice = library.leaning(np.asarray(carried))
             rows = twice if rows is None else rows + twice
-    problem.correct(rows, library.leaning(problem.links) if library.leans else None)
+    problem.correct(rows, library.moved(problem.links))

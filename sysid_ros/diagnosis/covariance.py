@@ -19,7 +19,7 @@ from sysid_ros.diagnosis.prepare import SCALES
 from sysid_ros.diagnosis.sets.block_scatter import BlockScatter
 from sysid_ros.diagnosis.sets.instants import instant_of
 from sysid_ros.diagnosis.sets.never_known import GAIN_AT, dry_friction, unknown_columns, unknown_prior
-from sysid_ros.diagnosis.swings import Swing, follows, slope_of, swinging
+from sysid_ros.diagnosis.swings import Swing, follows, has_slope, slope_of, swinging
 from sysid_ros.diagnosis.term import Term
 from sysid_ros.effects.traits import Curve, Knob
 from sysid_ros.estimators.symmetric import inverse_of, scaled_to_one
@@ -246,7 +246,7 @@ def _equations(
     say of them, which is nothing but of the last, of a delay and of links that swing; and how their scores scatter."""
     count = len(fit.theta)
     swung_on = {x.term: x.slope for x in swings}
-    others = [t for t in fit.terms if (t.effect.deflection or t.effect.corrects) and t not in swung_on]
+    others = [t for t in fit.terms if has_slope(t) and t not in swung_on]
     slopes = {**swung_on, **{t: slope_of(library, t) for t in others}}
     links = np.arange(count - len(problem.prior), count)
     swung = sum((x.by_links for x in swings), np.zeros_like(problem.nuisance))

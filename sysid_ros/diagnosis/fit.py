@@ -112,6 +112,7 @@ class Problem:
             size, the first ones, shape (c,).
         links: change of the links' inertials by each of the others, the last ones, shape (10 n, l); None: there are none.
         gains: joints whose efforts may be in a unit of their own, whatever was undone.
+        nominal: torque of the nominal model, shape (N, n) of each motion; empty where no cause needs it.
 
     Attributes:
         y: rows, corrected for what some causes change of the measured torque. measured: without that.
@@ -127,8 +128,9 @@ class Problem:
         scaled_by: NDArray[np.intp],
         links: FloatArray | None = None,
         gains: Sequence[int] = (),
+        nominal: Sequence[FloatArray] = (),
     ) -> None:
-        self.band, self.y, self.measured = band, y, y
+        self.band, self.y, self.measured, self.nominal = band, y, y, tuple(nominal)
         self.scaled_by, self.considered = scaled_by, int(np.sum(scaled_by == 0))
         self.active, self.gains = np.flatnonzero(band.active), tuple(gains)
         self.links = np.zeros((10 * y.shape[1], 0)) if links is None else links

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sysid_ros.diagnosis.band import Band
-from sysid_ros.diagnosis.term import Term, depends_on_torques
+from sysid_ros.diagnosis.term import Term, depends_on_torques, same_low_pass
 from sysid_ros.effects import EFFECTS, Effect, LinkInertia, Motion, Scope
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray
@@ -41,6 +41,8 @@ class Library:
         self._options: dict[tuple[str, int], list[Term]] = {}
         self._leans: list[FloatArray] = []
         self._leans_anew = False
+        self._behind: Effect | None = None
+        self._lost_links: FloatArray = np.zeros(0)
 
     def update(
         self,
@@ -81,7 +83,9 @@ class Library:
     def _curves_of(self, effect: Effect) -> FloatArray:
         key = effect.id, repr(effect.settings)
         if key not in self._curves:
-            self._curves[key] = self.band.curves([np.asarray(effect.curves_along(m)) for m in self._seen_by(effect)])
+            self._curves[key] = self.band.curves(
+                [self._published(effect, np.asarray(effect.curves_along(m)), 1) for m in self._seen_by(effect)]
+            )
         return self._curves[key]
 
     def _seen_by(self, effect: Effect) -> Sequence[Motion]:
@@ -93,24 +97,28 @@ class Library:
 
     def local(self, effect_id: str, joint: int, **settings: Any) -> Term:
         """A term that loads one joint."""
-        columns = np.ascontiguousarray(self._curves_of(self._make(effect_id, (), settings))[:, :, joint].T)
+        columns = self._curves_of(self._make(effect_id, (), settings))[:, :, joint].T
         effect = self._make(effect_id, (joint,), settings)
-        return Term(effect, effect.concerned, joint, columns, form=effect.form, load=effect.reference_torque(self.motions))
+        return self._of_joint(effect, joint, columns)
+
+    def _of_joint(self, effect: Effect, joint: int, columns: FloatArray) -> Term:
+        load, behind = effect.reference_torque(self.motions), self._behind_of(effect)
+        return Term(effect, effect.concerned, joint, np.ascontiguousarray(columns), form=effect.form, load=load, behind=behind)
 
     def _alone(self, effect_id: str, joint: int, settings: dict[str, Any]) -> Term:
         """As :meth:`local`, for settings that no other joint is likely to have."""
         effect = self._make(effect_id, (joint,), settings)
         if not effect.alone or (effect.id, repr(effect.settings)) in self._curves:
             return self.local(effect_id, joint, **settings)
-        columns, load = np.ascontiguousarray(self.column(effect_id, joint, settings)), effect.reference_torque(self.motions)
-        return Term(effect, effect.concerned, joint, columns, form=effect.form, load=load)
+        return self._of_joint(effect, joint, self.column(effect_id, joint, settings))
 
     def column(self, effect_id: str, joint: int, settings: dict[str, Any]) -> FloatArray:
         """Columns of a term that loads one joint, shape (K, p), computed for that joint alone where nothing else is needed."""
         effect = self._make(effect_id, (joint,), settings)
         motions = self._seen_by(effect)
         seen, at = ([m.of_joint(joint) for m in motions], 0) if effect.alone else (motions, joint)
-        return self.band.joint_curves(joint, [np.asarray(effect.curves_along(m))[:, :, at] for m in seen])
+        each = [self._published(effect, np.asarray(effect.curves_along(m))[:, :, at], 1) for m in seen]
+        return self.band.joint_curves(joint, each)
 
     def whole(
         self, effect_id: str, joints: Sequence[int] = (), basis: FloatArray | None = None, form: str = "", **settings: Any
@@ -132,7 +140,7 @@ class Library:
         return {**settings, instant: float(np.clip(settings[instant], start + self.inside, end - self.inside))}
 
     def _rows(self, effect: Effect) -> FloatArray:
-        rows = self.band.rows([effect.columns_along(m) for m in self.motions])
+        rows = self.band.rows([self._published(effect, effect.columns_along(m), 0) for m in self.motions])
         if not self._leans or not (links := _of_links(effect)).any():
             return rows
         return rows + self.leaning(links)
@@ -140,24 +148,47 @@ class Library:
     def _term(self, effect: Effect, joints: Sequence[int], rows: FloatArray, basis: FloatArray | None, form: str) -> Term:
         columns = rows if basis is None else rows @ basis
         load = effect.reference_torque(self.motions) if joints else 0.0
-        return Term(effect, tuple(joints) or tuple(range(self.robot.n)), None, columns, basis, form, load)
+        of = tuple(joints) or tuple(range(self.robot.n))
+        return Term(effect, of, None, columns, basis, form, load, behind=self._behind_of(effect))
 
     def _make(self, effect_id: str, joints: Sequence[int], settings: dict[str, Any]) -> Effect:
         return EFFECTS[effect_id].from_settings(self.robot, [self.robot.joint_names[j] for j in joints], settings)
 
-    def correction(self, terms: Sequence[Term]) -> FloatArray | None:
-        """What terms change of the rows that were measured, shape (K, n); None for nothing."""
-        if not any(t.effect.corrects for t in terms):
+    def _behind_of(self, effect: Effect) -> Effect | None:
+        """The low-pass that an effect's torque passes: not what makes efforts late itself, in its place."""
+        return None if self._behind is None or effect.excludes(self._behind) else self._behind
+
+    def _published(self, effect: Effect | None, values: FloatArray, axis: int) -> FloatArray:
+        """Torques on the grid of a motion, along an axis, as they are published: behind the low-pass of the efforts."""
+        behind = self._behind_of(effect) if effect else self._behind
+        return behind.published(values, self.motions[0].period, axis) if behind else values
+
+    def correction(self, terms: Sequence[Term], nominal: Sequence[FloatArray] = ()) -> FloatArray | None:
+        """What terms change of the rows that were measured, shape (K, n); None for nothing.
+
+        Behind a low-pass the columns are low-passed, and what that takes of the torque as it is known stands in the rows: the
+        lag's own column has it all.
+
+        Args:
+            nominal: torque of the nominal model, shape (N, n) a motion, which is no column's.
+        """
+        if not any(t.effect.corrects for t in terms) and not self._behind:
             return None
         nothing = [np.zeros_like(m.tau) for m in self.motions]
+        if self._behind:
+            for out, motion, known in zip(nothing, self.motions, nominal, strict=True):
+                beside = motion.drive_torque + motion.sensor_torque - known
+                out += self._published(None, beside, 0) - beside
         for effect in (t.effect for t in terms if t.effect.corrects):
             for out, motion in zip(nothing, self.motions, strict=True):
                 out += 0.0 if (more := effect.correction_along(motion)) is None else more
         return self.band.rows(nothing)
 
     def lean(self, terms: Sequence[Term], thetas: Sequence[FloatArray]) -> None:
-        """Take in what terms with parameters of their columns make of the links: on a tilted base those have gravity from another
-        side."""
+        """Take in what terms with parameters of their columns make of the links, and of all columns: on a tilted base links have
+        gravity from another side, behind a low-pass all torque is published late."""
+        late = [(t, theta[0]) for t, theta in zip(terms, thetas, strict=True) if t.effect.low_passes and theta[0] > 0.0]
+        self._stand_behind(*late[0] if late else (None, 0.0))
         before, self._leans = self._leans, []
         for term, theta in zip(terms, thetas, strict=True):
             each = [term.effect.links_along(m, term.theta_of_effect(theta)) for m in self.motions]
@@ -166,9 +197,19 @@ class Library:
                 self._leans = [a + b for a, b in zip(before_it, found, strict=True)]
         self._leans_anew = bool(before or self._leans)
 
+    def _stand_behind(self, term: Term | None, lag: float) -> None:
+        """Take in the low-pass of the efforts; one that is nearly the one before is that."""
+        new = None if term is None else self._make(term.id, (), {**term.effect.settings, "around": float(lag)})
+        if not same_low_pass(self._behind, new):
+            self._behind, self._lost_links, self._curves, self._options = new, np.zeros(0), {}, {}
+
     def follows(self, term: Term) -> bool:
         """True where the columns of a term depend on what was taken in last, of torques or of the links."""
-        return term.on_torques or (self._leans_anew and bool(_of_links(term.effect).any()))
+        return (
+            term.on_torques
+            or term.behind is not self._behind_of(term.effect)
+            or (self._leans_anew and bool(_of_links(term.effect).any()))
+        )
 
     def newest(self, terms: Sequence[Term]) -> list[Term]:
         """Terms, of which those are made anew whose columns depend on what was taken in."""
@@ -181,7 +222,15 @@ class Library:
 
     def leaning(self, links: FloatArray) -> FloatArray:
         """Rows of the torque that changes of the links' inertials, shape (10 n,) or (10 n, l), have because of those terms."""
-        return self.band.rows([x @ links for x in self._leans])
+        return self.band.rows([self._published(None, x @ links, 0) for x in self._leans])
+
+    def moved(self, links: FloatArray) -> FloatArray | None:
+        """What columns of such changes, shape (10 n, l), have more because of those terms, shape (K, n, l); None for nothing."""
+        if self._behind and not self._lost_links.size:
+            own = [m.regressor @ links for m in self.motions]
+            self._lost_links = self.band.rows([self._published(None, x, 0) - x for x in own])
+        leaning = self.leaning(links) if self.leans else None
+        return leaning if not self._behind else self._lost_links if leaning is None else self._lost_links + leaning
 
     def remake(self, term: Term, **changes: Any) -> Term:
         """The same term on the library's motions, with some settings changed."""

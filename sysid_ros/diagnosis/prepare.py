@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import optimize
 
 from sysid_ros.diagnosis.band import Band
 from sysid_ros.diagnosis.fit import Fit, Problem
@@ -20,6 +21,7 @@ from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.robot.smoothed_sign import smoothed_sign
 from sysid_ros.sample import FloatArray
 from sysid_ros.signals.conditioning import as_measured, motions
+from sysid_ros.signals.driver_filter import ORDERS, driver_filter
 from sysid_ros.signals.recording import Recording
 from sysid_ros.torque.known_effect import KnownEffect
 from sysid_ros.torque.torque_model import TorqueModel
@@ -27,6 +29,12 @@ from sysid_ros.torque.torque_model import TorqueModel
 _TURNS = np.geomspace(0.004, 0.15, 18)
 """Speeds at which the dry friction that a URDF declares may have turned [rad/s]: a URDF does not say, and gears and simulators
 differ."""
+_LATE = (0.001, 0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12)
+"""How late efforts may be, as a delay or by a low-pass [s]."""
+_NARROWED = 12
+"""Steps in which that is narrowed."""
+_SETTLES = 0.5
+"""A low-pass has forgotten how it began after so long [s]."""
 INEXACT = 0.02
 """What no URDF's masses are better than, as a part."""
 MOMENTS = 5.0
@@ -103,7 +111,7 @@ def assemble(
     y = band.rows([m.tau - t for m, t in zip(found, nominal, strict=True)])
     links = inexact_links(robot)
     columns = band.rows([m.regressor @ links.basis for m in found])
-    return Prepared(tuple(found), tuple(nominal), band, Problem(band, y, columns, *links[1:], links.basis, gains))
+    return Prepared(tuple(found), tuple(nominal), band, Problem(band, y, columns, *links[1:], links.basis, gains, nominal))
 
 
 class InexactLinks(NamedTuple):
@@ -145,17 +153,55 @@ def _nominal(model: TorqueModel, motion: Motion) -> FloatArray:
 
 
 def _turns(robot: RobotModel, found: Sequence[Motion]) -> FloatArray:
-    """The speeds with which declared friction leaves the least of each joint's torque, whatever its level, shape (n,)."""
+    """The speeds with which declared friction leaves the least of each joint's torque, whatever its level, shape (n,).
+
+    Efforts may be late, all of them alike: a sign that is published late looks like one that turns slowly.
+    """
+    rubs = [int(j) for j in np.flatnonzero(robot.friction > 0.0)]
     out = np.full(robot.n, _TURNS[0])
-    for j in np.flatnonzero(robot.friction > 0.0):
-        rest = np.concatenate([m.tau[:, j] - m.link_torque[:, j] for m in found])
-        left: list[float] = []
-        for speed in _TURNS:
-            dry = np.concatenate([as_measured(smoothed_sign(m.v[:, [j]], speed), m.period) for m in found])
-            X = np.column_stack([dry, np.concatenate([m.v[:, j] for m in found]), np.ones(len(rest))])
-            left.append(float(np.sum((rest - X @ np.linalg.lstsq(X, rest, rcond=None)[0]) ** 2)))
-        out[j] = _TURNS[int(np.argmin(left))]
+    if not rubs:
+        return out
+    dry = {j: [[as_measured(smoothed_sign(m.v[:, [j]], x), m.period)[:, 0] for m in found] for x in _TURNS] for j in rubs}
+
+    def left(late: float, order: int) -> FloatArray:
+        return np.array([_left(found, j, dry[j], late, order) for j in rubs])
+
+    def cost(late: float, order: int) -> float:
+        return float(np.sum(np.log(np.min(left(late, order), axis=1))))
+
+    ways = [(0.0, 0)]
+    for order in (0, *ORDERS):
+        near = int(np.argmin([cost(x, order) for x in _LATE]))
+        bounds = _LATE[max(near - 1, 0)], _LATE[min(near + 1, len(_LATE) - 1)]
+        best = optimize.minimize_scalar(cost, bounds=bounds, args=(order,), method="bounded", options={"maxiter": _NARROWED})
+        ways.append((float(best.x), order))
+    out[rubs] = _TURNS[np.argmin(left(*min(ways, key=lambda way: cost(*way))), axis=1)]
     return out
+
+
+def _left(found: Sequence[Motion], joint: int, dry: Sequence[Sequence[FloatArray]], late: float, order: int) -> FloatArray:
+    """What each of several forms of dry friction leaves of a joint's torque, beside viscous friction and an offset, where efforts
+    are late by a time (order 0), or behind a low-pass with that lag: a mean square, shape (forms,)."""
+
+    def published(motion: Motion, values: FloatArray) -> FloatArray:
+        if order:
+            return driver_filter(values, motion.period / late, order)
+        return np.asarray(np.interp(motion.t - late, motion.t, values)) if late else values
+
+    def whole(values: Sequence[FloatArray]) -> FloatArray:
+        return np.concatenate([published(m, x)[round(_SETTLES / m.period) :] for m, x in zip(found, values, strict=True)])
+
+    tau = np.concatenate([m.tau[round(_SETTLES / m.period) :, joint] for m in found])
+    rest, speed = tau - whole([m.link_torque[:, joint] for m in found]), whole([m.v[:, joint] for m in found])
+    others = np.column_stack([speed, np.ones(len(speed))])
+    basis = np.linalg.qr(others)[0]
+    rest = rest - basis @ (basis.T @ rest)
+    out = []
+    for form in dry:
+        x = whole(form)
+        x = x - basis @ (basis.T @ x)
+        out.append(float(rest @ rest - (x @ rest) ** 2 / max(float(x @ x), 1e-300)) / len(rest))
+    return np.maximum(out, 1e-300)
 
 
 def torques(

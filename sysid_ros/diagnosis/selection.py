@@ -237,11 +237,12 @@ class Selection:
         self._again(lambda t: bool(t.effect.knobs) and t.instant is None)
         self.fit = sharpened(self.problem, self.library, self.fit, self._links, self._nominal)
 
-    def refresh(self) -> None:
-        """Make anew the columns that depend on torques, or what the links weigh, with those of the present fit."""
+    def refresh(self, pool: bool = True) -> None:
+        """Make anew the columns that depend on torques, or what the links weigh, with the present fit; the pool's, too."""
         self.library.update(*torques(self.library, self.fit, self._links, self._nominal))
         self.fit = made_anew(self.problem, self.library, self.fit, self._links, self._nominal)
-        self._whole, self.pool = (self.library.newest(x) for x in (self._whole, self.pool))
+        if pool:
+            self._whole, self.pool = (self.library.newest(x) for x in (self._whole, self.pool))
 
     def propose(self) -> Proposal | None:
         """The best step forward, or None where nothing gains its price; all that were proposed stay in the pool."""

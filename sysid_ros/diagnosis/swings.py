@@ -35,9 +35,15 @@ def swinging(problem: Problem, library: Library, fit: Fit) -> tuple[Swing, ...]:
     return tuple(Swing(t, slope_of(library, t), by_links(problem, library, fit, t)) for t in terms)
 
 
+def has_slope(term: Term) -> bool:
+    """True where a term's torque is far from its columns times its parameter, and :func:`slope_of` tells its slope."""
+    curved = term.effect.deflection is not None or (term.effect.low_passes and term.effect.settings["around"] > 0.0)
+    return term.effect.corrects or curved
+
+
 def slope_of(library: Library, term: Term) -> FloatArray:
-    """Derivative of a compliant joint's torque by its compliance or gap, and of all torques by a delay, shape (K, n): far from
-    the torque over any of these."""
+    """Derivative of a compliant joint's torque by its compliance or gap, and of all torques by a delay or a lag, shape (K, n):
+    far from the torque over any of these."""
     if term.effect.corrects:
         return np.asarray(library.remake(term, around=0.0).columns[..., 0])
     value = float(term.effect.settings["around"])

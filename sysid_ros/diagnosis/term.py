@@ -16,6 +16,9 @@ from sysid_ros.sample import FloatArray
 _EXPECTED = 0.15
 """Share of all joints of real arms from which an effect is expected on every joint, large or small."""
 
+_SAME = 0.02
+"""Part of a lag by which it changes before columns are low-passed anew: one that is nearly as slow takes nearly as much."""
+
 
 @dataclass(frozen=True, eq=False)
 class Term:
@@ -30,6 +33,7 @@ class Term:
         form: which of several forms with the same name it is, for messages.
         load: the effect's reference torque on the recordings [N m].
         fixed: its knobs stay as they are.
+        behind: the low-pass of the efforts that its columns have passed; None: there is none.
     """
 
     effect: Effect
@@ -40,6 +44,7 @@ class Term:
     form: str = ""
     load: float = 0.0
     fixed: bool = False
+    behind: Effect | None = None
 
     @cached_property
     def id(self) -> str:
@@ -241,3 +246,12 @@ def conflict(term: Term, other: Term) -> bool:
 
 def _includes(term: Term, other: Term) -> bool:
     return any(EFFECTS[x] is other.kind for x in term.kind.includes)
+
+
+def same_low_pass(one: Effect | None, other: Effect | None) -> bool:
+    """Whether two low-passes are nearly the same."""
+    if one is None or other is None:
+        return one is other
+    a, b = one.settings, other.settings
+    near = abs(a["around"] - b["around"]) <= _SAME * b["around"]
+    return near and all(a[name] == b[name] for name in a if name != "around")

@@ -8,6 +8,7 @@ from sysid_ros.effects.channel_effect import ChannelEffect, Channels
 from sysid_ros.effects.cogging import Cogging
 from sysid_ros.effects.coulomb_friction import CoulombFriction
 from sysid_ros.effects.effect import Acts, Depends, Effect, JointCurves, JointEffect, Knob
+from sysid_ros.effects.effort_lag import EffortLag
 from sysid_ros.effects.external_force import ExternalForce
 from sysid_ros.effects.foot_radius import FootRadius
 from sysid_ros.effects.friction_drift import FrictionDrift
@@ -74,6 +75,7 @@ _CLASSES: tuple[type[Effect], ...] = (
     Spring,
     Cogging,
     TimeDelay,
+    EffortLag,
     AccelerometerBias,
 )
 
@@ -128,6 +130,7 @@ __all__ = [
     "Curve",
     "Depends",
     "Effect",
+    "EffortLag",
     "ExternalForce",
     "FootRadius",
     "FrictionDrift",

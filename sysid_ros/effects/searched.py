@@ -45,6 +45,7 @@ class Searched(ABC):
         deflection: how its size is found where the torque is far from linear in that.
         leans: links have another torque because of it, see :meth:`links_along`; its columns have that of its setting ``links``.
         corrects: True where its columns are exact of a corrected torque only, see :meth:`correction_along`.
+        low_passes: it makes the torque of all others late, in proportion to its parameter, see :meth:`published`.
     """
 
     id: ClassVar[str]
@@ -74,6 +75,7 @@ class Searched(ABC):
     leans: ClassVar[bool] = False
     deflection: ClassVar[DeflectionSearch | None] = None
     corrects: ClassVar[bool] = False
+    low_passes: ClassVar[bool] = False
     robot: RobotModel
     joints: NDArray[np.intp]
     parameter_names: tuple[str, ...]
@@ -122,6 +124,14 @@ class Searched(ABC):
     def correction_along(self, motion: Motion) -> FloatArray | None:
         """What is to be added to the measured torque for its columns to be exact, shape (N, n) [N m]; None for nothing."""
         return None
+
+    def published(self, values: FloatArray, period: float, axis: int) -> FloatArray:
+        """Torques of all others as they are published because of it, where its parameter is that of its setting ``around``.
+
+        Args:
+            values: along ``axis`` on an even grid. period: of the grid [s].
+        """
+        return values
 
     def links_along(self, motion: Motion, theta: FloatArray) -> FloatArray | None:
         """What each inertial of the links adds to the torque because of it, shape (N, n, 10 n); None for nothing."""

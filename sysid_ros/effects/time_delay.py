@@ -37,11 +37,12 @@ class TimeDelay(Effect):
     acts = Acts.MEASUREMENT
     on_legs = True
     depends_on = frozenset({Depends.DRIVE})
+    family = "late_efforts"
     usual = 0.2
     corrects = True
     between = (-_LONGEST, _LONGEST)
     signature = "in proportion to the rate of the torque, with one delay for all joints"
-    look_alikes = ("viscous_friction", "joint_elasticity", "velocity_lag")
+    look_alikes = ("effort_lag", "viscous_friction", "joint_elasticity", "velocity_lag")
     separated_by = "fast motion: a delay grows with the square of the frequency, friction does not"
 
     def __init__(self, robot: RobotModel, joints: Sequence[str] = (), around: float = 0.0) -> None:

@@ -146,8 +146,8 @@ class TorqueModel:
         drive, own = link + damping + jumps, link + nothing if self._urdf_links else nothing
         total, added = own + damping + jumps, nothing
         for k in sorted(self._others, key=_from_link_to_message):
-            late, acts = k.effect.as_delay(k.theta) != 0.0, k.effect.acts
-            known = motion.with_torques(link, total if late else drive, sensor_torque=added)
+            late, acts = _comes_late(k), k.effect.acts
+            known = motion.with_torques(link, total if late else drive, sensor_torque=nothing if late else added)
             torque = k.effect.torque_along(known, k.theta)
             total = total + torque
             jumps = jumps + torque if k.effect.jumps else jumps
@@ -251,4 +251,8 @@ class TorqueModel:
 def _from_link_to_message(k: KnownEffect) -> tuple[bool, int, bool, bool]:
     """Where in the order of :meth:`TorqueModel.torques_along` an effect comes."""
     sees = k.effect.depends_on
-    return k.effect.as_delay(k.theta) != 0.0, list(Acts).index(k.effect.acts), Depends.DRIVE in sees, Depends.SENSOR in sees
+    return _comes_late(k), list(Acts).index(k.effect.acts), Depends.DRIVE in sees, Depends.SENSOR in sees
+
+
+def _comes_late(k: KnownEffect) -> bool:
+    return k.effect.as_delay(k.theta) != 0.0 or k.effect.low_passes

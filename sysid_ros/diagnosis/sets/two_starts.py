@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared
+from sysid_ros.diagnosis.scoring import Proposal
 from sysid_ros.diagnosis.selection import Selection
+from sysid_ros.diagnosis.term import Term
+
+_REFRESHED = 3
+"""Times that torques are taken in before two sets are compared."""
+Progress = Callable[[str], None]
 
 
-def most_probable(train: Prepared, library: Library, progress: Callable[[str], None]) -> Selection:
+def most_probable(train: Prepared, library: Library, progress: Progress) -> Selection:
     """The search that ends at the more probable set of two: one from its own start and, if the cause of several joints that was
     the likeliest there is not in what it finds, one from there with that cause.
 
@@ -18,9 +25,10 @@ def most_probable(train: Prepared, library: Library, progress: Callable[[str], N
     """
     problem, scale = train.problem, train.problem.scale
     one = Selection(problem, library, train.nominal, progress)
-    found = one.run()
+    one.run()
+    one = _with_simpler(one, train, library, progress)
     shared = max((p for p in one.first if p.terms[0].row is None), key=lambda p: p.score, default=None)
-    if shared is None or {t.key for t in shared.terms} <= {t.key for t in found.terms}:
+    if shared is None or {t.key for t in shared.terms} <= {t.key for t in one.fit.terms} or _rivals(one, shared):
         return one
     progress(f"beginning again with {shared.words}")
     its_scale, problem.scale = problem.scale, scale
@@ -37,6 +45,45 @@ def most_probable(train: Prepared, library: Library, progress: Callable[[str], N
     problem.scale = its_scale
     one.refresh()
     return one
+
+
+def _with_simpler(one: Selection, train: Prepared, library: Library, progress: Progress) -> Selection:
+    """The search that goes on from another form of a cause that all joints share, such as efforts that are filtered and not late,
+    where that is likelier with the simplest form of what every joint has. Richer forms on each joint stand in for it."""
+    problem, best, most = train.problem, None, _score(one)
+    for proposal in one.first:
+        if not (rivals := _rivals(one, proposal)):
+            continue
+        stays = [t for t in one.fit.terms if t not in rivals]
+        simple = [library.local(s.id, t.row) if (s := t.simplest) and t.row is not None else t for t in stays]
+        other = copy(one)
+        other.fit = problem.fit([*simple, *(library.remake(t) for t in proposal.terms)], one.fit.noise, inexact=True)
+        for _ in range(_REFRESHED):
+            other.refresh(pool=False)
+        if _score(other) > most:
+            best, most = other, _score(other)
+        one.refresh(pool=False)
+    if best is None:
+        return one
+    progress(f"going on with {', '.join(t.effect.label for t in best.fit.terms if t.row is None)}")
+    best.refresh()
+    best.run()
+    return best
+
+
+def _rivals(one: Selection, proposal: Proposal) -> list[Term]:
+    """What a search found in place of a proposal: other forms of a cause that all joints share."""
+    if any(t.row is not None for t in proposal.terms):
+        return []
+    own = {_form(t) for t in proposal.terms}
+    families = {t.effect.family for t in proposal.terms} - {""}
+    found = [t for t in one.fit.terms if t.row is None and t.effect.family in families]
+    return [t for t in found if _form(t) not in own]
+
+
+def _form(term: Term) -> tuple[object, ...]:
+    knobs = {k: x for k, x in term.effect.settings.items() if k != "around"}
+    return term.id, tuple(sorted(knobs.items()))
 
 
 def _score(selection: Selection) -> float:

@@ -44,6 +44,7 @@ from sysid_ros.simulation.hidden_effects import (  # noqa: F401
     torque_quantisation,
     external_force,
     payload_change,
+    effort_lag,
     outside,
 )
 # isort: on
