@@ -81,9 +81,9 @@ def _rivals(one: Selection, proposal: Proposal) -> list[Term]:
     return [t for t in found if _form(t) not in own]
 
 
-def _form(term: Term) -> tuple[object, ...]:
+def _form(term: Term) -> tuple[str, str]:
     knobs = {k: x for k, x in term.effect.settings.items() if k != "around"}
-    return term.id, tuple(sorted(knobs.items()))
+    return term.id, repr(sorted(knobs.items()))
 
 
 def _score(selection: Selection) -> float:
