@@ -188,11 +188,14 @@ def _left(found: Sequence[Motion], joint: int, dry: Sequence[Sequence[FloatArray
             return driver_filter(values, motion.period / late, order)
         return np.asarray(np.interp(motion.t - late, motion.t, values)) if late else values
 
-    def whole(values: Sequence[FloatArray]) -> FloatArray:
-        return np.concatenate([published(m, x)[round(_SETTLES / m.period) :] for m, x in zip(found, values, strict=True)])
+    def settled(each: Sequence[FloatArray]) -> FloatArray:
+        return np.concatenate([x[min(round(_SETTLES / m.period), len(x) // 2) :] for m, x in zip(found, each, strict=True)])
 
-    tau = np.concatenate([m.tau[round(_SETTLES / m.period) :, joint] for m in found])
-    rest, speed = tau - whole([m.link_torque[:, joint] for m in found]), whole([m.v[:, joint] for m in found])
+    def whole(values: Sequence[FloatArray]) -> FloatArray:
+        return settled([published(m, x) for m, x in zip(found, values, strict=True)])
+
+    rest = settled([m.tau[:, joint] for m in found]) - whole([m.link_torque[:, joint] for m in found])
+    speed = whole([m.v[:, joint] for m in found])
     others = np.column_stack([speed, np.ones(len(speed))])
     basis = np.linalg.qr(others)[0]
     rest = rest - basis @ (basis.T @ rest)

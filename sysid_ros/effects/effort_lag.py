@@ -78,11 +78,6 @@ class EffortLag(Effect):
         cutoff = by_delta_method("cutoff", None, "Hz", lambda x: turns / max(float(x[0]), 1e-6), values, covariance)
         return [cutoff, *super().as_parameters(values, covariance, basis)]
 
-    def in_words(self, parameters: Sequence[Parameter], where: str) -> str:
-        return (
-            super().in_words(parameters, where).replace("filter", "filter of the second order" if self.order > 1 else "filter", 1)
-        )
-
     def published(self, values: FloatArray, period: float, axis: int) -> FloatArray:
         return driver_filter(values, period / self.around, self.order, axis)
 

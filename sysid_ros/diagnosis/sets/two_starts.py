@@ -10,6 +10,7 @@ from sysid_ros.diagnosis.prepare import Prepared
 from sysid_ros.diagnosis.scoring import Proposal
 from sysid_ros.diagnosis.selection import Selection
 from sysid_ros.diagnosis.term import Term
+from sysid_ros.effects import Scope
 
 _REFRESHED = 3
 """Times that torques are taken in before two sets are compared."""
@@ -73,11 +74,9 @@ def _with_simpler(one: Selection, train: Prepared, library: Library, progress: P
 
 def _rivals(one: Selection, proposal: Proposal) -> list[Term]:
     """What a search found in place of a proposal: other forms of a cause that all joints share."""
-    if any(t.row is not None for t in proposal.terms):
-        return []
-    own = {_form(t) for t in proposal.terms}
-    families = {t.effect.family for t in proposal.terms} - {""}
-    found = [t for t in one.fit.terms if t.row is None and t.effect.family in families]
+    shared = [t for t in proposal.terms if t.kind.scope is Scope.ARM]
+    own, families = {_form(t) for t in shared}, {t.effect.family for t in shared} - {""}
+    found = [t for t in one.fit.terms if t.kind.scope is Scope.ARM and t.effect.family in families]
     return [t for t in found if _form(t) not in own]
 
 
