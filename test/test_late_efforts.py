@@ -95,8 +95,8 @@ def test_friction_beside_a_long_delay_is_what_it_is() -> None:
     for term in fits[-1].terms:
         if term.id in found:
             found[term.id].append(float(fits[-1].theta_of(term)[0]))
-    np.testing.assert_allclose(found["coulomb_friction"], FRICTION, rtol=0.05)
-    np.testing.assert_allclose(found["viscous_friction"], VISCOUS, rtol=0.05)
+    np.testing.assert_allclose(found["coulomb_friction"], FRICTION, rtol=0.01)
+    np.testing.assert_allclose(found["viscous_friction"], VISCOUS, rtol=0.03)
 
 
 def test_without_a_delay_the_rows_are_those_that_were_measured() -> None:

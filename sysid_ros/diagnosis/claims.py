@@ -22,7 +22,7 @@ from sysid_ros.diagnosis.sets.posterior import Posterior, rivals
 from sysid_ros.diagnosis.sets.set_prior import SetPrior
 from sysid_ros.diagnosis.sets.taken_away import TakenAway
 from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects import Parameter, named
+from sysid_ros.effects import Parameter, Scope, named
 from sysid_ros.effects.parameter import by_delta_method
 from sysid_ros.effects.wording import of_joints
 from sysid_ros.robot.robot_model import RobotModel
@@ -95,6 +95,13 @@ class Judged:
             out[term] = min(self.posterior.probability[term], surely, self.not_unknown.get(term, 1.0))
         return out
 
+    def in_another_form(self, term: Term) -> float:
+        """Probability that all joints share what a term is in another form: that is there, and this the form it is told in."""
+        if term.kind.scope is not Scope.ARM or not term.effect.family:
+            return 0.0
+        others = self.posterior.instead.get(term, {}).items()
+        return sum(p for name, p in others if (kind := named(name)) and kind.family == term.effect.family)
+
     @cached_property
     def not_unknown(self) -> dict[Term, float]:
         """Of each term that takes measured torque away: that it does, and that torque is not of what no effect describes."""
@@ -155,7 +162,7 @@ def claims(judged: Judged) -> list[Finding]:
             continue  # in the model, but no fault
         if not any(visible(judged.train.problem, fit, t) for t in terms):
             continue  # in the model, but too small to tell
-        told = [t for t in terms if judged.probability[t] > LIKELIER]
+        told = [t for t in terms if judged.probability[t] + judged.in_another_form(t) > LIKELIER]
         if not told:
             continue  # in the model as in the plainest one, but not told
         others = [p.term for p in parts if i not in p.of and (p.unless is None or p.unless == i)]

@@ -12,8 +12,8 @@ from sysid_ros.diagnosis.term import Term
 
 
 def lean(library: Library, fit: Fit) -> None:
-    """Let a library know what the terms of a fit make of links that are off, where its links are."""
-    terms = fit.terms if fit.inexact else ()
+    """Let a library know what the terms of a fit make of links that are off, where its links are, and of all columns."""
+    terms = fit.terms if fit.inexact else [t for t in fit.terms if t.effect.low_passes]
     library.lean(terms, [fit.theta_of(t) for t in terms])
 
 

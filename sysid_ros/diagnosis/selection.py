@@ -16,11 +16,12 @@ from sysid_ros.diagnosis.prepare import before_gains, torques
 from sysid_ros.diagnosis.scoring import ComplianceScreen, Proposal, Score, Scorer, event, forms, met, proposal, refined
 from sysid_ros.diagnosis.set_search import SetSearch
 from sysid_ros.diagnosis.sets.never_known import dry_friction
-from sysid_ros.diagnosis.sets.posterior import Posterior, on_own_torques, posterior_of
+from sysid_ros.diagnosis.sets.posterior import Posterior, on_own_torques
+from sysid_ros.diagnosis.sets.rival_forms import in_likeliest_form, weighed
 from sysid_ros.diagnosis.sets.set_prior import SetPrior
 from sysid_ros.diagnosis.sets.state import State
 from sysid_ros.diagnosis.sets.stretches import Rows
-from sysid_ros.diagnosis.term import Term, best_of_each, joined, one_on_each
+from sysid_ros.diagnosis.term import Term, best_of_each, joined, one_on_each, replaces_any
 from sysid_ros.effects import EFFECTS, Effect
 from sysid_ros.sample import FloatArray
 
@@ -57,22 +58,21 @@ class Selection:
         self._joints, self._whole = [int(j) for j in problem.active], library.whole_options()
         self._screen, self.prior = ComplianceScreen(library), SetPrior(library, self._joints)
         each = [(name, j) for name in library.of_joints for j in self._joints]
-        self.tried = len(self._whole) + sum(len(library.local_options(name, j)) for name, j in each)
+        self.tried = len(self._whole) + sum(len(library.local_options(*x)) for x in each)
         usual = [library.local(name, j) for name, j in each if EFFECTS[name].usual >= _USUAL]
         self.fit = problem.fit(usual, inexact=True)
         for _ in range(_AGAIN):
             self._again(lambda t: bool(t.effect.knobs))
-        self.pool, self._looked = list(self.fit.terms), set[tuple[object, frozenset[Key]]]()
-        self.first: list[Proposal] = []  # from where the search began
+        self.pool, self._looked, self.first = list(self.fit.terms), set[tuple[object, frozenset[Key]]](), list[Proposal]()
         self._dropped: list[tuple[Term, frozenset[Key]]] = []  # with what they could not stay beside; any climb may take them
 
     def on(self, problem: Problem, library: Library, nominal: Sequence[FloatArray]) -> Selection:
         """What was found, and all that was proposed, on other rows of the same robot."""
         other, links = copy(self), [m.link_torque for m in library.motions]
         other.problem, other.library, other._nominal, other._links = problem, library, nominal, links
-        other._allowed = partial(allowed, problem)
-        other._joints, other._whole, other._dropped = [int(j) for j in problem.active], [], []
+        other._allowed, other._joints = partial(allowed, problem), [int(j) for j in problem.active]
         other._screen, other.prior = ComplianceScreen(library), SetPrior(library, other._joints)
+        other._whole, other._dropped = [], []
         made = {key: library.remake(t) for key, t in {t.exact_key: t for t in [*self.pool, *self.fit.terms]}.items()}
         problem.scale, other.pool = self.problem.scale, list(made.values())
         correct(problem, library, terms := [made[t.exact_key] for t in self.fit.terms])
@@ -155,7 +155,7 @@ class Selection:
 
     def judged_with(self, held: HeldOut) -> Posterior:
         """The most probable set, and how probable its terms are, by what is predicted of fitted and of held-out recordings."""
-        posterior, before = self._judged(held), self.fit.terms
+        posterior, before = in_likeliest_form(self, held, self._judged), self.fit.terms
         if any(t.effect.of_own_torque for t in before):
             self.library.apart = held.library.apart = False
             self.fit = before_gains(self.fit)
@@ -167,6 +167,7 @@ class Selection:
         asked = self._asked(held)
         rows: list[Rows] = [(self.problem, lambda term: term), (held.prepared.problem, lambda term: held.terms[term])]
         anew = partial(on_own_torques, self.problem, self.library, links=self._links, nominal=self._nominal)
+        weigh = partial(weighed, self, held, rows, anew)
         while True:
             for again in (True, False):
                 state, self.fit, search = self._climbed(rows, asked)
@@ -174,7 +175,7 @@ class Selection:
                 if not (again and self._stale(held)):
                     break
                 asked = self._asked(held)
-            posterior = posterior_of(search, state, anew=anew).of(same := dict(zip(before, self.fit.terms, strict=True)))
+            posterior = weigh(search, state).of(same := dict(zip(before, self.fit.terms, strict=True)))
             asked = [t for x in asked if posterior.nothing.get(t := same.get(x, x), 0.0) < 0.5]
             if all(p < 0.5 for p in posterior.nothing.values()):
                 break
@@ -183,8 +184,8 @@ class Selection:
         if simpler is self.fit:
             return posterior
         terms, self.fit = self.fit.terms, simpler
-        search, plain = self._search(rows, list(dict.fromkeys([*terms, *asked])), simpler.noise)
-        return posterior_of(search, plain, search.state([search.pool.index(t) for t in terms], state.scale), anew=anew)
+        search, plain = self.among(rows, list(dict.fromkeys([*terms, *asked])), simpler.noise)
+        return weigh(search, plain, search.state([search.pool.index(t) for t in terms], state.scale))
 
     def _stale(self, held: HeldOut | None = None) -> bool:
         """Make columns anew that depend on torques; True where a term may be there only for another set's."""
@@ -195,7 +196,7 @@ class Selection:
                 held.update(self.fit)
         return before - self.fit.loglik > max(map(self.price, self.fit.terms), default=0.0)
 
-    def _search(self, rows: Sequence[Rows], asked: Sequence[Term], noise: RowNoise) -> tuple[SetSearch, State]:
+    def among(self, rows: Sequence[Rows], asked: Sequence[Term], noise: RowNoise) -> tuple[SetSearch, State]:
         """A search among the fit's terms and others, and its state at the fit."""
         about = self.prior, noise, dry_friction(self.library.robot, self.fit), self._allowed
         return SetSearch.from_fit(self.problem, self.fit, rows, asked, *about)
@@ -203,9 +204,9 @@ class Selection:
     def _climbed(self, rows: Sequence[Rows], asked: Sequence[Term], thorough: bool = True) -> tuple[State, Fit, SetSearch]:
         noise = self.fit.noise
         for _ in range(1 + thorough):
-            search, state = self._search(rows, (), noise)
+            search, state = self.among(rows, (), noise)
             noise = search.left_out.of_each.noise(state.predicted.left)
-        search, state = self._search(rows, asked, noise)
+        search, state = self.among(rows, asked, noise)
         state = search.climb(state, thorough)
         return state, search.fit(state.members, state.scale, search.left_out.of_each.noise(state.predicted.left)), search
 
@@ -259,7 +260,9 @@ class Selection:
         for name in (x for x in self.library.of_joints if EFFECTS[x] is not without and not EFFECTS[x].includes):
             scores = [s for j in self._joints for s in self._best_options(scorer, name, j) if not self._tried(s.term)]
             gains = [(s.gain - self.price(s.term), s.term) for s in scores]
-            better = ([x for x in gains if x[0] > 0.0 and self._replaces(x[1]) is replaces] for replaces in (False, True))
+            better = (
+                [x for x in gains if x[0] > 0.0 and replaces_any(x[1], self.fit.terms) is replaces] for replaces in (False, True)
+            )
             groups += [(sum(gain for gain, _ in some), [term for _, term in some]) for some in better if some]
             groups += [(gain, [term]) for gain, term in gains if gain <= 0.0]
             local += gains
@@ -282,13 +285,10 @@ class Selection:
         options = [t for t in self.library.local_options(name, joint) if t.key not in present]
         best: dict[bool, Score] = {}
         for s in scorer.local(options) if options else []:
-            replaces = self._replaces(s.term)
+            replaces = replaces_any(s.term, self.fit.terms)
             if s.gain > _SCREENED * self.price(s.term) and (replaces or s.term.possible(s.theta, s.std)):
                 best[replaces] = max(best.get(replaces, s), s, key=lambda s: s.gain)
         return list(best.values())
-
-    def _replaces(self, term: Term) -> bool:
-        return any(term.excludes(other) for other in self.fit.terms)
 
     def _tried(self, term: Term) -> bool:
         """True for what did not stay beside the present terms, or beside several others: any climb may take it from the pool."""

@@ -183,6 +183,11 @@ def depends_on_torques(kind: type[Effect]) -> bool:
     return bool(kind.depends_on & {Depends.LOAD, Depends.DRIVE})
 
 
+def replaces_any(term: Term, present: Sequence[Term]) -> bool:
+    """True where a term can only stand in place of another one."""
+    return any(term.excludes(other) for other in present)
+
+
 def joined(terms: Sequence[Term]) -> Term:
     """One term with the columns of several, to score them at once."""
     first = terms[0]

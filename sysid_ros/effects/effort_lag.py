@@ -1,6 +1,7 @@
 """An effort that the driver has filtered."""
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 
@@ -9,13 +10,15 @@ from sysid_ros.effects.parameter import Parameter, by_delta_method
 from sysid_ros.effects.traits import Candidate
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
-from sysid_ros.signals.driver_filter import driver_filter
+from sysid_ros.signals.driver_filter import IS_A_DELAY, ORDERS, driver_filter
 from sysid_ros.signals.motion import Motion
 
 _LONGEST = 0.3
 """A filter that is slower hides the motion itself [s]."""
 _TRIED = (0.03, 0.1)
 """Time constants that a search starts from [s]: a shorter lag is a delay within some per cent of it."""
+
+_IN_WORDS = {1: "first", 2: "second"}
 
 
 class EffortLag(Effect):
@@ -32,7 +35,7 @@ class EffortLag(Effect):
 
     id = "effort_lag"
     label = "effort low-passed"
-    words = "efforts behind a low-pass filter (cut-off {cutoff})"
+    words = "efforts behind a low-pass filter of the {order} order (cut-off {cutoff})"
     setting_names = ("around", "order")
     acts = Acts.MEASUREMENT
     depends_on = frozenset({Depends.DRIVE, Depends.SENSOR})
@@ -54,8 +57,7 @@ class EffortLag(Effect):
 
     @classmethod
     def candidates(cls, motions: Sequence[Motion], joint: int | None) -> list[Candidate]:
-        """Of order 1: one of order 2 is a delay but for the third power of frequency times lag."""
-        return [Candidate({"around": x, "order": 1}) for x in _TRIED]
+        return [Candidate({"around": x, "order": order}) for order, x in product(ORDERS, _TRIED)]
 
     def fill(self, sample: Sample, out: FloatArray) -> None:
         out[:] = 0.0
@@ -71,12 +73,16 @@ class EffortLag(Effect):
         return super().torque_along(motion, theta)
 
     def possible(self, theta: FloatArray, std: FloatArray, form: str = "", torque: float = 0.0) -> bool:
-        return bool(theta[0] + 2.0 * std[0] > 0.0 and theta[0] - 2.0 * std[0] < _LONGEST)
+        shortest = IS_A_DELAY if self.order > 1 else 0.0
+        return bool(theta[0] + 2.0 * std[0] > shortest and theta[0] - 2.0 * std[0] < _LONGEST)
 
     def as_parameters(self, values: FloatArray, covariance: FloatArray, basis: FloatArray | None = None) -> list[Parameter]:
         turns = np.sqrt(self.order) / (2.0 * np.pi)
         cutoff = by_delta_method("cutoff", None, "Hz", lambda x: turns / max(float(x[0]), 1e-6), values, covariance)
         return [cutoff, *super().as_parameters(values, covariance, basis)]
+
+    def in_words(self, parameters: Sequence[Parameter], where: str) -> str:
+        return super().in_words([*parameters, Parameter("order", None, _IN_WORDS[self.order], "")], where)
 
     def published(self, values: FloatArray, period: float, axis: int) -> FloatArray:
         return driver_filter(values, period / self.around, self.order, axis)

@@ -7,6 +7,7 @@ import numpy as np
 from sysid_ros.effects.effect import Acts, Depends, Effect
 from sysid_ros.robot.robot_model import RobotModel
 from sysid_ros.sample import FloatArray, Sample
+from sysid_ros.signals.driver_filter import IS_A_DELAY
 from sysid_ros.signals.motion import Motion
 
 _LONGEST = 0.2
@@ -20,7 +21,9 @@ class TimeDelay(Effect):
 
     With the measured torque advanced by ``around``, ``tau(t + around)``, every other column is exact where it stands, and only
     what the delay differs from ``around`` is to first order. The rows stay as they are: what the advance changes is a correction
-    of them by :meth:`correction_along`, less what the columns here have of it.
+    of them by :meth:`correction_along`, less what the columns here have of it. What would have been measured after the end of a
+    recording (or before its start) is nowhere: the model's own torque stands there, with what is
+    left of the rows in an equal time beside it.
 
     One sample alone does not tell how fast its torque changes; its columns are zero, those of a whole recording are not.
 
@@ -58,11 +61,23 @@ class TimeDelay(Effect):
             return np.asarray(-_advanced(motion, motion.drive_torque, self.around) / self.around)[:, :, None]
         return np.asarray(-motion.rate_of(motion.drive_torque))[:, :, None]
 
+    def same_torque(self, theta: FloatArray, motions: Sequence[Motion]) -> tuple[str, ...]:
+        """A filter of the second order with a cut-off above what is judged is a delay."""
+        return ("effort_lag",) if _SAMPLING < theta[0] < IS_A_DELAY else ()
+
     def usual_on_legs(self, torque: float) -> float:
         return 0.5 * _SAMPLING
 
     def correction_along(self, motion: Motion) -> FloatArray | None:
-        return _advanced(motion, motion.tau - motion.drive_torque, self.around) if self.around else None
+        if not self.around:
+            return None
+        ahead, late = motion.t + self.around, motion.tau - motion.drive_torque
+        known = motion.sensor_torque - _advanced(motion, motion.drive_torque, self.around) - late
+        moved = _advanced(motion, late, self.around)
+        measured = (ahead >= motion.t[0]) & (ahead <= motion.t[-1])
+        near = measured & ((ahead >= motion.t[-1] - self.around) if self.around > 0.0 else (ahead <= motion.t[0] - self.around))
+        left = np.mean((moved - known)[near], axis=0) if near.any() else 0.0
+        return np.where(measured[:, None], moved, known + left)
 
     def torque_along(self, motion: Motion, theta: FloatArray) -> FloatArray:
         return _advanced(motion, motion.drive_torque, -float(theta[0])) if self.around else super().torque_along(motion, theta)

@@ -46,7 +46,9 @@ class Posterior:
         return Posterior(probability, nothing, {same.get(t, t): others for t, others in self.instead.items()}, self.scales)
 
 
-def posterior_of(search: SetSearch, state: State, *others: State, anew: Anew = lambda fit, refined: fit) -> Posterior:
+def posterior_of(
+    search: SetSearch, state: State, *others: State, anew: Anew = lambda fit, refined: fit, elsewhere: Sequence[Weighed] = ()
+) -> Posterior:
     """How probable each term of a set is: against the sets without it, with another in its place, or without all of its effect.
 
     What depends on torques and stands in for a cause is weighed with columns of the torques that there are without that cause:
@@ -58,7 +60,8 @@ def posterior_of(search: SetSearch, state: State, *others: State, anew: Anew = l
     interval is widened. What stays in the model is asked without that: there it costs nothing.
 
     Args:
-        others: sets that are rivals, too. anew: a fit with columns of its own torques, refined or not.
+        others: sets that are rivals, too. anew: a fit with columns of its own torques, refined or not. elsewhere: rivals, as
+            they are on rows of their own.
     """
     rng = np.random.default_rng(0)
     weights = rng.dirichlet(np.ones(search.left_out.of_each.stretches), _DRAWS) * search.left_out.of_each.stretches
@@ -71,17 +74,18 @@ def posterior_of(search: SetSearch, state: State, *others: State, anew: Anew = l
         more: FloatArray = weights @ (x.likelihood - own)
         return more, search.usual(x.members, x.scale) - here + state.narrowed - x.narrowed
 
-    beside: list[State | Weighed] = [*others, *search.all_inexact(state)]
+    beside: list[State | Weighed] = [*elsewhere, *others, *search.all_inexact(state)]
     for members, likelihood in [*search.neighbours(state), *search.replaced(state, state.members), *search.without_effect(state)]:
         beside.append(Weighed(members, state.scale, likelihood, state.narrowed, 0.0))
     for x in beside:
         members, (more, usual) = x.members, compared(x)
         new = [i for i in members if i not in state.members]
-        if np.mean(more + usual > _LEAST) > _LEAST and (lawful := search.lawful(members, state.scale)) != members:
+        here_too = x not in elsewhere
+        if here_too and np.mean(more + usual > _LEAST) > _LEAST and (lawful := search.lawful(members, state.scale)) != members:
             if new:
                 continue  # likely, were it not that physics forbids it
             more, usual = compared(search.state(lawful, state.scale))
-        if any(search.pool[i].on_torques for i in new) and np.mean(more + usual > _LEAST) > _LEAST:
+        if here_too and any(search.pool[i].on_torques for i in new) and np.mean(more + usual > _LEAST) > _LEAST:
             more = more - _stale(search, members, state.scale, anew)
         for i in set(state.members) - set(members):
             rivals[i].append(_Rival(search.pool[new[0]].id if len(new) == 1 else "", more, usual))

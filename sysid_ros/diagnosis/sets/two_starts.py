@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import copy
 
+import numpy as np
+
+from sysid_ros.diagnosis.fit import allowed
 from sysid_ros.diagnosis.library import Library
 from sysid_ros.diagnosis.prepare import Prepared
-from sysid_ros.diagnosis.scoring import Proposal
 from sysid_ros.diagnosis.selection import Selection
-from sysid_ros.diagnosis.term import Term
-from sysid_ros.effects import Scope
+from sysid_ros.diagnosis.sets.rival_forms import in_place, rivals
 
-_REFRESHED = 3
-"""Times that torques are taken in before two sets are compared."""
 Progress = Callable[[str], None]
 
 
@@ -27,9 +25,9 @@ def most_probable(train: Prepared, library: Library, progress: Progress) -> Sele
     problem, scale = train.problem, train.problem.scale
     one = Selection(problem, library, train.nominal, progress)
     one.run()
-    one = _with_simpler(one, train, library, progress)
+    one = _with_simpler(one, library, progress)
     shared = max((p for p in one.first if p.terms[0].row is None), key=lambda p: p.score, default=None)
-    if shared is None or {t.key for t in shared.terms} <= {t.key for t in one.fit.terms} or _rivals(one, shared):
+    if shared is None or {t.key for t in shared.terms} <= {t.key for t in one.fit.terms} or rivals(one.fit.terms, shared.terms):
         return one
     progress(f"beginning again with {shared.words}")
     its_scale, problem.scale = problem.scale, scale
@@ -48,22 +46,23 @@ def most_probable(train: Prepared, library: Library, progress: Progress) -> Sele
     return one
 
 
-def _with_simpler(one: Selection, train: Prepared, library: Library, progress: Progress) -> Selection:
+def _with_simpler(one: Selection, library: Library, progress: Progress) -> Selection:
     """The search that goes on from another form of a cause that all joints share, such as efforts that are filtered and not late,
-    where that is likelier with the simplest form of what every joint has. Richer forms on each joint stand in for it."""
-    problem, best, most = train.problem, None, _score(one)
+    where that is likelier with the simplest form of what every joint has, or with nothing else beside that. Richer forms on each
+    joint stand in for it, and springs for what it lacks."""
+    best, most = None, _score(one)
     for proposal in one.first:
-        if not (rivals := _rivals(one, proposal)):
+        if not (others := rivals(one.fit.terms, proposal.terms)):
             continue
-        stays = [t for t in one.fit.terms if t not in rivals]
+        stays = [t for t in one.fit.terms if t not in others]
         simple = [library.local(s.id, t.row) if (s := t.simplest) and t.row is not None else t for t in stays]
-        other = copy(one)
-        other.fit = problem.fit([*simple, *(library.remake(t) for t in proposal.terms)], one.fit.noise, inexact=True)
-        for _ in range(_REFRESHED):
-            other.refresh(pool=False)
-        if _score(other) > most:
-            best, most = other, _score(other)
-        one.refresh(pool=False)
+        plain = [t for t in simple if t.expected]
+        for beside in [simple, plain] if len(plain) < len(simple) else [simple]:
+            other = in_place(one, beside, proposal.terms)
+            its = other.fit.terms[len(beside) :]
+            if _score(other) > most and all(allowed(one.problem, other.fit, t) for t in its):
+                best, most = other, _score(other)
+            one.refresh(pool=False)
     if best is None:
         return one
     progress(f"going on with {', '.join(t.effect.label for t in best.fit.terms if t.row is None)}")
@@ -72,20 +71,10 @@ def _with_simpler(one: Selection, train: Prepared, library: Library, progress: P
     return best
 
 
-def _rivals(one: Selection, proposal: Proposal) -> list[Term]:
-    """What a search found in place of a proposal: other forms of a cause that all joints share."""
-    shared = [t for t in proposal.terms if t.kind.scope is Scope.ARM]
-    own, families = {_form(t) for t in shared}, {t.effect.family for t in shared} - {""}
-    found = [t for t in one.fit.terms if t.kind.scope is Scope.ARM and t.effect.family in families]
-    return [t for t in found if _form(t) not in own]
-
-
-def _form(term: Term) -> tuple[str, str]:
-    knobs = {k: x for k, x in term.effect.settings.items() if k != "around"}
-    return term.id, repr(sorted(knobs.items()))
-
-
 def _score(selection: Selection) -> float:
-    """Likelihood of the rows with the present set, less what its parameters cost a prediction and how unusual it is."""
-    fit = selection.fit
-    return fit.loglik - sum(t.cost for t in fit.terms) + selection.prior.log(fit.terms)
+    """Likelihood of the rows with the present set, less what its parameters cost a prediction and how unusual it is, with the
+    sizes that it has."""
+    fit, prior = selection.fit, selection.prior
+    costs = prior.costs(fit.terms, fit.variance, selection.problem.active)
+    counts = prior.counts([prior.number(t) for t in fit.terms])
+    return fit.loglik - sum(t.cost for t in fit.terms) + prior.of(counts, float(np.sum(costs)))
